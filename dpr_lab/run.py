@@ -290,14 +290,14 @@ class MountingSettings:
 MOUNTED = MountingSettings()
 
 
-def as_mounted(theta: Array, mounting: Mounting, name: str, settings: MountingSettings = MOUNTED) -> Array:
+def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
     """(n, 3) angles of a run with this mounting: for a single rod theta2 equals theta1.
 
     Raises:
         RunError: joint 2 moves although no rod, or a clamped elbow, was given.
     """
-    turned = elbow_turn(theta, mounting, settings)
-    if turned > settings.still:
+    turned = elbow_turn(theta, mounting)
+    if turned > MOUNTED.still:
         given = "the elbow is specified as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
         raise RunError(
             f"{name}: joint 2 turns by {turned:.2f} rad although {given}: both rods swing; remove --rods"
@@ -306,11 +306,11 @@ def as_mounted(theta: Array, mounting: Mounting, name: str, settings: MountingSe
     return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
 
 
-def elbow_turn(theta: Array, mounting: Mounting, settings: MountingSettings = MOUNTED) -> float:
+def elbow_turn(theta: Array, mounting: Mounting) -> float:
     """Range of joint 2, rad, in a mounting in which it cannot turn; zero if both rods are mounted. Angles (n, 3)."""
     if mounting == "both" or not len(theta):
         return 0.0
-    tails = [settings.tail, 1 - settings.tail]
+    tails = [MOUNTED.tail, 1 - MOUNTED.tail]
     joint2, outer = (float(np.diff(np.quantile(x, tails))[0]) for x in (theta[:, 2] - theta[:, 1], theta[:, 2]))
     # the reading of an absolute encoder without a rod is constant
     return joint2 if mounting == "clamped" else min(joint2, outer)

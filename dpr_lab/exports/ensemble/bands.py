@@ -88,9 +88,7 @@ class PredictiveBand:
         return float((self.high - self.low)[read].mean()) if read.any() else float("nan")
 
 
-def predictive_band(
-    model: Model, members: Sequence[Model], run: Run, rig: Rig, seed: int, settings: BandSettings = BANDS
-) -> PredictiveBand:
+def predictive_band(model: Model, members: Sequence[Model], run: Run, rig: Rig, seed: int) -> PredictiveBand:
     """The band of an ensemble for one recording.
 
     Args:
@@ -99,17 +97,16 @@ def predictive_band(
         run: the recording
         rig: its rig
         seed: seed of initial states and noise
-        settings: settings of the comparison
 
     Raises:
         RunError: the model cannot follow the readings.
     """
     rng = np.random.default_rng(seed)
-    swing, followed = run.swing, follow(run, rig, model, settings.start_s)
-    first, begin = float(swing.t[0]), _first_followed(followed, settings)
-    started = begin + settings.start_s
-    end = min(free_run_from(followed, begin).horizon_s, begin + settings.length_s)
-    stride = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / settings.rate_hz))
+    swing, followed = run.swing, follow(run, rig, model, BANDS.start_s)
+    first, begin = float(swing.t[0]), _first_followed(followed)
+    started = begin + BANDS.start_s
+    end = min(free_run_from(followed, begin).horizon_s, begin + BANDS.length_s)
+    stride = max(1, round((len(swing.t) - 1) / max(float(swing.t[-1]) - first, 1e-9) / BANDS.rate_hz))
     t = swing.t[(swing.t > started) & (swing.t <= end)][::stride]
     instants = swing.t[(swing.t >= begin) & (swing.t <= started)]
     of_start = (run.t < started + 1e-9) & ((run.t >= begin) | (begin == first))  # includes the rest before the release
@@ -124,12 +121,12 @@ def predictive_band(
             onward = replace(onward, setups=(noisy.swing.setup,))
             head = preprocess(noisy.only(of_start), rig)
         drawn.append(_swing(follow_preprocessed(head, rig, member), onward, rng)[len(instants) :])
-    low, high = quantiles_of(np.array(drawn), settings)
+    low, high = quantiles_of(np.array(drawn))
     measured = run.theta[np.searchsorted(run.t, t), 1:]
     return PredictiveBand(run.name, end, t, measured, low, high, begin - first)
 
 
-def _first_followed(followed: Followed, settings: BandSettings) -> float:
+def _first_followed(followed: Followed) -> float:
     """Start of the first segment that the model follows, s since the release.
 
     Raises:
@@ -139,45 +136,45 @@ def _first_followed(followed: Followed, settings: BandSettings) -> float:
     measured, noise = run.theta[:, 1:], np.diag(followed.preprocessed.noise.covariance)
     counts = np.diff(offsets)[:, None]
     misfits = np.add.reduceat((measured - followed.tracked) ** 2, offsets[:-1]) / counts
-    usual = settings.unlike**2 * np.nanmedian(misfits, axis=0)
-    tried = min(settings.starts, len(misfits))
+    usual = BANDS.unlike**2 * np.nanmedian(misfits, axis=0)
+    tried = min(BANDS.starts, len(misfits))
     for k in range(tried):
         spread = np.var(measured[offsets[k] : offsets[k + 1]], axis=0)
-        most = np.maximum(np.minimum(settings.unexplained * spread, usual), settings.unlike**2 * noise)
+        most = np.maximum(np.minimum(BANDS.unexplained * spread, usual), BANDS.unlike**2 * noise)
         if (misfits[k] < most).all():
             return float(run.t[offsets[k]])
     raise RunError(
-        f"{run.file or run.name}: the model does not follow the first {tried * settings.start_s:g} s, so no band can"
+        f"{run.file or run.name}: the model does not follow the first {tried * BANDS.start_s:g} s, so no band can"
         " start there; a hand may still have moved the rods, or the model lacks an effect: leave this recording out, or"
         " diagnose it"
     )
 
 
-def quantiles_of(drawn: Array, settings: BandSettings = BANDS) -> tuple[Array, Array]:
+def quantiles_of(drawn: Array) -> tuple[Array, Array]:
     """Lower and upper bound (n, joints) of readings (models, n, joints); models that fail are ignored.
 
     The k-th smallest value of m models is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
     Gumbel 1958, Statistics of Extremes). The usual rule, interpolation between the smallest and the largest, would give
     86 % instead of 90 % with 50 models.
     """
-    tail = (1 - settings.level) / 2
+    tail = (1 - BANDS.level) / 2
     finite = np.where(np.isfinite(drawn), drawn, np.nan)
     low, high = np.nanquantile(finite, [tail, 1 - tail], axis=0, method="weibull")
     return low, high
 
 
-def level_of(models: int, settings: BandSettings = BANDS) -> float:
+def level_of(models: int) -> float:
     """Share of readings that the band of some models is expected to cover.
 
     It is at most (m - 1) / (m + 1), which the smallest and the largest of m values cover: 67 % for five models, 90 %
     from 19 on.
     """
-    return min(settings.level, (models - 1) / (models + 1))
+    return min(BANDS.level, (models - 1) / (models + 1))
 
 
-def fewest_models(settings: BandSettings = BANDS) -> int:
+def fewest_models() -> int:
     """Smallest number of models whose band can cover its nominal share of the readings."""
-    return round((1 + settings.level) / (1 - settings.level))
+    return round((1 + BANDS.level) / (1 - BANDS.level))
 
 
 def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run:

@@ -59,15 +59,15 @@ def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
     )
 
 
-def arm_energy_rise(runs: Sequence[Run], rig: Rig, settings: ArmEnergySettings = ARM_ENERGY) -> float:
+def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
     """Smallest sum of increases of the energy over its range for any parameters; 0 for a passive arm or if unknown."""
     from scipy.optimize import linprog
 
-    parts = [part for run in runs if (part := _terms(run, rig, settings)) is not None]
+    parts = [part for run in runs if (part := _terms(run, rig)) is not None]
     if not parts:
         return 0.0
     rises = np.concatenate([np.diff(part, axis=0) for part in parts])
-    count, least = len(rises), settings.least_ratio
+    count, least = len(rises), ARM_ENERGY.least_ratio
     solution = linprog(
         np.concatenate([np.zeros(rises.shape[1] - 1), np.ones(count)]),
         A_ub=np.hstack([rises[:, 1:], -np.eye(count)]),
@@ -79,16 +79,18 @@ def arm_energy_rise(runs: Sequence[Run], rig: Rig, settings: ArmEnergySettings =
         return 0.0
     normalised = np.concatenate([[1.0], solution.x[: rises.shape[1] - 1]])
     spread = sum(
-        max(float(np.ptp(part @ normalised)), settings.least_exchange * float(np.ptp(part * normalised, axis=0).max()))
+        max(
+            float(np.ptp(part @ normalised)), ARM_ENERGY.least_exchange * float(np.ptp(part * normalised, axis=0).max())
+        )
         for part in parts
     )
     return float(solution.fun / spread) if spread > 0.0 else 0.0
 
 
-def _terms(run: Run, rig: Rig, settings: ArmEnergySettings) -> Array | None:
+def _terms(run: Run, rig: Rig) -> Array | None:
     """(intervals, 6 or 8) means of the terms of a, [b, d,] e1, A, k0 and f0; None if the speeds are not known."""
     swing = run.swing
-    motion = local_motion(swing.t, swing.theta, min(periods(rig)), settings.motion)
+    motion = local_motion(swing.t, swing.theta, min(periods(rig)), ARM_ENERGY.motion)
     if motion is None:
         return None
     (q, theta1, theta2), (w0, w1, w2) = motion.rods.T, motion.omega.T
@@ -100,5 +102,5 @@ def _terms(run: Run, rig: Rig, settings: ArmEnergySettings) -> Array | None:
         coupled = np.cos(theta1 - theta2) * w1 * w2 + sin1 * sin2 * w0**2
         of_both = [(w2**2 + sin2**2 * w0**2) / 2, coupled + cos2 / rig.L1 * (rig.g + rig.L0 * w0 * w2)]
     terms = np.stack([of_a, *of_both, of_e1, w0**2 / 2, q**2 / 2, -q], axis=1)
-    edges = np.flatnonzero(np.diff(np.floor((motion.t - motion.t[0]) / settings.apart_s), prepend=-1.0))
+    edges = np.flatnonzero(np.diff(np.floor((motion.t - motion.t[0]) / ARM_ENERGY.apart_s), prepend=-1.0))
     return np.add.reduceat(terms, edges) / np.diff(edges, append=len(terms))[:, None]

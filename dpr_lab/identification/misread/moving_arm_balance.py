@@ -130,9 +130,9 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
     return any(arm_balance(run.t, run.theta, rig).is_right for run in runs)
 
 
-def wrong_unit(residual: float, converted: float, settings: ArmBalanceSettings = ARM_BALANCE) -> bool:
+def wrong_unit(residual: float, converted: float) -> bool:
     """Whether the angles have another unit, from the residuals in the stated unit and in the other one."""
-    return residual > settings.broken and settings.better * converted < residual
+    return residual > ARM_BALANCE.broken and ARM_BALANCE.better * converted < residual
 
 
 def is_unit(scale: float | None, factor: float) -> bool:

@@ -29,7 +29,7 @@ class CircleSettings:
 SETTINGS = CircleSettings()
 
 
-def most_of_a_circle(points: Array, settings: CircleSettings = SETTINGS) -> tuple[Array, Flags] | None:
+def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
     """Centre (2,) of the circle on which most points lie and (n,) whether each does; None if they lie on a line.
 
     The candidates for the first circle are the fit to all points and circles through three points; the one with the
@@ -37,20 +37,19 @@ def most_of_a_circle(points: Array, settings: CircleSettings = SETTINGS) -> tupl
 
     Args:
         points: (n, 2) in the order of the frames, each finite
-        settings: limits
     """
     if len(points) < 3:
         return None
     rng = np.random.default_rng(0)
-    triples = (points[rng.choice(len(points), 3, replace=False)] for _ in range(settings.triples))
+    triples = (points[rng.choice(len(points), 3, replace=False)] for _ in range(SETTINGS.triples))
     centres = [centre for chosen in (points, *triples) if (centre := _centre(chosen)) is not None]
     if not centres:
         return None
     centre = min(centres, key=lambda candidate: float(np.median(_distances(points, candidate)[0])))
     near = np.zeros(len(points), dtype=bool)
-    for _ in range(settings.fits):
+    for _ in range(SETTINGS.fits):
         (distances, radius), before = _distances(points, centre), near
-        near = distances <= max(settings.near * float(np.median(distances)), settings.rounding * radius)
+        near = distances <= max(SETTINGS.near * float(np.median(distances)), SETTINGS.rounding * radius)
         refitted = _centre(points[near])
         if refitted is None or np.array_equal(near, before):
             break

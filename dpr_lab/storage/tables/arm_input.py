@@ -229,9 +229,7 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
     return [f"column {name} is not used, because the arm is free; if it is driven, use --arm driven" for name in unused]
 
 
-def cart_note(
-    table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions, settings: CartSettings = SETTINGS
-) -> list[str]:
+def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions) -> list[str]:
     """A note on how to import the motion of a cart if a column with its position is not used.
 
     On an arm of length R that turns by theta_0 = -x / R, the pivot of the rod has the acceleration of a cart at x,
@@ -242,7 +240,6 @@ def cart_note(
         used: quantity -> name of its column
         rig: the recorded rig
         options: with the unit of the angles and the mode of the arm
-        settings: the length of the arm
     """
     if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
         return []
@@ -257,9 +254,9 @@ def cart_note(
     if len(carts) != 1:
         return []
     ((name, match),) = carts.items()
-    factor = -_METRES[match[1] or "m"] * _ANGLES[options.unit] / settings.rail_m
+    factor = -_METRES[match[1] or "m"] * _ANGLES[options.unit] / SETTINGS.rail_m
     return [
         f"column {name} is not used. If it is the position of a cart that carries the rod, describe the rail as a long"
-        f' arm, L0 = {settings.rail_m:g} in [rig] and mode = "prescribed" in [arm], and import with --columns'
+        f' arm, L0 = {SETTINGS.rail_m:g} in [rig] and mode = "prescribed" in [arm], and import with --columns'
         f" theta0={name},theta1={used['theta1']} --scale theta0={factor:.4g}{'' if match[1] else ' (for metres)'}"
     ]

@@ -120,13 +120,14 @@ class InterpretedTable:
         """Samples at rest before the release, or the first sample of the swing."""
         return slice(self.part.rest, max(self.part.start, self.part.rest + 1))
 
-    def looked_at(self, settings: QuestionSettings) -> slice:
+    @property
+    def looked_at(self) -> slice:
         """Samples of the swing for the energy test."""
-        return slice(self.part.start, min(self.part.stop, self.part.start + settings.energy_rows))
+        return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
 
-    def read(self, settings: QuestionSettings) -> ReadTable:
+    def read(self) -> ReadTable:
         """Samples at the instants of reading: evenly spaced ones, if the time stamps jitter about these."""
-        rows = self.looked_at(settings)
+        rows = self.looked_at
         even = even_instants(self.t[rows], self.theta[rows, 1:])
         values = {axis: column[rows] for axis, column in self.values.items()}
         torques = None if self.torques is None else self.torques[rows]

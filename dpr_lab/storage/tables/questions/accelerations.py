@@ -8,32 +8,32 @@ from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_un
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_RADIANS
-from dpr_lab.storage.tables.interpreted import InterpretedTable, QuestionSettings, TableQuestion
+from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.questions.energy import read_otherwise
 from dpr_lab.storage.tables.readings import angles, balanced_readings
 
 
-def balance_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
+def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Doubt about zeros, scales and signs from the accelerations of the swing, which are more sensitive than energy."""
     if table.prescribed:
         return []
-    others = balanced_readings(table.read(settings))
+    others = balanced_readings(table.read())
     broken = "the accelerations do not follow from gravity and friction; they do"
     return [read_otherwise(broken, others)] if others else []
 
 
-def rig_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
+def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Doubt about the rig file from inertias that its bounds exclude; motors add an inertia of their own."""
     if not table.free or table.ignored or table.rig.joints.geared:
         return []
-    read = table.read(settings)
+    read = table.read()
     balance = torque_balance(read.t, read.rods(read.values, read.options), None, read.rig)
     if balance is None:
         return []
     residual, ratios = balance.inertias()
     least, most = inertia_bounds(table.rig, balance.elbow)
     factor = max(np.max(least / ratios), np.max(ratios / most))
-    if residual > settings.same_rig or factor <= settings.other_rig:
+    if residual > SETTINGS.same_rig or factor <= SETTINGS.other_rig:
         return []
     slow, fast = (table.options.rate_hz or 0) * np.sqrt([np.max(ratios / most), np.min(ratios / least)])
     filmed = f" Or were {slow:.3g} to {fast:.3g} rows or frames per second recorded (--rate-hz)?" if slow < fast else ""
@@ -46,16 +46,16 @@ def rig_questions(table: InterpretedTable, settings: QuestionSettings) -> list[T
     ]
 
 
-def unit_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
+def unit_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Doubt about the unit of the angles of a moving arm or its rods, from the equation of the last rod."""
     unit = table.options.unit
     if not table.arm_moves or unit not in TO_RADIANS:
         return []
-    other, read = "rad" if unit == "deg" else "deg", table.read(settings)
+    other, read = "rad" if unit == "deg" else "deg", table.read()
     factor = TO_RADIANS[other] / TO_RADIANS[unit]
     converted, _ = angles(read.values, replace(table.options, unit=other), table.rig, table.path)
     balance, balance_converted = (
-        arm_balance(read.t, theta, table.rig) for theta in (table.theta[table.looked_at(settings)], converted)
+        arm_balance(read.t, theta, table.rig) for theta in (table.theta[table.looked_at], converted)
     )
     rods = wrong_unit(balance.residual, balance_converted.residual)
     arm = is_unit(balance.arm_scale, factor) or (rods and not is_unit(balance_converted.arm_scale, 1.0 / factor))

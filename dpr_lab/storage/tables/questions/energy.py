@@ -9,18 +9,16 @@ from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, other_pace, periods, residual_near
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_SECONDS
-from dpr_lab.storage.tables.interpreted import InterpretedTable, QuestionSettings, TableQuestion
+from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.questions.pose import as_posed
 from dpr_lab.storage.tables.readings import READ, OtherReading, better_readings
 from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 
-def energy_questions(
-    table: InterpretedTable, settings: QuestionSettings
-) -> tuple[list[TableQuestion], list[OtherReading]]:
+def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[OtherReading]]:
     """Doubts about units, zero, signs and order from the energy of the swing, and corrected interpretations."""
-    looked_at, read = table.looked_at(settings), table.read(settings)
+    looked_at, read = table.looked_at, table.read()
     fit = energy_fit(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
     residual, others = math.nan, []
     if fit is not None and not table.prescribed:
@@ -29,15 +27,15 @@ def energy_questions(
         if not others and (doubt := _torque_question(table, fit, looked_at)):
             return [doubt], []
     if fit is not None and not others and table.options.inner != "prescribed":
-        _refuse_unit_of_time(table, fit.kinetic_scale, settings)
+        _refuse_unit_of_time(table, fit.kinetic_scale)
     for other in others:
         if "--time-unit" in other.mend:
             raise RunError(_unit_of_time(table, *other.mend[1:]))
     if others:
-        others = [as_posed(table, other, settings) for other in others]
+        others = [as_posed(table, other) for other in others]
         return [read_otherwise("the energy of the swing is not conserved; it is", others)], others
     doubts = []
-    unexplained = settings.unexplained[table.torques is not None]
+    unexplained = SETTINGS.unexplained[table.torques is not None]
     if residual > unexplained:
         residual = residual_near(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
     if residual > unexplained:
@@ -51,7 +49,7 @@ def energy_questions(
                 f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
             )
         )
-    elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(settings.time_scale):
+    elif fit is not None and table.free and abs(math.log(fit.time_scale)) >= math.log(SETTINGS.time_scale):
         doubts.append(
             TableQuestion(
                 f"the rods swing {fit.time_scale:.3g} times as fast as predicted from lengths and masses of the rig"
@@ -85,9 +83,9 @@ def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) 
     )
 
 
-def _refuse_unit_of_time(table: InterpretedTable, scale: float, settings: QuestionSettings) -> None:
+def _refuse_unit_of_time(table: InterpretedTable, scale: float) -> None:
     now = table.options.time_unit or "s"
-    if not 0 < scale < np.inf or 1 / settings.other_unit < scale < settings.other_unit or table.options.rate_hz:
+    if not 0 < scale < np.inf or 1 / SETTINGS.other_unit < scale < SETTINGS.other_unit or table.options.rate_hz:
         return
     unit = min(TO_SECONDS, key=lambda name: abs(math.log(TO_SECONDS[name] / TO_SECONDS[now] / scale)))
     if unit != now:

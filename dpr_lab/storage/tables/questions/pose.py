@@ -8,11 +8,11 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import energy_fit
-from dpr_lab.storage.tables.interpreted import InterpretedTable, QuestionSettings, TableQuestion
+from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.readings import READ, OtherReading, ReadTable, with_zeros
 
 
-def pose_questions(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
+def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Doubts about the pose of the release.
 
     Raises:
@@ -23,10 +23,10 @@ def pose_questions(table: InterpretedTable, settings: QuestionSettings) -> list[
     began = np.median(table.theta[table.rest, 1:], axis=0)
     deviations = {name: apart(began, pose.theta[1:]) / pose.tolerance for name, pose in table.rig.poses.items()}
     pose = table.rig.poses[table.options.pose]
-    if (away := deviations[table.options.pose]) <= settings.pose[0]:
+    if (away := deviations[table.options.pose]) <= SETTINGS.pose[0]:
         return []
     began_at, asked_for = (f"theta1 = {a:.2f}, theta2 = {b:.2f} rad" for a, b in (began, pose.theta[1:]))
-    near = [name for name, distance in deviations.items() if distance <= settings.pose[0]]
+    near = [name for name, distance in deviations.items() if distance <= SETTINGS.pose[0]]
     counted = table.options.unit == "counts"
     keys = (
         "zero_counts, joint2, direction and counts_per_rev of the rig file"
@@ -36,21 +36,21 @@ def pose_questions(table: InterpretedTable, settings: QuestionSettings) -> list[
     mend, words = f"remove --pose, or correct {keys}", ()
     if near:
         mend, words = f"it is pose {near[0]} (--pose {near[0]})", ("--pose", near[0])
-    elif others := _readings_in_pose(table, settings) or _zeros_in_pose(table, pose.theta[1:] - began, settings):
+    elif others := _readings_in_pose(table) or _zeros_in_pose(table, pose.theta[1:] - began):
         mend = f"it would if {'; or '.join(other.sentence for other in others)}"
         words = others[0].mend if len(others) == 1 else ()
     sentence = f"the swing starts at {began_at}, not in pose {table.options.pose} ({asked_for}): {mend}"
-    if away > settings.pose[1]:
+    if away > SETTINGS.pose[1]:
         raise RunError(f"{table.path}: {sentence}")
     return [TableQuestion(sentence, words)]
 
 
-def _readings_in_pose(table: InterpretedTable, settings: QuestionSettings) -> list[OtherReading]:
+def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
     """Interpretations in which the swing starts in the named pose and energy is conserved, the fewest changes first."""
-    read = table.read(settings)
+    read = table.read()
     others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
-    posed = [other for other in candidates if other.time_factor == 1 and _in_pose(table, other, settings)]
+    posed = [other for other in candidates if other.time_factor == 1 and _in_pose(table, other)]
     residuals = [_residual(read, other) for other in posed]
     limit = min(READ.right, READ.alike * min(residuals, default=0.0))
     matching = [other for other, residual in zip(posed, residuals, strict=True) if residual <= limit]
@@ -58,14 +58,14 @@ def _readings_in_pose(table: InterpretedTable, settings: QuestionSettings) -> li
     return [other for other in matching if len(other.causes) == fewest]
 
 
-def _zeros_in_pose(table: InterpretedTable, added: Array, settings: QuestionSettings) -> list[OtherReading]:
+def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
     """The table with other zeros for which its swing starts in the named pose.
 
     Unchanged if the energy is then conserved less well.
     """
     if table.options.unit == "counts" or table.options.pose is None:
         return []
-    read, tolerance = table.read(settings), table.rig.poses[table.options.pose].tolerance
+    read, tolerance = table.read(), table.rig.poses[table.options.pose].tolerance
     other = with_zeros(read.values, table.options, added, tolerance)
     worst = max(READ.right, _residual(read, replace(other, values=read.values)))
     return [other] if _residual(read, other) <= worst else []
@@ -76,19 +76,19 @@ def _residual(read: ReadTable, other: OtherReading) -> float:
     return math.inf if fit is None else fit.residual
 
 
-def as_posed(table: InterpretedTable, other: OtherReading, settings: QuestionSettings) -> OtherReading:
+def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:
     """An interpretation, or its mirror image if only that starts in the named pose."""
-    behind = not _in_pose(table, other, settings) and _in_pose(table, other.mirrored, settings)
+    behind = not _in_pose(table, other) and _in_pose(table, other.mirrored)
     return other.mirrored if behind else other
 
 
-def _in_pose(table: InterpretedTable, other: OtherReading, settings: QuestionSettings) -> bool:
+def _in_pose(table: InterpretedTable, other: OtherReading) -> bool:
     if table.options.pose is None:
         return False
     pose = table.rig.poses[table.options.pose]
     released = {axis: column[:1] for axis, column in other.values.items()}
-    (rods,) = table.read(settings).rods(released, other.options)
-    return apart(rods, pose.theta[1:]) <= settings.pose[0] * pose.tolerance
+    (rods,) = table.read().rods(released, other.options)
+    return apart(rods, pose.theta[1:]) <= SETTINGS.pose[0] * pose.tolerance
 
 
 def apart(rods: Array, pose: Array) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.identification.misread.balance import periods
-from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, QuestionSettings, TableQuestion
+from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.questions.accelerations import balance_questions, rig_questions, unit_questions
 from dpr_lab.storage.tables.questions.energy import energy_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
@@ -27,7 +27,7 @@ class PushSettings:
 PUSH = PushSettings()
 
 
-def questions(table: InterpretedTable, settings: QuestionSettings = SETTINGS) -> list[TableQuestion]:
+def questions(table: InterpretedTable) -> list[TableQuestion]:
     """Doubts about a table, most serious first.
 
     Raises:
@@ -35,22 +35,22 @@ def questions(table: InterpretedTable, settings: QuestionSettings = SETTINGS) ->
         pose.
     """
     t, theta = table.t[table.swing], table.theta[table.swing]
-    if len(t) < settings.fewest_rows:
-        raise RunError(f"{table.path}: only {len(t)} rows of a swing; at least {settings.fewest_rows} are required")
-    _refuse_dead(table, theta, settings)
-    if of_unit := unit_questions(table, settings):
-        return [*of_unit, *_few(table, t, settings)]
-    doubts, other = energy_questions(table, settings)
-    arm = _arm_questions(table, theta[:, 0], settings)
-    few_rows = [*_few(table, t, settings), *_torque_doubts(table, settings)]
-    posed = [] if other else pose_questions(table, settings)
+    if len(t) < SETTINGS.fewest_rows:
+        raise RunError(f"{table.path}: only {len(t)} rows of a swing; at least {SETTINGS.fewest_rows} are required")
+    _refuse_dead(table, theta)
+    if of_unit := unit_questions(table):
+        return [*of_unit, *_few(table, t)]
+    doubts, other = energy_questions(table)
+    arm = _arm_questions(table, theta[:, 0])
+    few_rows = [*_few(table, t), *_torque_doubts(table)]
+    posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:
-        doubts = balance_questions(table, settings) or [*rig_questions(table, settings), *doubts]
+        doubts = balance_questions(table) or [*rig_questions(table), *doubts]
     return [*doubts, *arm, *few_rows, *posed]
 
 
-def _refuse_dead(table: InterpretedTable, theta: Array, settings: QuestionSettings) -> None:
+def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
     """Refuse a mounted rod or a free joint that does not move."""
     if table.rig.rods.mounted != "both":
         return
@@ -64,26 +64,26 @@ def _refuse_dead(table: InterpretedTable, theta: Array, settings: QuestionSettin
             f"{table.path}: {names[0]!r} and {names[1]!r} contain the same numbers. Name the columns of the two rods:"
             " --columns theta1=NAME,theta2=NAME; if the elbow was clamped: --elbow clamped"
         )
-    if joint2 < settings.stiff_rad and joint2 < settings.stiff_rad * most:
+    if joint2 < SETTINGS.stiff_rad and joint2 < SETTINGS.stiff_rad * most:
         raise RunError(
             f"{table.path}: theta2 - theta1 stays within {joint2:.2g} rad while the rods turn by {most:.3g}"
             f" rad: joint 2 does not turn. If the elbow was clamped: --elbow clamped; otherwise name the"
             f" column: --columns theta2=NAME"
         )
-    if moved2 < settings.still_share * most:
+    if moved2 < SETTINGS.still_share * most:
         raise RunError(
             f"{table.path}: theta2 ({names[1]!r}) is constant while theta1 turns by {most:.3g} rad. If no outer rod"
             " was mounted: --rods inner; if it is the angle to the inner rod and the elbow was clamped: --angles"
             " relative --elbow clamped; otherwise name the column: --columns theta2=NAME"
         )
-    if moved1 < settings.still_share * most:
+    if moved1 < SETTINGS.still_share * most:
         raise RunError(
             f"{table.path}: theta1 ({names[0]!r}) is constant while theta2 turns by {most:.3g} rad. If the outer rod"
             " swung alone: --rods outer; otherwise name the column: --columns theta1=NAME"
         )
 
 
-def refuse_push(table: InterpretedTable, origin: float, settings: PushSettings = PUSH) -> None:
+def refuse_push(table: InterpretedTable, origin: float) -> None:
     """Refuse rods that start to swing from the hanging rest without a known drive.
 
     Raises:
@@ -93,7 +93,7 @@ def refuse_push(table: InterpretedTable, origin: float, settings: PushSettings =
     if start == rest or not table.free:
         return
     hung = apart(np.median(table.theta[rest:start, 1:], axis=0), np.array([np.pi, np.pi]))
-    if hung <= settings.hanging_rad and np.ptp(table.theta[table.swing, 1:], axis=0).max() > settings.pushed_rad:
+    if hung <= PUSH.hanging_rad and np.ptp(table.theta[table.swing, 1:], axis=0).max() > PUSH.pushed_rad:
         begins = table.t[start] - origin
         raise RunError(
             f"{table.path}: the rods hang at rest until {begins:.4g} s after the first row and then swing:"
@@ -103,7 +103,7 @@ def refuse_push(table: InterpretedTable, origin: float, settings: PushSettings =
         )
 
 
-def _few(table: InterpretedTable, t: Array, settings: QuestionSettings) -> list[TableQuestion]:
+def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
     """Doubts about rate and duration.
 
     Raises:
@@ -112,30 +112,30 @@ def _few(table: InterpretedTable, t: Array, settings: QuestionSettings) -> list[
     slow, fast = periods(table.rig)
     step, lasts = float(np.median(np.diff(t))), float(t[-1] - t[0])
     doubts = []
-    if step > fast / settings.refused_rows_a_period:
+    if step > fast / SETTINGS.refused_rows_a_period:
         raise RunError(
             f"{table.path}: rows are {step:.3g} s apart, but the rods of this rig swing with a period of"
             f" {fast:.2g} s: too few rows per period. Is the unit of time right (--time-unit ms), or the rate"
             " (--rate-hz)?"
         )
-    if step > fast / settings.rows_a_period:
+    if step > fast / SETTINGS.rows_a_period:
         doubts.append(
             TableQuestion(
                 f"rows are {step:.3g} s apart, {fast / step:.1f} in a period of the faster oscillation ({fast:.2g} s):"
-                f" record at {settings.rows_a_period * 4 / fast:.0f} Hz or more, or correct --time-unit or --rate-hz"
+                f" record at {SETTINGS.rows_a_period * 4 / fast:.0f} Hz or more, or correct --time-unit or --rate-hz"
             )
         )
-    if len(t) < settings.few_rows or lasts < slow / 2:
+    if len(t) < SETTINGS.few_rows or lasts < slow / 2:
         doubts.append(
             TableQuestion(
-                f"{len(t)} rows in {lasts:.3g} s: a recording of less than {settings.few_rows} rows or of less"
+                f"{len(t)} rows in {lasts:.3g} s: a recording of less than {SETTINGS.few_rows} rows or of less"
                 f" than half a period of the slower oscillation ({slow:.2g} s) contains little information"
             )
         )
     return doubts
 
 
-def _torque_doubts(table: InterpretedTable, settings: QuestionSettings) -> list[TableQuestion]:
+def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
     """Doubts about known torques: their rows are too far apart, or the rods move as if they did not act.
 
     The input of a driven arm does not act on the rods: only the distance of its rows is judged.
@@ -143,18 +143,18 @@ def _torque_doubts(table: InterpretedTable, settings: QuestionSettings) -> list[
     if table.torques is None:
         return []
     words = "the input of the arm changes" if table.arm_moves else "the torques change"
-    coarse = coarse_torques(table.torques[table.swing], settings.torque_step, words)
+    coarse = coarse_torques(table.torques[table.swing], SETTINGS.torque_step, words)
     if table.arm_moves:
         return [TableQuestion(coarse)] if coarse else []
-    read = table.read(settings)
+    read = table.read()
     rods, columns = read.rods(read.values, read.options), table.torque_columns
-    idle = idle_torques(read.t, rods, read.torques, columns, read.rig, settings.idle)
+    idle = idle_torques(read.t, rods, read.torques, columns, read.rig, SETTINGS.idle)
     return [TableQuestion(sentence) for sentence in (coarse, idle) if sentence]
 
 
-def _arm_questions(table: InterpretedTable, theta0: Array, settings: QuestionSettings) -> list[TableQuestion]:
+def _arm_questions(table: InterpretedTable, theta0: Array) -> list[TableQuestion]:
     """Doubt about an arm that is specified as clamped."""
-    if table.arm_moves or not (moved := float(np.ptp(theta0))) > settings.arm_rad:
+    if table.arm_moves or not (moved := float(np.ptp(theta0))) > SETTINGS.arm_rad:
         return []
     known = "L0" in table.rig.rig.model_fields_set
     mend = "--arm prescribed" + ("" if known else ", with the arm's length L0 in [rig] of the rig file")
