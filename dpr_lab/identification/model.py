@@ -362,7 +362,7 @@ def load_model(path: Path | str) -> Model:
         content = json.loads(read_text(Path(path), RunError))
         if isinstance(content, dict) and content.get("kind") == "moving_arm":
             raise RunError(
-                f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` take"
+                f"{path}: is a model of a rig with a free or driven arm, which only `compare` and `export` accept"
             )
         if isinstance(content, dict) and "verdict" in content:
             raise RunError(f"{path}: is a diagnosis; its corrected model is model.json in the same folder")

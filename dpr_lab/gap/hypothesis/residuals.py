@@ -122,9 +122,9 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
 def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
     """(samples, 2) isolated outliers: readings with a wrong value, up to three in a row.
 
-    The residual of an outlier is far from the robust straight line through the seven residuals around it (Theil and
-    Sen), farther than those before and after are from their lines, and returns: the residual of a missing effect is
-    smooth, or large for some time, or a step.
+    The residual of an outlier is far from the robust straight line (Theil and Sen) through the seven residuals around
+    it, farther than its neighbours are from their lines, and the next residuals return. In contrast, the residual of a
+    missing effect is smooth, or large for some time, or a step.
     """
     r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(estimate)))
     off, across = np.zeros_like(r), np.full_like(r, np.inf)

@@ -1,4 +1,4 @@
-"""A spring that softens as the error of an encoder's scale does.
+"""A spring with the same softening as an error of the encoder scale.
 
 An encoder of a single rod that reads q = (1 + x) theta changes the acceleration of the reading by
 

@@ -123,7 +123,7 @@ class OpenPairs:
         return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
-        """(n, n) expected D^2 of readings under each cause (row) from the nearest ones under each other (column)."""
+        """(n, n) expected D^2 of readings under a cause (row) from the nearest readings under another one (column)."""
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
