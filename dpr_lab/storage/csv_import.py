@@ -31,8 +31,8 @@ def import_csv(
 ) -> Run:
     """Read a table as a run, and write it as a run file if `out` is given.
 
-    The run starts at t = 0 with the release: the row in which the rods begin to move, or the first row. Rows of rest
-    before it have negative times.
+    The run starts at t = 0 with the release: the row in which the rods begin to move, or the first row. Rows at rest
+    before the release have negative times.
 
     Args:
         file: the table, of a kind in `dpr_lab.storage.readers`; in a text, columns are separated by a comma, semicolon,

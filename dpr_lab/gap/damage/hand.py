@@ -170,5 +170,5 @@ def _smoothed(energy: Array) -> Array:
 
 def _scatter(energy: Array) -> float:
     """Standard deviation of the noise of the energy, from its second differences, which do not contain a slow decay."""
-    variance = 1.0 + 4.0 + 1.0  # of a second difference of white noise
+    variance = 1.0 + 4.0 + 1.0  # second difference of white noise of unit variance
     return float(NORMAL_MAD * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(variance))

@@ -35,8 +35,8 @@ class JumpRules:
     outstanding: float = 3.0
     """Minimum ratio of a gain to the largest one elsewhere, with a model that has effects."""
     outstanding_bare: float = 8.0
-    """The same with the bare model. It was at most 1.7 on 40 undamaged rigs with effects, but load-dependent friction
-    acts mostly where a swing is fastest (5.2).
+    """Minimum ratio of this kind with the bare model. It was at most 1.7 on 40 undamaged rigs with effects, but
+    load-dependent friction acts mostly where a swing is fastest (5.2).
     """
     others: int = 6
     """Minimum number of segments elsewhere."""

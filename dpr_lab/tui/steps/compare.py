@@ -148,7 +148,7 @@ workspace, as by `dpr-lab compare`.
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Permit another kind of torque while the job waits for requests; a moving arm has no second curve."""
+        """Permit an action: a kind of torque also while the job waits; a second curve not for a moving arm."""
         if action == "second_curve" and self._of_arm:
             return False
         return action != "torque" or super().check_action(action, parameters)
