@@ -1,12 +1,15 @@
 """Of two sets that explain about the same, the search prefers the one with fewer parameters."""
 
 from collections.abc import Callable
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, excess, explains_as_much
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
@@ -82,3 +85,30 @@ def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted:
     assert excess(scale) - excess(both) < THRESHOLDS.large * excess(sets.bare)  # negligible next to the wrong counts
     for move in (SMALLEST_ADEQUATE, DROP):
         assert apply(move, sets, SearchState(both, sets.fits, sets.tests, 4)).current.effects == (SCALE, FRICTION)
+
+
+def test_an_effect_stays_if_a_richer_form_that_explains_less_would_take_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drift, richer = "encoder_drift_joint1", "friction_curve_joint1"
+
+    def fitted(chi2: float, parameters: int, *effects: str) -> Hypothesis:
+        fit = SimpleNamespace(free=range(parameters), chi2=chi2)
+        residuals = ResidualStatistics(chi2, dof=400, level=1.0, autocorrelation=0.0)
+        return Hypothesis(effects, cast(Any, fit), residuals, np.array([chi2]), {})
+
+    def removed(both: Hypothesis, *others: Hypothesis) -> list[frozenset[str]]:
+        bare = fitted(5.5e6, 3)
+        fits = {model.key: model for model in (bare, both, *others)}
+        sets = SimpleNamespace(fits=fits, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
+        sets.unexpected, sets.as_possible = lambda model: list(model.effects), lambda model, other: True
+        sets.without = lambda model, name: fits[model.key - {name}]
+        return [proposal.model.key for proposal in OWN_SHARE.propose(cast(Any, sets), both)]
+
+    monkeypatch.setattr("dpr_lab.gap.which.removals.own_share", lambda *_: 0.03)
+    monkeypatch.setattr("dpr_lab.gap.which.removals.explains_as_much", lambda *_: False)
+    both = fitted(1.33e5, 6, FRICTION, drift)
+    one_less = fitted(1.4e6, 5, drift), fitted(6.7e5, 4, FRICTION)
+    assert removed(both, *one_less) == [frozenset({drift})]
+    assert removed(both, *one_less, fitted(1.42e5, 13, richer)) == []
+    assert removed(both, *one_less, fitted(6e4, 13, richer)) == [frozenset({drift})]

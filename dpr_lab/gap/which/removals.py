@@ -91,6 +91,8 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
     A free function can replace an effect with few amplitudes, whether or not this effect is the cause. If the set
     without an effect of more amplitudes explains as much, it is therefore proposed first.
+
+    An effect is not proposed if the search would then choose a richer form that explains less with more parameters.
     """
     if at_noise_floor(current) or len(current.effects) < 2:
         return
@@ -100,7 +102,7 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     smaller_sets = {
         name: smaller
         for name, smaller in ((name, sets.without(current, name)) for name in removable)
-        if excess(smaller) <= limit and sets.as_possible(smaller, current)
+        if excess(smaller) <= limit and sets.as_possible(smaller, current) and not _between(sets, smaller, current)
     }
     shares: list[Proposal] = []
     for name, smaller in smaller_sets.items():
@@ -112,6 +114,26 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
         if simpler and least.value < THRESHOLDS.own_share:
             yield Proposal(min(simpler, key=lambda model: (len(model.fit.free), model.cost)))
         yield least
+
+
+def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
+    """Whether a richer form explains more than the smaller set, but less, with more parameters, than the larger one.
+
+    It replaces two effects of the larger set: a simpler form, and a second one. One of them is missing in the smaller
+    set. The search would replace the smaller set by the richer form.
+    """
+    removed = larger.key - smaller.key
+    replaced = (
+        sets.fits.get(larger.key - {simple, other} | {form.name})
+        for form in sets.library.values()
+        for simple in larger.key.intersection(form.nested)
+        for other in larger.key - {simple}
+        if not removed.isdisjoint({simple, other})
+    )
+    return any(
+        model is not None and len(model.fit.free) > len(larger.fit.free) and larger.cost < model.cost < smaller.cost
+        for model in replaced
+    )
 
 
 def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
