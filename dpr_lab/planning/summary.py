@@ -176,7 +176,7 @@ def _sentence(
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
         return (
-            f"No recordings on this rig in {FORECAST.repeats} more releases separates {pairs}: do this bench"
+            f"No recordings on this rig in {FORECAST.repeats} more releases separate {pairs}: do this bench"
             f" check. {stuck[0].check}"
         )
     chances = [release.decided or 0.0 for release in releases]

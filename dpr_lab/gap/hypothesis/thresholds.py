@@ -103,9 +103,9 @@ def far_from_noise(model: Hypothesis) -> bool:
 def promising_gain(model: Hypothesis) -> float:
     """Predicted reduction of chi2 from which an additional effect is fitted.
 
-    A missing effect inflates the residuals of all readings. Of a few readings, even the cause of all excess cannot
-    reduce chi2 by the significant number of such residuals. Such a reduction is not necessary, because the residuals
-    are small once the cause is in the model.
+    A missing effect inflates the residuals of all readings. With few readings, even the cause of all excess cannot
+    reduce chi2 by an amount that is significant for inflated residuals. Such a reduction is not necessary, because the
+    residuals are small once the cause is in the model.
     """
     residuals = model.residuals
     inflation = min(residuals.inflation, max(1.0, residuals.chi2 / residuals.dof))
