@@ -1,0 +1,25 @@
+"""The benchmark on real recordings fits the recording first whose range contains the states of the others."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+
+def test_the_recording_that_reaches_the_others_is_fitted_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    import plan_real
+
+    t = np.arange(0.0, 4.0, 1e-3)
+
+    def swing(amplitude: float, turns: int = 0) -> Any:
+        relative = amplitude * np.sin(5 * t)
+        return SimpleNamespace(t=t, joints=np.column_stack([np.pi + relative + 2 * np.pi * turns, relative]))
+
+    monkeypatch.setattr(plan_real, "record", lambda run, rig: run)
+    narrow, wide, middle = plan_real.covered_shares(None, [swing(0.3), swing(2.0, turns=-1), swing(1.0)])
+    assert wide == 1.0
+    assert middle == pytest.approx(0.5, abs=0.01)  # the wide one is fast where it is near hanging
+    assert narrow < 0.01
