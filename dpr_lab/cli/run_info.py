@@ -74,6 +74,7 @@ PARTS = {
     "rtt_min": "shortest round trip (s)",
     "n": "PING exchanges",
     "offset": "host time of tick 0 (s)",
+    "offset_unix": "Unix time of tick 0 (s)",
     "offset_std": "its standard deviation (s)",
     "period": "period of a tick (s)",
     "dpr_lab": "dpr-lab",
@@ -81,6 +82,9 @@ PARTS = {
     "arrival_margin_ppm": "its error bound (ppm)",
 }
 """Name of a loss, a check, a figure of the clock or a program -> words; other names are shown without underscores."""
+
+_ROUND_OFF = 1e-12
+"""Magnitude up to which a number is zero: intervals of equal length differ by round-off."""
 
 _WITH_UNIT = re.compile(r"(\w+) \((.+)\)")
 """Name of a quality check with its unit, as in a run file; a share has the unit 1."""
@@ -100,7 +104,7 @@ def _text(value: object) -> str:
         case bool():
             return "yes" if value else "no"
         case float():
-            return f"{value:.6g}"
+            return f"{value:.3f}" if abs(value) >= 1e6 else f"{value if abs(value) > _ROUND_OFF else 0.0:.6g}"
     return NONE if value is None or value == "" else str(value)
 
 

@@ -335,7 +335,7 @@ class Model(Shown, _Record):
         if (self.rig.name, self.rig.L1) != (rig.name, rig.L1):
             raise RunError(
                 f"the model is of rig {self.rig.name}, L1 = {self.rig.L1:g} m, not of {rig.name}, L1 = {rig.L1:g}"
-                " m: identify this rig first, or omit the model"
+                " m: use the rig file of this model, or identify this rig first"
             )
         return self.unknowns
 

@@ -336,7 +336,8 @@ class RunWriter:
             self._leave_cut_off()
             self._failure = RunError(
                 f"{self.path}: cannot be written: {error.strerror}; {self.samples_written} samples were"
-                f" received, the file is kept: free some disk space, then run `dpr-lab run recover {self.path}`"
+                f" received, the file is kept: free some disk space, then run"
+                f" `dpr-lab run recover {self.path} --out NEW_FILE`"
             )
             raise self._failure from error
         except BaseException:

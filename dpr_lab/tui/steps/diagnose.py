@@ -374,7 +374,7 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
         ]
     return Group(
         f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects are"
-        f" added. Each bar is the part above the noise floor of {three(floor)}",
+        f" added. Each bar is the part above the noise floor of {three(floor)} {unit.small}",
         Bars(steps),
         *closing,
         "",
