@@ -99,7 +99,7 @@ def test_a_taken_tcp_port_is_named():
 
 
 def test_an_unknown_link_is_named_with_those_there_are():
-    with pytest.raises(LinkError, match=r"no link 'usb' \(available: pty, slcan"):
+    with pytest.raises(LinkError, match=r"unknown kind of link 'usb' \(available: pty, slcan"):
         open_link("usb:1")
 
 
