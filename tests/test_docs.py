@@ -39,6 +39,25 @@ def test_the_worked_example_says_what_its_certificate_certifies() -> None:
         assert told is not None
         value = claims[name].value
         assert told[1] == value if isinstance(value, str) else float(told[1]) == pytest.approx(value, rel=1e-3)
+    effects = {
+        "Free-form friction curve, joint 2": "friction_curve_joint2",
+        "Free-form friction curve, joint 1": "friction_curve_joint1",
+        "Air drag": "air_drag_outer",
+        "Encoder eccentricity, joint 1": "encoder_eccentricity_joint1",
+    }
+    for words, effect in effects.items():
+        assert f"- **{words} ({100 * claims[f'{effect}: probability'].value:.0f} %)" in page, effect
+    amplitudes = {
+        "free-form friction curve, joint 2: backward": ("friction_curve_joint2: backward_Nm", 1e3),
+        "air drag, outer rod": ("air_drag_outer: coefficient_kg_per_m2", 1.0),
+    }
+    for words, (name, per_unit) in amplitudes.items():
+        row = re.search(rf"\| {words} \| (\S+) [^|]+ \| (\S+) ", page)
+        assert row is not None
+        value = claims[name].value
+        ratio = next(claim for key, claim in claims.items() if key.startswith(f"{name} / b"))
+        tolerance = 0.1 * (ratio.interval90[1] - ratio.interval90[0]) * value / ratio.value
+        assert [float(row[1]), float(row[2])] == pytest.approx([per_unit * value, per_unit * tolerance], rel=0.02), name
 
 
 def test_every_guarantee_of_the_readme_has_its_test() -> None:

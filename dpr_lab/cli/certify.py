@@ -1,6 +1,7 @@
 """`dpr-lab certify` and `dpr-lab verify`: diagnoses that others can verify."""
 
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -171,4 +172,8 @@ def _tolerance(within: float | None) -> str:
 
 
 def _cell(value: Any) -> str:
-    return "" if value is None else (f"{value:.5g}" if isinstance(value, float) else str(value))
+    """Text of a value; equal entries of a list, such as the outliers of one recording, are counted."""
+    if not isinstance(value, str):
+        return "" if value is None else f"{value:.5g}"
+    counts = Counter(value.split(", "))
+    return ", ".join(f"{count} x {entry}" if count > 1 else entry for entry, count in counts.items())
