@@ -170,7 +170,8 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
             f" {percent(BANDS.level)}, sample {fewest_models()} models or more."
         )
     if not (done.from_diagnosis or done.bands):
-        scatter = "" if done.scatter else "the scatter between its recordings, which were not found, and "
+        needs = "which needs a clamped arm and the recordings at their places"
+        scatter = "" if done.scatter else f"the scatter between its recordings, {needs}, and "
         yield (
             f"The model has no diagnosis next to it: the ensemble lacks {scatter}other causes, so its bands may be too"
             " narrow. Give the folder of a diagnosis, or --check RUN to widen the bands."
