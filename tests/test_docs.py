@@ -54,9 +54,10 @@ def test_the_worked_example_says_what_its_certificate_certifies() -> None:
     for words, (name, per_unit) in amplitudes.items():
         row = re.search(rf"\| {words} \| (\S+) [^|]+ \| (\S+) ", page)
         assert row is not None
-        value = claims[name].value
         ratio = next(claim for key, claim in claims.items() if key.startswith(f"{name} / b"))
-        tolerance = 0.1 * (ratio.interval90[1] - ratio.interval90[0]) * value / ratio.value
+        assert ratio.interval90 is not None
+        value = float(claims[name].value)
+        tolerance = 0.1 * (ratio.interval90[1] - ratio.interval90[0]) * value / float(ratio.value)
         assert [float(row[1]), float(row[2])] == pytest.approx([per_unit * value, per_unit * tolerance], rel=0.02), name
 
 

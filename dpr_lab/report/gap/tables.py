@@ -51,9 +51,8 @@ STANDING_NOTE = (
 )
 CLOSED_NOTE = (
     "Gap reduction: relative decrease of the rms above the noise; each run is predicted from the others (a single run:"
-    " each quarter from the other quarters). Free run: rms error over 2.6 s, even beyond the predictability horizon;"
-    " the initial state is fitted to the first 0.3 s. Bare model: the fitted rods with viscous friction and no other"
-    " effect."
+    " each quarter from the others). Free run: rms error over 2.6 s, even beyond the predictability horizon, from an"
+    " initial state fitted to the first 0.3 s. Bare model: the fitted rods with viscous friction, without effects."
 )
 
 ALONE = "none"
