@@ -60,7 +60,7 @@ def counted(number: int, noun: str) -> str:
 
 def percent(share: float, digits: int = 0) -> str:
     """Text of a share: `98 %`, or `97.6 %` with one decimal digit."""
-    return f"{100 * share:.{digits}f} %"
+    return f"{round(100 * share, digits) + 0.0:.{digits}f} %"  # -0.0 + 0.0 is 0.0
 
 
 def _row(cells: Row, tag: str) -> str:

@@ -5,6 +5,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.report.angles import DEGREES, RADIANS
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
+from dpr_lab.shown import percent
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -60,3 +61,7 @@ def test_a_size_is_shown_in_a_practical_unit(effect, parameter, values, expected
 def test_angles_are_in_the_unit_asked_for():
     assert size_words("base_tilt", "tilt_rad", DEGREES, 0.005) == "0.286 °"
     assert size_words("stribeck_joint1", "speed_rad_per_s", DEGREES, 0.3) == "17.2 °/s"
+
+
+def test_a_share_that_rounds_to_zero_has_no_sign() -> None:
+    assert [percent(-0.001), percent(0.001), percent(-0.0004, 1), percent(-0.012)] == ["0 %", "0 %", "0.0 %", "-1 %"]

@@ -127,6 +127,7 @@ async def test_an_unreadable_rig_file_is_reported_without_a_crash(app: DprApp, s
         await pilot.press("3")
         assert app.current.NAME == "Capture"
         assert "no_such_rig.toml: is neither a file nor the name" in said(app)
+        assert app.current.missing() == "Capture needs a rig file that can be read: press 2 and choose one"
 
 
 async def test_errors_become_notices_and_the_app_continues(tmp_path: Path, said) -> None:

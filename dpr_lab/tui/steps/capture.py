@@ -127,14 +127,14 @@ Grey values are old: no message has arrived from the device since then, and the 
 
     def missing(self) -> str:
         """Message that names the missing device, rig or pose; empty if nothing is missing."""
+        if self._rig is None:
+            return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
         if self.device.opening is not None:
             return "Capture needs a device: wait until the connection is complete"
         if self.device.connected is None:
             table = self.services.keys.of("app.import")
             connect = self.services.key_of("Connect")
             return f"Capture needs a device: press {connect} and connect one ({table} imports a table instead)"
-        if self._rig is None:
-            return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
         if not self._rig.poses:
             return f"The rig {self._rig.name} has no poses: add a table [poses.X1] to its file"
         return ""
