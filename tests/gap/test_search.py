@@ -131,14 +131,6 @@ def test_a_move_does_not_change_the_state_and_is_repeatable(sets: FittedSets) ->
 
 
 @pytest.mark.slow
-def test_known_effects_are_included_without_a_score_test_of_the_whole_library(sets: FittedSets) -> None:
-    known = frozenset({"coulomb_joint2", "encoder_offset_joint2"})
-    geared = replace(sets.resumed({}, {}), expected=known)
-    assert geared.start().key == known
-    assert not geared.tests
-
-
-@pytest.mark.slow
 def test_friction_and_drag_that_hide_each_other_are_found_together() -> None:
     """Next to viscous friction, each changes the decay in the opposite direction."""
     drag = Law("air_drag", 0, 2.5e-4, lambda t, angle, speed: -2.5e-4 * speed * abs(speed))

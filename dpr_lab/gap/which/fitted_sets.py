@@ -160,14 +160,12 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
-        """The bare model with the rig's known effects that are significant in these recordings, largest first.
-
-        Only these are tested, because a test of the whole library takes longer than the fit of one effect.
-        """
-        expected = {name: effect for name, effect in self.library.items() if name in self.expected}
-        known, model = replace(self, library=expected, _tests={}), self.bare
-        while expected.keys() - model.key and (ranking := known.test(model).ranking) and ranking[0].gain > 0:
-            model = known.with_one(model, ranking[0])
+        """The bare model with the rig's known effects that are significant in these recordings, largest first."""
+        model = self.bare
+        while scores := [
+            score for score in self.test(model).ranking if score.effect.name in self.expected and score.gain > 0
+        ]:
+            model = self.with_one(model, scores[0])
         return self.escaped(model) if model.effects else model
 
     def test(self, model: Hypothesis) -> ScoreTest:
