@@ -63,7 +63,7 @@ def together(family: Family) -> str:
     """One component that causes several effects."""
     marks, rest = (", ".join(f"`{name}`" for name in names) for names in (family.marks, family.parts))
     words = f"{family.words[0].upper()}{family.words[1:]}"
-    return f"- {words}, `{family.name}`: two or more of {rest}, one at least of {marks}."
+    return f"- {words}, `{family.name}`: two or more of {rest}, including at least one of {marks}."
 
 
 def row(parameter: EffectParameter) -> str:

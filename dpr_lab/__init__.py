@@ -120,7 +120,9 @@ _FROM = {
 }
 
 _FORMER = {"identify_moving_arm": "identify", "compare_moving_arm": "compare"}
-"""Name of an earlier version -> present name, which has the same arguments; removed after one minor version."""
+"""Former name of a function -> its present name, which takes the same arguments. Former names are removed after one
+minor version.
+"""
 
 
 def __getattr__(name: str) -> Any:

@@ -334,7 +334,7 @@ class Device:
             self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages), lost_before))
 
     def _trusted(self, sample: Sample) -> list[Row]:
-        """The previous sample, unless this one contradicts it."""
+        """The previous sample, held until the next one arrives; empty if the next one contradicts it."""
         if self._held is not None and self._stream.contradicts(self._held, sample):
             self._held = None
         row = self._stream.feed(sample)

@@ -310,7 +310,10 @@ def _moved(judged: JudgedRun) -> Check | None:
     counts = judged.rig.positions(swing.theta) if swing.counts is None else swing.counts
     travel = np.ptp(counts, axis=0)[1 : 2 if judged.run.setup.held else 3]
     joint, least = 1 + int(travel.argmin()), float(travel.min())
-    sentence = f"encoder {joint} moved by {least:.0f} counts (at least {limit}): check it and the latch"
+    sentence = (
+        f"encoder {joint} moved by {least:.0f} counts (required: at least {limit}); if it moved less, check the encoder"
+        " and the latch"
+    )
     return Check("moved", least >= limit, least, limit, "counts", sentence)
 
 

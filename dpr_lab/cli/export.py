@@ -166,8 +166,8 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
         )
     if done.expected_coverage < BANDS.level:
         yield (
-            f"{size} models span on average {percent(done.expected_coverage)} of the readings of another recording: for"
-            f" {percent(BANDS.level)}, sample {fewest_models()} models or more."
+            f"The bands of {size} models contain on average {percent(done.expected_coverage)} of the readings of"
+            f" another recording. For {percent(BANDS.level)}, sample {fewest_models()} models or more."
         )
     if not (done.from_diagnosis or done.bands):
         needs = "which needs a clamped arm and the recordings at their places"

@@ -40,7 +40,7 @@ class Estimates:
     """Assumed inertia of absolute sizes, kg m^2; None if the runs identify it. Sizes that scale with it are ratios
     to it, and their names end in `/b` or `*b`; `/a` or `*a` of an inner rod alone."""
     inertia: str = "b"
-    """Which inertia it is: a of an inner rod alone, else b."""
+    """Name of the assumed inertia: `a` for an inner rod alone, otherwise `b`."""
 
 
 @solvable

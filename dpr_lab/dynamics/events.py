@@ -38,9 +38,9 @@ class EventSettings(NamedTuple):
     certainly exceeded; its effect on the speed is of fourth order.
     """
     shortest: float = 1e-9
-    """Share of a step below which an event is assigned to its start."""
+    """An event before this fraction of a step is assigned to the start of the step."""
     farthest: float = 0.1
-    """Maximum correction of the instant of a stop, as a share of the step, if the speed is not exactly zero."""
+    """Maximum correction of the instant of a stop, as a fraction of the step, if the speed is not exactly zero."""
 
 
 EVENTS = EventSettings()
@@ -117,12 +117,12 @@ def stopped(
 
 @subroutine
 def stops_at(before: float, after: float, slope: float) -> float:
-    """Share of a step at which a speed crosses zero, from a parabola with the given slope at the end.
+    """Fraction of a step at which a speed crosses zero, from a parabola with the given slope at the end.
 
     Args:
-        before: speed at the start in its own direction, not negative
+        before: speed at the start, positive in the direction of motion; not negative
         after: speed at the end, negative
-        slope: derivative with respect to the share of the step, at the end
+        slope: derivative at the end with respect to the fraction of the step
     """
     bend = slope - (after - before)
     first = after - before - bend
@@ -133,7 +133,7 @@ def stops_at(before: float, after: float, slope: float) -> float:
 
 @subroutine
 def yields_at(before: float, after: float, h: float) -> float:
-    """Share of a step of h after which a joint breaks away, from the margins of its limit at start and end."""
+    """Fraction of a step of h after which a joint breaks away, from the margins of its limit at start and end."""
     left = max(before, 0.0)
     return left / (left - after) + EVENTS.late * h
 

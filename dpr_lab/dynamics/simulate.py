@@ -39,8 +39,8 @@ def simulate(
         state: (4,) theta1, theta2, omega1, omega2 at t[0], rad and rad/s
         t: (n,) increasing instants, s
         max_step: longest Runge-Kutta step, s; each interval is divided into equal steps
-        effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off. Effects between rods and counts do not affect
-        the states.
+        effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off. Encoder effects change only the readings,
+        not the states.
         constants: measured constants of the rig; None: an effect that needs more than L1 and g gives nan
 
     Returns:

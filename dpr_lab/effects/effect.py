@@ -296,12 +296,12 @@ class Effect:
 
     @property
     def driven(self) -> bool:
-        """Whether it belongs to a drive and does not affect free swings."""
+        """Whether the effect belongs to a drive and does not affect free swings."""
         return self.stage in ("drive", "drive0", "input")
 
     @property
     def of_arm(self) -> bool:
-        """Whether it acts only at a free or driven arm."""
+        """Whether the effect occurs only on rigs with a free or driven arm."""
         return self.stage in ("free_arm", "torque0", "drive0", "whole0", "timing0", "encoder0", "play0")
 
     @property

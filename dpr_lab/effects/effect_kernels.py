@@ -170,7 +170,7 @@ dry_limit0 = scalar_stage("dry0")
 """(motion, push0, params, active) -> limit, N m, up to which Coulomb friction holds the arm against a torque."""
 
 arm_delay = scalar_stage("timing0")
-"""(late0, params, active) -> lead of the arm's reading relative to joint 1, s; `late0` without effects."""
+"""(late0, params, active) -> time by which the arm is read before joint 1, s; `late0` without effects."""
 
 arm_encoder_error = scalar_stage("encoder0")
 """(angle0, t, run, constants, params, active) -> rad added to the reading of the arm's encoder."""

@@ -41,8 +41,8 @@ MISSED_COUNTS = Effect(
     ),
     quantities=(BenchQuantity("counts that the encoder missed", "n", ("counts",)),),
     symptom=(
-        "The reading of one joint jumps by some counts at one instant of one recording and stays shifted; the rods"
-        " then hang at another reading than before."
+        "The reading of one joint jumps by several counts at one instant of one recording and stays shifted. At rest,"
+        " the rods then give a different reading than before."
     ),
     bench_check=(
         "Compare the angle at which the rods hang before and after the run: it has moved by whole counts. Check shield"

@@ -31,12 +31,12 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
 
 
 def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5) -> bool:
-    """Whether one spring can have these sizes, for example not a constant with a hardening term alone.
+    """Whether these sizes are possible for a single spring; a constant torque with only a hardening term is not.
 
-    C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness of less than
-    the share `tolerance` of this bound contradicts it despite the neglected term and the error of the fit. A softening
-    spring pulls back up to `small_rad` at least; without stiffness it would push away. A softening term of a tenth of
-    the constant torque is an error of the fit.
+    C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below
+    the fraction `tolerance` of this bound is rejected; the tolerance allows for the neglected term and the error of the
+    fit. A softening spring must still attract at deflections up to `small_rad`; without stiffness it would repel. A
+    softening term below a tenth of the constant torque counts as an error of the fit.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     least = tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)
@@ -47,7 +47,7 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
 def linear(params: Params, negligible: float = 1e-3) -> Words:
     """Stiffness and rest angle of a spring without a cubic term; {} if it has no rest angle.
 
-    A cubic term of less than the share `negligible` of the linear torque at half a turn counts as none.
+    A cubic term below the fraction `negligible` of the linear torque at half a turn counts as none.
     """
     rest, stiffness = rest_angle(params), params.get("stiffness_Nm_per_rad", 0.0)
     if abs(params.get("cubic_Nm_per_rad3", 0.0)) * math.pi**2 > negligible * stiffness or not rest:

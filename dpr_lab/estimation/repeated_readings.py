@@ -35,8 +35,8 @@ class RepeatSettings:
     even: float = 0.2
     """Maximum relative deviation of the times between bursts from their median, at both quartiles."""
     lasting: float = 0.2
-    """Maximum median duration of a burst, in units of the time between bursts. Longer bursts are the new readings of a
-    logger that pauses regularly.
+    """Maximum median duration of a burst, in units of the time between bursts. Longer bursts consist of new
+    readings, recorded by a logger that pauses regularly.
     """
     rows: float = 2.0
     """Minimum mean number of rows of a burst."""

@@ -95,13 +95,14 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     """(2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
 
     The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised, starting from
-    the upper limits `torque_noise`, by halving the variance of each joint. Torques of a controller vary from sample to
-    sample, which differences cannot distinguish from noise.
+    the upper limits `torque_noise`, by halving the variance of each joint. The torque of a controller varies from
+    sample to sample. An estimate from sample differences cannot distinguish this variation from noise.
 
     Args:
         problem: the segments, of which some have measured torques
         model: a fit to them
-        halvings: maximum number of halvings of the variance; then zero
+        halvings: maximum number of halvings of the variance; if the likelihood still increases, the noise is set to
+        zero
     """
     upper = most_noise(problem)
     if not upper.any():

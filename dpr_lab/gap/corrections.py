@@ -1,10 +1,10 @@
-"""Corrections of the recordings that a set of effects implies; after each, the effects are searched again.
+"""Corrections of the recordings that a set of effects implies. After each correction, the effects are searched again.
 
-noise of torques       initially that at rest; the set shows that it is smaller, or that the torques are exact
-earlier torques        torques act before their rows, which looks like a negative delay
-kicks and steps        of which the bare model left no trace, because a larger cause hid them
-rolling shutter        readings of a film are corrected; first as the bare model proposes it, because an effect may
-imitate a part of the delay, then as the set does, which contains other causes
+noise of torques: initially the noise at rest, unless the set shows that the noise is smaller or the torques are exact
+earlier torques: torques that act before their rows, which looks like a negative delay
+kicks and steps: disturbances that were invisible in the residuals of the bare model, because a larger cause hid them
+rolling shutter: correction of the readings of a film. The first correction uses the delay of the bare model, because an
+effect may imitate a part of the delay. The second uses the delay of the set, which includes other causes.
 """
 
 from collections.abc import Callable

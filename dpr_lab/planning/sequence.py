@@ -198,7 +198,7 @@ def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) ->
 
 
 def _bent(release: CandidateRelease) -> CandidateRelease:
-    """Angle of an absent rod, which equals that of the mounted one."""
+    """The release; for a single rod, the angle of the absent rod is set to that of the mounted one."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 

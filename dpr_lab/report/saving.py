@@ -111,7 +111,7 @@ def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Call
     try:
         return yardstick(corrected, runs, rig)
     except DprError as error:
-        on_loss(f"URDF and SDFormat got refitted models, but their error is unknown: {error}")
+        on_loss(f"The URDF and SDFormat files contain refitted models whose error is unknown: {error}")
         return None
 
 

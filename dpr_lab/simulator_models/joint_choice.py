@@ -61,8 +61,8 @@ def named(model: SimulatorModel, names: Sequence[str]) -> Hinges:
     by_name = {joint_of(model, index).name: index for index in hinges}
     if len(names) not in (2, 3) or len(set(names)) != len(names):
         raise ConfigError(
-            "--joints names two joints, of the inner and of the outer rod, and optionally that of the arm; or those of"
-            " one rod and its arm"
+            "--joints takes two or three joint names: inner rod, outer rod and optionally the arm. For a single rod on"
+            " an arm, it takes the rod and the arm."
         )
     if unknown := [name for name in names if name not in by_name]:
         raise ConfigError(f"no hinge is named {unknown[0]!r}; hinges of the model: {_names(model, hinges)}")

@@ -104,7 +104,7 @@ def trust(
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """Common data of all trials; called with the number of a trial, in any process."""
+    """Data shared by all trials. An instance is called with the number of a trial, in any process."""
 
     diagnosis: Diagnosis
     originals: tuple[_Original, ...]

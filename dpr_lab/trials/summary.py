@@ -129,7 +129,9 @@ def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
 
 
 def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
-    """Errors of amplitudes: median and 90th percentile of the leading ones, coverage of all."""
+    """Errors of amplitudes: median and 90th percentile for the largest amplitude of each effect, and interval coverage
+    over all amplitudes.
+    """
     leading = [size.relative for size in sizes if size.leads]
     return {
         "size_error": _median(leading),

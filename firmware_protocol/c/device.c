@@ -63,7 +63,7 @@ static void carry_out(dpr_device_t *device, const dpr_answer_t *answer)
     }
 }
 
-/* Positions, status and, so that no lost frame costs a swing, the release again. */
+/* Send positions and status. Repeat RELEASED, so that a lost frame does not invalidate the swing. */
 static void report(dpr_device_t *device, const dpr_reading_t *reading)
 {
     const dpr_session_t *session = &device->session;

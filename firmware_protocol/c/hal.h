@@ -30,7 +30,7 @@ typedef struct {
 /* Milliseconds of a clock that never jumps; may wrap. */
 uint32_t hal_millis(void *port);
 
-/* Engage the latch. `pose` is for a display: which pose of the rig the operator is asked for, from 1; 0 none. */
+/* Engage the latch. `pose` is the number of the pose to show the operator, counted from 1; 0: none. */
 void hal_hold(void *port, uint8_t pose);
 
 /* Open the latch now; the tick of the first reading after that instant. */

@@ -21,7 +21,7 @@ typedef enum {
     DPR_DO_STREAM,  /* restart the tick at 0, at `rate_hz` */
     DPR_DO_RELEASE, /* open the latch and send EVENT RELEASED */
     DPR_DO_STOP,    /* go back to the default rate */
-    DPR_DO_PONG     /* tell the time, with `ping` */
+    DPR_DO_PONG     /* answer the PING `ping` with the tick */
 } dpr_task_t;
 
 typedef struct {
@@ -51,7 +51,7 @@ void dpr_session_start(dpr_session_t *session, const dpr_identity_t *identity);
 
 bool dpr_session_streams(const dpr_session_t *session);
 
-/* Takes a frame off the link; frames for other nodes and damaged ones do nothing. */
+/* Process a received frame. Damaged frames and frames for other nodes are ignored. */
 void dpr_session_receive(dpr_session_t *session, const dpr_frame_t *frame, uint32_t now_ms, dpr_answer_t *answer);
 
 /* Stops streaming when the host was silent for DPR_LEASE_MS; the latch stays as it is. */

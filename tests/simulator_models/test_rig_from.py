@@ -263,7 +263,7 @@ def test_a_model_that_is_not_a_double_pendulum_is_refused_with_a_sentence(
     ("names", "message"),
     [
         (("elbow", "shoulder"), "give the inner joint first"),
-        (("shoulder",), "names two joints"),
+        (("shoulder",), "takes two or three joint names"),
         (("shoulder", "knee"), "no hinge is named 'knee'; hinges of the model: 'shoulder', 'elbow'"),
     ],
 )

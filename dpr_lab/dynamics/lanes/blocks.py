@@ -56,7 +56,7 @@ class LaneBlock(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """One segment of one candidate, by their indices."""
+    """Indices of one segment and one candidate."""
 
     candidate: int
     segment: int

@@ -118,7 +118,7 @@ def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) ->
 
 @subroutine
 def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Set the directions of joints at rest whose limits are exceeded at the start of a step."""
+    """Set the direction of motion of each resting joint whose Coulomb friction limit is exceeded at a step's start."""
     arm = required.arm
     for side in (1.0, -1.0):
         for k in range(LANES):

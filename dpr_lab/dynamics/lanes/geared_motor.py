@@ -33,13 +33,13 @@ def begin_gear(w: LaneWorkspace) -> None:
 
 @subroutine
 def fed(owed: float, behind: float, step: float) -> float:
-    """Torque by which two steps transmit an outstanding impulse, N m s, and its first moment, N m s^2."""
+    """Torque that transmits the impulse `owed`, N m s, with the first moment `behind`, N m s^2, within two steps."""
     return (1.5 * owed + behind / step) / step
 
 
 @subroutine
 def transmit(w: LaneWorkspace) -> None:
-    """Replace the torque of the drive by that of the gear on the arm, which includes the outstanding impulse."""
+    """Replace the drive torque by the torque that the gear transmits to the arm, including the outstanding impulse."""
     for k in range(LANES):
         w.motor_torque0[k] = w.torque0[k]
         w.torque0[k] = (1.0 - w.old_loose0[k]) * w.motor_torque0[k] + w.fed0[k]
@@ -47,7 +47,7 @@ def transmit(w: LaneWorkspace) -> None:
 
 @subroutine
 def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
-    """Move each motor up to the share `share` of the step if this is at most `until`."""
+    """Move each motor up to the fraction `share` of the step if the fraction is at most `until`."""
     for k in range(LANES):
         u = w.share[k] if w.share[k] <= until else w.followed0[k]
         w.angle0[k], w.speed0[k] = angle0(w, k, u), speed0(w, k, u)

@@ -5,10 +5,10 @@ therefore free unless recordings or measured values determine it, and is chosen 
 file as possible are unchanged: with u the estimated base parameters at b = 1 and x those of the file, x_i is unchanged
 if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
 
-If known torques alone determine the scale, they were computed with the gears of the file. A common factor s / b of all
-torques is then equivalent to the inverse factor of all masses, inertias and frictions. The gears, which change by s / b
-(1 + x_j) with the error x_j of the torque constant of joint j, therefore count like the base parameters, and s is one
-of x_i / u_i, b and b / (1 + x_j).
+If only known torques determine the scale, these torques were computed with the gears of the file. Multiplying all
+torques by s / b is then equivalent to dividing all masses, inertias and frictions by s / b. Each gear changes by the
+factor s / b (1 + x_j), where x_j is the error of the torque constant of joint j. The gears therefore count like base
+parameters, and s is one of x_i / u_i, b and b / (1 + x_j).
 """
 
 from collections.abc import Mapping, Sequence

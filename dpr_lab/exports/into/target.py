@@ -27,7 +27,7 @@ from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
 @dataclass(frozen=True, slots=True)
 class PatchSettings:
-    """Tolerances for equal values."""
+    """Tolerances within which two values count as equal."""
 
     same: float = 1e-6
     """Maximum relative difference of L1 and g between the rig file and the model."""
@@ -125,11 +125,11 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
 
 
 def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> ChainArm | None:
-    """The arm of a file if that of the model moves; None if only the rods change.
+    """The arm of a file if the arm of the model moves; None if only the rods change.
 
     Raises:
-        ConfigError: the arm of the model moves, and the file has none, another number of rods on it, or another L0; or
-            the arm is clamped, and the file has a single rod.
+        ConfigError: the arm of the model moves, but the file has no arm, a different number of rods on it, or a
+            different L0; or the arm is clamped, but the file has a single rod.
     """
     if isinstance(model, Model):
         if len(chain.rods) == 1:

@@ -24,7 +24,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
 KNOWN_TORQUE = ("torque", "current")
-"""Inputs from which the scale follows."""
+"""Input quantities that determine the absolute scale of torques and inertias."""
 
 
 def sampled_arm_models(

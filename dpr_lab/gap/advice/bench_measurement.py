@@ -15,7 +15,7 @@ from dpr_lab.shown import listed
 
 
 def form(check: AdvisedCheck) -> str:
-    """Options that give the result of a measurement."""
+    """Command-line options with which the result of a measurement is entered."""
     return f'--value "{_example(check)}" --std "..."'
 
 

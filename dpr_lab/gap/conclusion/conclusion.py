@@ -27,7 +27,7 @@ from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.setup import only_inner
 
 PLACES_SHOWN = 6
-"""Maps in a diagnosis, the one with the largest share first."""
+"""Maximum number of maps in a diagnosis; they are sorted by share, the largest first."""
 
 
 def conclude(state: Supported, seconds: float) -> Diagnosis:

@@ -115,7 +115,9 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """A sentence if a delay of known torques is shorter than the row interval and this is too long; else empty."""
+    """A sentence if a delay of known torques is shorter than the row interval and the torques change too much within
+    one interval to determine it; else empty.
+    """
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
     delay = named_params(selection.chosen.fit.estimate.params)[INPUT_DELAY.name]["delay_s"]

@@ -46,7 +46,9 @@ class DisturbanceRules:
     rounds: int = 6
     """Maximum number of searches: a large disturbance hides smaller ones."""
     returns: float = 0.25
-    """Maximum sum of two steps, relative to the first, by which a reading returns."""
+    """Maximum sum of a step and a later step, relative to the first step, for which the reading counts as having
+    returned.
+    """
     while_share: float = 0.3
     """Maximum share of a recording during which a reading is shifted for a while."""
     iterations: int = 15

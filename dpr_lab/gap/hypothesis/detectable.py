@@ -17,7 +17,8 @@ from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.rig import load_rig
 
 SIGMAS = 5.0
-"""Standard deviations from which an effect is detectable: beyond chance among some 600 shapes."""
+"""Minimum ratio of a detectable effect to its standard deviation; the maximum of 600 shapes of pure noise is smaller.
+"""
 
 SEEN = 1e-6
 """Fraction of a column's squared length that must remain after projection for its amplitude to be detectable."""

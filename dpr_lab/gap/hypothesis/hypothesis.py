@@ -259,7 +259,9 @@ def shaped(before: Hypothesis, score: Score) -> Estimate:
 def refit_without(
     problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15
 ) -> Hypothesis:
-    """Fit without one effect, from the linearised solution; b of the bare model if b is not identifiable without it."""
+    """Refit without one effect, starting from the linearised solution. If b is not identifiable without the effect, its
+    value is that of the bare model.
+    """
     names = tuple(name for name in before.effects if name != effect)
     free, linear, estimate = before.fit.free, before.fit.linear, before.fit.estimate
     removed = np.array([-p.read(estimate) if p.effect == effect and p.amplitude else 0.0 for p in free])

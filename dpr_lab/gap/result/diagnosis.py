@@ -212,5 +212,6 @@ def load_diagnosis(path: Path) -> Diagnosis:
     }
     unknown = [name for name in {*diagnosis.model_effects, *named} if name not in EFFECTS]
     if unknown or any(check.about not in named for check in diagnosis.checks):
-        raise RunError(f"{path}: does not fit this version: {', '.join(unknown) or 'a check of no named effect'}")
+        reason = ", ".join(unknown) or "a check refers to an effect that the diagnosis does not name"
+        raise RunError(f"{path}: is not compatible with this version of dpr-lab: {reason}")
     return diagnosis

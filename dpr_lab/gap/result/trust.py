@@ -5,7 +5,7 @@ from typing import Literal
 from dpr_lab.gap.result.saved import Number, Saved
 
 NOTHING = "nothing"
-"""Name of the case without an effect, or without a named one."""
+"""Entry of the confusion matrix if the plant has no further effect, or if the diagnosis names none."""
 
 
 REFUSED = "refused"

@@ -68,7 +68,7 @@ class QueuedRows:
     series: int
     """Number of series of such rows that follow a turning point."""
     differ_s: float
-    """Median difference between their delay after turning points and that of the full queue, s."""
+    """Median difference between the delay of these rows after a turning point and the delay of a full queue, s."""
 
     @property
     def evidence(self) -> str:

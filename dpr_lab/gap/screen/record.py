@@ -59,7 +59,7 @@ class ThinningSettings:
     distinct: float = 0.6
     """Minimum fraction of different changes of neighbouring readings, if the readings have no fixed step."""
     arm_moves: float = 5.0
-    """Standard errors of the autocorrelation of neighbours, above which the arm moved according to encoder 0."""
+    """Maximum lag-1 autocorrelation of encoder 0, in standard errors, for which the arm counts as at rest."""
 
 
 THINNING = ThinningSettings()

@@ -225,7 +225,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
-    """(n,) readings of the swing that waited in the queue of a saturated link, and the finding."""
+    """(n,) whether each reading of the swing waited in the queue of a saturated link; and the finding."""
     swing, waited = run.t >= 0.0, np.zeros(len(run.t), dtype=np.bool_)
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
     if queue is None:
@@ -235,7 +235,7 @@ def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
 
 
 def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
-    """(n,) readings that are late or repeated in a cycle, perhaps in a part of the recording only."""
+    """(n,) whether each reading is periodically late or repeated, perhaps only in a part of the recording; findings."""
     read = joints[:, :1] if run.setup.alone else joints
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
     if delay is None:

@@ -23,12 +23,16 @@ from dpr_lab.setup import Setup
 
 @dataclass(frozen=True, slots=True)
 class TimeScaleRules:
-    """Equivalent lengths that the rig file contradicts."""
+    """Limits beyond which the equivalent length of a rod contradicts the rig file."""
 
     longer: float = 1.5
-    """Ratio to the length of the rod: a rod may protrude beyond its end and may have a small counterweight."""
+    """Maximum ratio of the equivalent length to the length of the rod. It exceeds 1 because a rod may extend past the
+    specified length and may have a small counterweight.
+    """
     apart: float = 3.0
-    """Ratio to the length from the rig file's values, in either direction: some values in the file are guesses."""
+    """Maximum factor between the equivalent length and its value from the rig file, above or below. It is large because
+    some values in the file are guesses.
+    """
     swings: int = 10
     """Number of swings to be timed with a stopwatch."""
 

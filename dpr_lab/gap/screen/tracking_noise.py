@@ -112,7 +112,9 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
 
 
 def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
-    """(correlations,) minus twice the log-likelihood at the best remainder, and the variance of the errors there."""
+    """(correlations,) profile of -2 log-likelihood, minimised over the smooth remainder, and the error variance at each
+    minimum.
+    """
     apart = np.abs(t[:, None] - t)
     lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
     smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in TRACKING.remainders]

@@ -59,7 +59,7 @@ class OutOfSample:
     noise_rad: float
     """Noise of a reading, rad."""
     chi2: Callable[[Hypothesis], Array]
-    """(segments,) by a model."""
+    """Function that returns the (segments,) chi-square of a model."""
     block: int
     """Number of neighbouring segments that count as one independent value."""
 

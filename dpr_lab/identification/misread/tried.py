@@ -31,8 +31,8 @@ class MisreadSettings:
     screened_s: float = 1.0
     """Duration of the part of the first run in a quick test of each interpretation, before all runs are fitted, s."""
     worse: float = 3.0
-    """Factor by which the reduced chi-square of this part must exceed the limit for all runs to reject an
-    interpretation. It is above 1 because the noise of a part is estimated from fewer readings.
+    """An interpretation is rejected if the reduced chi-square of this part exceeds the limit for all runs by this
+    factor. The factor is above 1 because the noise of a part is estimated from fewer readings.
     """
     suspicious: float = 0.02
     """Residual over the standard deviation of the angle. Free rods reach 2e-4 for a clean plant, 0.002 and 0.065
@@ -218,11 +218,11 @@ def impossible(ratios: Array, rig: Rig) -> str:
     least = d * d / SETTINGS.spare
     if not np.isfinite(ratios).all() or min(a, d, e1) <= 0:
         values = ", ".join(f"{name} = {value:.3g}" for name, value in zip(RATIOS, ratios.tolist(), strict=True))
-        return f"no masses have {values}"
+        return f"no positive masses give {values}"
     if a < least:
-        return f"no masses have a/b = {a:.3g} with d/b = {d:.3g}"
+        return f"no positive masses give both a/b = {a:.3g} and d/b = {d:.3g}"
     if e1 < least * rig.g / rig.L1:
-        return f"no masses have e1/b = {e1:.3g} with d/b = {d:.3g} and L1 = {rig.L1:g} m"
+        return f"no positive masses give both e1/b = {e1:.3g} and d/b = {d:.3g} with L1 = {rig.L1:g} m"
     return ""
 
 

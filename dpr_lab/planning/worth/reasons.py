@@ -12,7 +12,7 @@ from dpr_lab.shown import listed, percent
 
 @dataclass(frozen=True, slots=True)
 class Noticeable:
-    """Bits from which a gain is mentioned."""
+    """Minimum information gain, bits, that a reason mentions."""
 
     causes: float = 0.05
     library: float = 0.02
@@ -45,9 +45,9 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
     """Compare the expected results before and after a release.
 
     Args:
-        before: before it
-        after: after it
-        needed: whether nothing is decided with the earlier releases alone
+        before: expected results before the release
+        after: expected results after the release
+        needed: whether the earlier releases alone decide nothing
         diagnosed: whether there are recordings whose causes are named
     """
     parts = ["verifies the result of the first release with another swing"] if needed else []

@@ -46,7 +46,9 @@ def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
 
 
 def informative(checks: Sequence[AdvisedCheck]) -> bool:
-    """Whether a check is expected to give 0.05 bits or more, as an open question of probabilities below 0.994 does."""
+    """Whether any check is expected to give at least 0.05 bits, the entropy of a yes-no question with probability
+    0.994.
+    """
     return any(check.expected_bits >= 0.05 for check in checks)
 
 

@@ -45,9 +45,9 @@ STEP_NOTE = (
     " Effects are added one at a time, the largest contribution first. The excess explained is cumulative."
 )
 STANDING_NOTE = (
-    "The first line of each effect contains the effect and its indistinguishable effects. A richer form whose addition"
-    " is excluded, such as a drift of an offset, counts as the effect. The probabilities of the lines of one effect add"
-    " up to 100 %. Cosine similarity: 1 if two effects change the readings in the same way."
+    "The first line gives the effect and the effects indistinguishable from it. If the additional term of a richer form"
+    " is excluded, e.g. the drift of an offset, the form is not a separate alternative. The probabilities of all lines"
+    " of one effect add up to 100 %. A cosine similarity of 1 means that both effects change the readings equally."
 )
 CLOSED_NOTE = (
     "Gap reduction: relative decrease of the rms above the noise; each run is predicted from the others (a single run:"

@@ -33,7 +33,7 @@ class PointSettings:
     likelihood: float = 0.6
     """Minimum likelihood of a point; DeepLabCut does not draw points below it (its pcutoff)."""
     at_rest: float = 0.05
-    """Motion of a point relative to that of another one, below which it is a pivot at rest."""
+    """Maximum ratio of the motion of one point to the motion of another for which the first point is a fixed pivot."""
     at_origin: float = 1.5
     """Scatter of the distance to the origin relative to that to the fitted centre of the circle, up to which the origin
     is the pivot: users of Tracker place the axes there.

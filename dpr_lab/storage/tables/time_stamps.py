@@ -25,7 +25,7 @@ class StampSettings:
     """Limits for the detection of rounded stamps, and of stamps on the wrong side of a gap."""
 
     shared: float = 0.1
-    """Minimum share of rows with the time but not the readings of the row before."""
+    """Minimum fraction of rows that repeat the time of the previous row but not its readings."""
     slack: float = 1.2
     """Maximum range of the deviations from an even spacing, in units of the resolution; 1 in exact arithmetic."""
     times: int = 10

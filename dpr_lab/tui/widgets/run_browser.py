@@ -249,7 +249,7 @@ The reason is shown below the list.
         self._chosen = [by_path[path.resolve()] for path in self._chosen]
 
     def _survey(self) -> None:
-        """List the files at once, and their metadata as they are read."""
+        """List the files immediately, and add the metadata of each file as it is read."""
         self._list()
         self._say("")
         if self._paths:
