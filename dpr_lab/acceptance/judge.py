@@ -37,8 +37,8 @@ from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
-"""Probability of a cause above which its size can fail a limit, and probability of its absence above which it can
-pass one.
+"""Minimum probability of a cause for its size to fail a limit, and minimum probability of its absence for it to pass
+one.
 """
 
 NOT_OF_SPEED = tuple(

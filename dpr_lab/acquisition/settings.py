@@ -57,7 +57,8 @@ class QualityLimits:
     release_speed: float = 0.2
     """Maximum initial speed, rad/s; the fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0
-    """Standard deviations by which coarse counts may change a speed without indicating a push or a jump."""
+    """Maximum change of a speed, in standard deviations due to coarse counts, that does not indicate a push or a jump.
+    """
     lost_share: float = 1e-3
     gap_periods: int = 10
     """Maximum number of consecutive missing samples."""
@@ -66,12 +67,12 @@ class QualityLimits:
     amount.
     """
     clock_std_ppm: float = 10_000.0
-    """Standard deviation above which a clock rate has no meaning, ppm; two seconds of PING on a busy host reach a
-    tenth of it.
+    """Maximum standard deviation of a clock rate that has a meaning, ppm. Two seconds of PING on a busy host reach a
+    tenth of this value.
     """
     real_pace_ppm: float = 300_000.0
-    """Relative deviation from real time below which a steady rate cannot be a simulated clock, which is many times
-    faster.
+    """Maximum relative deviation of a steady rate from real time for which the clock is not a simulated one, ppm. A
+    simulated clock is many times faster.
     """
     latched_share: float = 0.5
     """Maximum share of STATUS messages after the release that still report a closed latch."""
@@ -80,16 +81,17 @@ class QualityLimits:
     jitter_periods: float = 0.05
     """Maximum irregularity of the sampling, periods rms."""
     speed_margin: float = 1.5
-    """Factor on the maximum possible speed below which a step is not a jump, because the values of the rig file are
-    not exact.
+    """A step is not a jump if its speed is below the maximum possible speed times this factor. The factor exceeds 1
+    because the values of the rig file are not exact.
     """
     travel_counts: int = 16
     """Minimum motion of an encoder, counts."""
     hang_error: float = 0.02
     """Maximum deviation from hanging at rest, rad; the friction of a small bearing holds a rod within a milliradian."""
     motor_on: float = 5.0
-    """Rms input of the motor of a free arm above which the motor was on, relative to the noise at rest and the
-    resolution of the input."""
+    """Maximum rms input of the motor of a free arm for which the motor counts as off, relative to the noise at rest and
+    the resolution of the input.
+    """
 
 
 @dataclass(frozen=True, slots=True)

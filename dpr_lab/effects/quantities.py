@@ -6,7 +6,7 @@ from typing import NamedTuple
 from dpr_lab.kernels import inlined
 
 SMOOTHING = 0.02
-"""Speed above which a joint counts as sliding if the law does not define it, rad/s: far below any swing."""
+"""Minimum speed of a sliding joint if the law does not define one, rad/s; it is far below the speeds of any swing."""
 
 
 class RigConstants(NamedTuple):

@@ -53,17 +53,19 @@ class HeldSettings:
     onset: float = 4.0
     """Maximum excursion of a rod from its mean position at rest, in standard deviations."""
     own_zero_s: float = 0.05
-    """Maximum time from t = 0 of a table to the visible motion, s, up to which t = 0 counts as the release; a slow fall
-    becomes visible late.
+    """Maximum time from t = 0 of a table to the first visible motion for which t = 0 counts as the release, s. The
+    start of a slow fall becomes visible late.
     """
     driven_share: float = 0.02
-    """Share of the largest torque of the recording below which torques count as zero."""
+    """Torques below this fraction of the largest torque of the recording count as zero."""
     unclear: float = 0.25
-    """Width of the band, relative to the excursion, above which rest and motion are indistinguishable: too much noise
-    or too few readings.
+    """Maximum width of the band, relative to the excursion, for which rest and motion are distinguishable. The band is
+    wider with too much noise or too few readings.
     """
     restless: float = 3.0
-    """Ratio of the standard deviation of a rest to that of its white noise above which the rods tremble."""
+    """The rods tremble if the standard deviation of a rest exceeds the standard deviation of its white noise by this
+    factor.
+    """
     readings: int = 20_000
     """Maximum number of readings for the noise estimate."""
     bent: float = 5.0

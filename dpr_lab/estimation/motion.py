@@ -28,9 +28,8 @@ class MotionSettings:
     five, shuffled rows of three. Late time stamps of camera frames increase it to sixteen.
     """
     elbow: float = 0.02
-    """Range of joint 2 relative to that of joint 1 below which the elbow does not turn. A free elbow turns by a
-    fifth of joint 1 even in the slow mode, in which both rods swing together; a clamp has a play of at most 0.1
-    rad.
+    """Minimum ratio of the range of joint 2 to the range of joint 1 for which the elbow turns. A free elbow turns by a
+    fifth of joint 1 even in the slow mode, in which both rods swing together; a clamp has a play of at most 0.1 rad.
     """
     tail: float = 0.01
     """Share of the readings that is ignored at each end of a range, because they may be single faults."""

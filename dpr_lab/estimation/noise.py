@@ -28,13 +28,13 @@ class NoiseSettings:
     rest_samples: int = 100
     """Minimum number of samples of rest, which give the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
-    """Deviation below which a table of angles has no noise, only rounding, rad."""
+    """Maximum deviation for which a table of angles has no noise, only rounding, rad."""
     correlated: float = 4.0
-    """Standard errors above which the autocorrelation of readings at rest is significant."""
+    """Minimum significant autocorrelation of readings at rest, in standard errors."""
     most_alike: float = 0.98
     """Maximum autocorrelation of reading noise: a larger one is the tremble of a hand that holds a rod."""
     wild: float = 8.0
-    """Deviations, in units of the 90 % quantile, above which a reading at rest is a fault of the logger."""
+    """Maximum deviation of a reading at rest, in units of the 90 % quantile; a larger one is a fault of the logger."""
     on_grid: float = 0.7
     """Minimum mean of exp(2 pi i change / step) for the readings of a table to be multiples of a step; it is zero for
     readings without one."""

@@ -61,7 +61,7 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
 def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     """Rigid bodies with the motion of equation (1), docs/theory.md, and the effects that the format supports.
 
-    Their masses are those of the model at the scale of its base parameters; a swing depends only on the base
+    Their masses are the masses of the model at the scale of its base parameters; a swing depends only on the base
     parameters.
 
     Raises: ConfigError: no rigid bodies can represent the model with a moving arm.

@@ -1,4 +1,4 @@
-"""Loss of accuracy of an export: replay errors compared with those of the corrected and of the bare model."""
+"""Loss of accuracy of an export: replay errors compared with the errors of the corrected and of the bare model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ class ReplayRule:
     most: int = 3
     """Maximum number of replayed releases, because a program may run in real time."""
     worse: float = 1.02
-    """Ratio of the error of an export to that of the bare model above which the export is refused. Smaller
-    differences are within the uncertainty of the initial state.
+    """An export is refused if its error exceeds the error of the bare model by this factor. Smaller differences are
+    within the uncertainty of the initial state.
     """
 
 

@@ -158,7 +158,7 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """The file whose joints a module of passive forces acts on; by default that of `mjcf`."""
+    """The file whose joints a module of passive forces acts on; by default the file of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")

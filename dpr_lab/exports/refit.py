@@ -32,7 +32,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
-"""Stages of effects that move the rods; the others act between the rods and the readings."""
+"""Stages of effects that move the rods; the other stages act between the rods and the readings."""
 
 
 def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig: Rig) -> dict[str, AnyModel]:

@@ -44,7 +44,7 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
 
 
 def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Replay] | None = None) -> tuple[Replay, ...]:
-    """Swings of a model along runs, over the same time as those of another model.
+    """Swings of a model along runs, over the same time as the swings of another model.
 
     Raises:
         RunError: a run that is too short, or one that no initial state fits.

@@ -47,7 +47,7 @@ class _Writer:
         self.written: list[str] = []
 
     def write(self, value: Any) -> str:
-        """Write the definition of a value after those of its dependencies, unless it exists; return its name."""
+        """Write the definition of a value after its dependencies, unless it exists; return its name."""
         key = _identity(value)
         if key not in self.names:
             self.names[key] = self._free_name(value)

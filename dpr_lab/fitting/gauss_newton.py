@@ -47,7 +47,7 @@ class GaussNewton:
     converged: float = 1e-4
     """Relative reduction of the cost by a full step that ends the iteration: a small part of the effect of noise."""
     linearity: float = 0.1
-    """Relative difference between actual and predicted reduction up to which the Jacobian is frozen."""
+    """Maximum relative difference between actual and predicted reduction for which the Jacobian is frozen."""
     converged_frozen: float = 3e-6
     """Relative reduction that ends the iteration with a frozen Jacobian; the limit is smaller because convergence is
     then linear."""
@@ -68,11 +68,11 @@ class GaussNewton:
     most_damping: float = 0.1
     """Damping beyond which no step is expected to help."""
     same_step: float = 1e-3
-    """Relative difference up to which a step with more damping equals the step that failed, and is not tried."""
+    """A step with more damping is not tried if its relative difference from the failed step is at most this value."""
     preliminary: float = 0.0
     """Relative reduction of the cost that ends the iteration far from the noise; 0: only `converged` ends it."""
     far: float = 20.0
-    """chi2 per reading above which a fit is far from the noise."""
+    """Maximum chi2 per reading of a fit that is near the noise."""
     to_beat: float = np.inf
     """chi2 of a better fit; the iteration ends if `exceeded` times the predicted reduction would not reach it."""
     exceeded: float = 2.0

@@ -22,7 +22,8 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.setup import Setup
 
 BLIND = 1e-12
-"""Standard deviations per rad below which readings contain no information on an initial state, because of rounding."""
+"""Minimum information of readings on an initial state, standard deviations per rad; smaller values are due to rounding.
+"""
 
 
 UNKNOWN_STARTS = np.array([0.0, 0.0, 1.0, 1.0])

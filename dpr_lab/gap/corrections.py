@@ -28,7 +28,7 @@ class Correction:
     correct: Callable[[Drafted], Drafted | None]
     """Returns the state with other recordings; None if they need no change."""
     better: Callable[[Drafted, Drafted], bool]
-    """Whether the search of the other recordings (second state) replaces that of the former ones."""
+    """Whether the search of the other recordings (second state) replaces the search of the former ones."""
     most: int = 1
     """Maximum number of corrections in succession."""
 

@@ -58,8 +58,8 @@ def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis
 def earlier_share(recordings: Recordings, model: Hypothesis) -> float:
     """Share of the interval between rows by which known torques act before their rows; 0 if they are held.
 
-    The value of a row is that of its instant. The time for which it acted before and after is not recorded, so that a
-    negative delay of less than a row is not a property of the drive.
+    The value of a row is the torque at its instant. The time for which it acted before and after is not recorded, so
+    that a negative delay of less than a row is not a property of the drive.
     """
     if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
         return 0.0

@@ -229,7 +229,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 
 
 def compare_followed(followed: Followed) -> Comparison:
-    """Compare a run that is already fitted by segments; the result is that of `compare_run`.
+    """Compare a run that is already fitted by segments; the result equals the result of `compare_run`.
 
     Raises:
         RunError: the model cannot follow the readings.

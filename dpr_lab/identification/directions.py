@@ -14,7 +14,7 @@ from dpr_lab.identification.prior_update import UNREACHED
 from dpr_lab.rig import PARAMETERS
 
 SEEN = 1.0
-"""Singular value, standard deviations per 100 % of change, above which a direction is determined."""
+"""Minimum singular value of a determined direction, standard deviations per 100 % of change."""
 
 
 def _decompose(rows: Array) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Thresholds above which a measured value is listed."""
+    """Limits beyond which a measured value is listed."""
 
     helps: float = 1.1
     """Factor by which a parameter's standard deviation grows if the value is not used."""

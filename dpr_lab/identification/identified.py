@@ -40,17 +40,17 @@ from dpr_lab.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class IdentifySettings:
-    """Thresholds above which an identification warns."""
+    """Limits beyond which an identification warns."""
 
     gap_warning: float = 3.0
-    """Reduced chi-square above which the model is clearly incomplete."""
+    """The model is clearly incomplete if the reduced chi-square exceeds this value."""
     doubted: float = 20.0
-    """Reduced chi-square above which other interpretations of the runs are tried."""
+    """Other interpretations of the runs are tried if the reduced chi-square exceeds this value."""
     hardly_seen: float = 0.5
-    """Relative standard deviation of a ratio above which the runs do not determine it."""
+    """Maximum relative standard deviation of a ratio that the runs determine."""
     of_prior: float = 0.5
-    """Share of the prior's variance above which a ratio is determined by the bounds of the rig file rather than by
-    the runs.
+    """If the variance of a ratio exceeds this share of the prior's variance, the bounds of the rig file determine the
+    ratio rather than the runs.
     """
 
 

@@ -21,13 +21,16 @@ class MergeSettings:
     """Settings of segment merging."""
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Maximum deviation of a free run from the readings, rad, up to which segments are merged: the fit converges from
+    """Maximum deviation of a free run from the readings for which segments are merged, rad: the fit converges from
     there. After a failure the next smaller limit is used.
     """
     follows: float = 3.0
-    """Reduced chi-square above which longer segments would only amplify the model error."""
+    """Maximum reduced chi-square with which segments are lengthened; above it, they would only amplify the model error.
+    """
     worse: float = 1.02
-    """Factor on the reduced chi-square of the shortest segments above which a level is discarded."""
+    """A level is discarded if its reduced chi-square exceeds the reduced chi-square of the shortest segments by this
+    factor.
+    """
     worth_moving: float = 0.1
     """Minimum share of its neighbour that a segment must follow before the border between them moves."""
     solver_error: float = 0.2

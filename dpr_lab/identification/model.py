@@ -82,12 +82,12 @@ class ParameterValue(_Record):
 
 
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check that ratios are those of both rods, or of the inner rod alone."""
+    """Check that ratios have the names for both rods, or for the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
 
 
 def of_rods_or_none(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check the same; the table may be empty."""
+    """Like `of_rods`, but the table may be empty."""
     return of_rods(ratios) if ratios else ratios
 
 

@@ -24,8 +24,9 @@ from dpr_lab.identification.model import ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 
 UNREACHED = 1e-6
-"""Relative change along the null space above which data do not determine a parameter; it is far above rounding
-errors."""
+"""Data do not determine a parameter if its relative change along the null space exceeds this value, which is far above
+rounding errors.
+"""
 
 _RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
 

@@ -49,9 +49,13 @@ class ShortSegments:
     working_segment_s: float = 0.5
     """Second length, s: long enough that a wrong interpretation cannot be followed."""
     noise_alone: float = 20.0
-    """Reduced chi-square above which the model error is so large that the noise of the inputs is irrelevant."""
+    """The noise of the inputs is irrelevant if the reduced chi-square exceeds this value, because the model error is
+    far larger.
+    """
     nested: float = 1.1
-    """Largest ratio of the reduced chi-square of short segments to that of long ones, by their degrees of freedom."""
+    """Largest ratio of the reduced chi-square of short segments to the reduced chi-square of long segments, by their
+    degrees of freedom.
+    """
 
 
 SHORT = ShortSegments()
@@ -66,7 +70,7 @@ class RatioFit:
 
     @property
     def unknowns(self) -> Array:
-        """(k,) those of the ratios, b and p/b that these runs determine, for the rig without an added mass."""
+        """(k,) ratios, b and p/b that these runs determine, for the rig without an added mass."""
         return self.fit.estimate.ratios[list(self.visible)]
 
     @property

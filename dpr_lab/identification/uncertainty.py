@@ -18,9 +18,9 @@ class CovarianceSettings:
     """Settings of the independence of residuals."""
 
     block_s: float = 0.5
-    """Distance above which residuals are treated as independent, s: half a swing of a 0.4 m rod."""
+    """Minimum distance of residuals that are treated as independent, s: half a swing of a 0.4 m rod."""
     misfit: float = 1.5
-    """Reduced chi-square above which the model error, not the noise, dominates the uncertainty."""
+    """The model error, not the noise, dominates the uncertainty if the reduced chi-square exceeds this value."""
     halves: float = 1.1
     """Factor by which one linear step underestimates the difference between fits of the two halves."""
 
@@ -70,7 +70,7 @@ class RatioUncertainty:
 
     @property
     def of_prior(self) -> Array:
-        """(n,) share of each variance in that of the rig file's prior, 0 to 1.
+        """(n,) ratio of each variance to the variance of the rig file's prior, 0 to 1.
 
         If it is near 1, the runs add no information.
         """
@@ -80,7 +80,7 @@ class RatioUncertainty:
 
     @property
     def of_runs(self) -> Array:
-        """(n, n) covariance from the runs alone, without the prior; at most 1000 times that of the prior.
+        """(n, n) covariance from the runs alone, without the prior; at most 1000 times the covariance of the prior.
 
         In coordinates in which the prior has unit covariance, a variance v from both is v / (1 - v) from the runs
         alone.

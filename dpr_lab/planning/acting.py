@@ -68,7 +68,7 @@ class Acting:
 
     @property
     def hidden_ratios(self) -> tuple[int, ...]:
-        """Indices of ratios, b and p/b that no release determines: those of an absent rod."""
+        """Indices of ratios, b and p/b that no release determines: parameters of an absent rod."""
         if "both" in self.rods:
             return ()
         visible = visible_ratios([Setup(mounting) for mounting in self.rods])

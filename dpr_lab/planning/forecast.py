@@ -44,11 +44,11 @@ class ForecastSettings:
     weight: float = 4.0
     """Weight of this share as the prior of one plant, in releases."""
     likely: float = 0.8
-    """Probability of a decision from which this number of releases is recommended."""
+    """Minimum probability of a decision for which this number of releases is recommended."""
     draws: int = 256
     """Number of random draws for each cause."""
     separable: float = 6.0
-    """d^2 from which two causes count as separable; it gives odds of 20 to 1 on average."""
+    """Minimum d^2 of two separable causes; it gives odds of 20 to 1 on average."""
     repeats: int = 6
     """Number of further releases whose d^2 may be summed to reach this value."""
 

@@ -45,7 +45,7 @@ class SwingSettings:
     nudge_rad: float = 1e-5
     """Increment of a start pose for its sensitivity."""
     lost_rad: float = 0.5
-    """Standard deviation of an angle from which the swing counts as unpredictable."""
+    """Maximum standard deviation of an angle for which the swing counts as predictable, rad."""
     batch: int = 16
     """Number of releases in one batch; limits the memory."""
 

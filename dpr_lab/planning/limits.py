@@ -112,7 +112,7 @@ class AllowedRods(RigTable):
     """Rods that may be mounted."""
 
     mounted: tuple[Literal["both", "inner", "outer"], ...] | None = None
-    """Permitted mountings; None: that of the rig file."""
+    """Permitted mountings; None: the mounting of the rig file."""
     elbow: tuple[Literal["free", "clamped"], ...] = ("free",)
     """Permitted states of joint 2; `free` must be among them unless joint 2 is always clamped."""
 

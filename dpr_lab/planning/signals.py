@@ -50,7 +50,7 @@ class SignalSettings:
     shrink: float = 0.75
     """Factor by which the amplitude is reduced until the swing stays within its limits."""
     least: float = 0.02
-    """Fraction of the torque limit below which a signal is discarded."""
+    """A signal is discarded if its amplitude is below this fraction of the torque limit."""
 
 
 SIGNALS = SignalSettings()

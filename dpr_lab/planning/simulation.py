@@ -28,7 +28,7 @@ class SimulatedFit:
     """Settings of the fit of the other cause."""
 
     least: float = 1.0
-    """Linearised Delta D^2 below which the release is not simulated, because its information is too small."""
+    """Minimum linearised Delta D^2 of a simulated release; with less, its information is too small."""
     iterations: int = 6
     """Number of Gauss-Newton steps from the linear solution; further steps hardly change the minimum."""
 

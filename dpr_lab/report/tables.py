@@ -91,7 +91,7 @@ class NoiseLike:
     most: float = 1.2
     """Squared ratio 1.44; above it the model lacks an effect."""
     inflated: float = 1.5
-    """Ratio to the Cramér-Rao standard deviation above which the note explains the difference."""
+    """The note explains the difference if the ratio to the Cramér-Rao standard deviation exceeds this value."""
 
 
 NOISE_LIKE = NoiseLike()

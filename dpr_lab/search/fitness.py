@@ -7,7 +7,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 
 FAILED_ABOVE = 1e100
-"""E above which a swing counts as diverged; sums of such costs would overflow."""
+"""A swing counts as diverged if its E exceeds this value; sums of such costs would overflow."""
 AGGREGATES = {"sum": np.sum, "max": np.max, "min": np.min}
 
 

@@ -39,14 +39,14 @@ class IgaSettings(SearchSettings, frozen=True):
     mutation_rate: Share = 0.1
     """Pm, share of the offspring that mutate."""
     alpha: Share = 0.999
-    """f_pop above which dynamic encoding and feedback mutation are used."""
+    """Dynamic encoding and feedback mutation are used if f_pop exceeds this value."""
     sigma: NotNegative = 5.0
-    """Best fitness above which dynamic encoding and feedback mutation are used."""
+    """Dynamic encoding and feedback mutation are used if the best fitness exceeds this value."""
     mu: Positive = 0.95
     """Lower end of dynamic encoding: mu times the best gene."""
     nu: NotNegative = 0.1
     """Upper end of dynamic encoding: (mu + nu) times the best gene."""
     similarity: Share = 0.01
-    """Difference, relative to the range, below which genes count as equal in the feedback mutation."""
+    """Maximum difference, relative to the range, of genes that count as equal in the feedback mutation."""
     orthogonal_array: Literal["L8", "L12", "L16"] = "L12"
     """Two-level array of the orthogonal experiment: number of trials for 7, 11 or 15 genes."""

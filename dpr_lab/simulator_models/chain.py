@@ -19,11 +19,11 @@ class ChainLimits:
     parallel: float = math.radians(10.0)
     """Maximum angle of axes that are treated as parallel, rad; with a larger angle the model is refused."""
     noticed: float = math.radians(0.01)
-    """Angle above which a note is given, rad."""
+    """Maximum angle without a note, rad."""
     elbow: float = 1e-3
-    """Distance of a part from the axis of joint 2, in lengths of the rod, up to which it is part of mb."""
+    """Maximum distance of a part of mb from the axis of joint 2, in lengths of the rod."""
     offset: float = 1e-7
-    """Distance of the centre of mass from the line of the inner rod above which a note is given, m."""
+    """Maximum distance of the centre of mass from the line of the inner rod without a note, m."""
 
 
 CHAIN = ChainLimits()

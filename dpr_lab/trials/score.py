@@ -13,7 +13,7 @@ NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
 STEP = MISSED_COUNTS.name
 SURE = 0.5
-"""Probability above which a wrong name counts as claimed."""
+"""A wrong name counts as claimed if its probability exceeds this value."""
 
 Json = Mapping[str, Any]
 

@@ -129,9 +129,7 @@ def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
 
 
 def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
-    """Errors of amplitudes: median and 90th percentile for the largest amplitude of each effect, and interval coverage
-    over all amplitudes.
-    """
+    """Errors of amplitudes: median and 90th percentile for the largest of each effect, interval coverage over all."""
     leading = [size.relative for size in sizes if size.leads]
     return {
         "size_error": _median(leading),

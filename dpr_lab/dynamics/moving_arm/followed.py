@@ -50,7 +50,7 @@ class FollowSettings:
     wildest: float = 1e6
     """Angle, rad, and speed, rad/s, beyond which a simulated swing counts as failed."""
     singular: float = 1e-9
-    """Determinant of a sensitivity below which torques and initial states are indistinguishable."""
+    """Minimum determinant of a sensitivity for which torques and initial states are distinguishable."""
     order: tuple[int, ...] = (4, 0, 1, 5, 2, 3)
     """theta0, theta1, theta2, omega0, omega1, omega2 among the states."""
     weightless: float = 1e-6

@@ -56,7 +56,7 @@ class PredictiveBand:
 
     run: str
     horizon_s: float
-    """End of the comparison, s since the release: of a moving arm that of the last window."""
+    """End of the comparison, s since the release; for a moving arm, the end of the last window."""
     t: Array
     """(n,) s since the release."""
     measured: Array
@@ -66,8 +66,8 @@ class PredictiveBand:
     high: Array
     """Upper end of the band, rad."""
     delay_s: float = 0.0
-    """Time from the first reading to those of the initial states, s, because the model does not follow the readings
-    before.
+    """Time from the first reading to the first reading that determines the initial states, s, because the model does
+    not follow the earlier readings.
     """
 
     @property

@@ -148,7 +148,7 @@ def _possible(values: Mapping[str, float]) -> bool:
 def scaled_effects(
     component: PosteriorComponent, values: Mapping[str, float], interval: tuple[float, float], rng: np.random.Generator
 ) -> tuple[float, dict[str, dict[str, float]]]:
-    """Ratio of the drawn scale to that of the posterior, and the drawn effects at this scale.
+    """Ratio of the drawn scale to the scale of the posterior, and the drawn effects at this scale.
 
     Args:
         component: the drawn set of effects

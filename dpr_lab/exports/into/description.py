@@ -68,7 +68,7 @@ class Editor(Protocol):
         ...
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """The element whose position is that of the outer joint."""
+        """The element whose position is the position of the outer joint."""
         ...
 
 

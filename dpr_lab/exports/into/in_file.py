@@ -26,9 +26,11 @@ class ChangeSettings:
     stds: float = 3.0
     """Standard deviations of a ratio within which it counts as unchanged."""
     idle: float = 1e-6
-    """Share of the typical damping below which damping counts as zero."""
+    """Damping below this fraction of the typical damping counts as zero."""
     felt: float = 0.01
-    """Growth of the mean square error over segments below which an effect keeps its value of the file."""
+    """An effect keeps its value of the file if, without its change, the mean square error over segments grows by less
+    than this fraction.
+    """
 
 
 CHANGE = ChangeSettings()
@@ -155,7 +157,7 @@ def effect_rows(
 
 
 def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> Effects:
-    """Effects that the recordings require; the others keep their value of the file, and are left out if it is zero.
+    """Effects that the recordings require; other effects keep their value of the file, and are omitted if it is zero.
 
     Args:
         effects: identified sizes by name

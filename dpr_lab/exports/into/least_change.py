@@ -127,7 +127,7 @@ def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnos
 
 
 def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
-    """(6,) base parameters: those of the file if compatible, the others as estimated, at one scale.
+    """(6,) base parameters: values of the file if compatible, otherwise the estimated values, at one scale.
 
     Args:
         of_file: (6,) of the file, without rotors

@@ -50,7 +50,7 @@ class RankSettings:
     segment_s: float = 0.5
     """Length of segments, s."""
     lost_rad: float = 3.0
-    """Error of a model that cannot follow a recording, rad: about that of unrelated angles."""
+    """Error of a model that cannot follow a recording, rad: about the difference of unrelated angles."""
 
 
 RANK = RankSettings()

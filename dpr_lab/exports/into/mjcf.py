@@ -196,7 +196,7 @@ def _set_joint(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, target: Ro
 
 
 def _set_gear(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, gear: float | None) -> None:
-    """Set the gear of the motor of a joint; the other five numbers of the attribute stay.
+    """Set the gear of the motor of a joint; the other five numbers of the attribute do not change.
 
     Raises:
         ConfigError: the motor is not in the file itself.
@@ -213,7 +213,7 @@ def _set_gear(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, gear: float
 
 
 def _move(edit: XmlEdit, file: _File, joints: tuple[str, str], shift: Vector) -> None:
-    """Move the body of the second joint, on that of the first, by a shift, (3,) in the world, m.
+    """Move the body of the second joint, which is on the body of the first, by a shift, (3,) in the world, m.
 
     Raises:
         ConfigError: the second body is not a child of the first.

@@ -105,7 +105,7 @@ class Simulation:
 
     model: Any
     joints: tuple[str, ...]
-    """Names of the joints of the rods, after that of a moving arm."""
+    """Names of the joints of the rods, preceded by the joint of a moving arm."""
     zero: Array
     """(n,) angles of these joints with the rods hanging and the arm at zero, rad."""
     direction: Array

@@ -33,7 +33,7 @@ class SdfEditor:
             edit.set_text(pose, label, text)
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """See `Editor`. Without the element, the inertia is that of the format, 1 kg m^2 about each axis."""
+        """See `Editor`. Without the element, the inertia is the default of the format, 1 kg m^2 about each axis."""
         inertia = edit.child(inertial, "inertia")
         if inertia is None:
             moments = dict.fromkeys(("ixx", "iyy", "izz"), numbers([factor]))

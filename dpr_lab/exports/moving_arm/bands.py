@@ -27,7 +27,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ArmBandSettings:
-    """Settings of the comparison, besides those of a clamped arm."""
+    """Settings of the comparison, in addition to the settings for a clamped arm."""
 
     start_s: float = 0.5
     """Part of a window to which its initial states are fitted."""

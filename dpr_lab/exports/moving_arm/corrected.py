@@ -133,7 +133,7 @@ def _estimated(interval: Interval) -> EstimatedValue:
 
 
 def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:
-    """Absolute values of the determined ratios and of the scale; their errors include that of a known scale."""
+    """Absolute values of the determined ratios and of the scale; their errors include the error of a known scale."""
     low, high = scale.interval90 if scale.known else (scale.b, scale.b)
     of_scale, gain = (high - low) / (2 * NORMAL_Q90 * scale.b), GAINS.get(kind, "").format(scale.inertia)
     values = {scale.inertia: (1.0, 0.0)}

@@ -88,7 +88,7 @@ class CheckKind:
     form: Callable[[AdvisedCheck], str]
     """Description of the required options."""
     propose: Callable[[OpenQuestion, Sequence[NextStep]], list[NextStep]]
-    """Recommendations for a question, given those of earlier kinds in the table."""
+    """Recommendations for a question, given the recommendations of earlier kinds in the table."""
     result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
     """Result of a check, from the diagnosis, the check, the answer and the candidates' probabilities. Raises
     RunError.

@@ -34,9 +34,9 @@ class CheckSettings:
     """Settings of the update by a check."""
 
     model_error: float = 0.1
-    """m: relative standard deviation of a fitted amplitude in addition to that of its fit, because the law and the
-    bench measurement agree only approximately. Assumed, not measured; it covers a torque scale with a smaller
-    error.
+    """m: relative standard deviation of a fitted amplitude in addition to the standard deviation of its fit, because
+    the law and the bench measurement agree only approximately. Assumed, not measured; it covers a torque scale with a
+    smaller error.
     """
     linear_error: float = 0.3
     """Additional relative standard deviation of an amplitude that was not fitted but comes from a linear score test.
@@ -64,8 +64,9 @@ class CheckSettings:
     """A value farther than this number of standard deviations from every prediction is questioned; this happens to one
     correct value in 370."""
     undetermined: float = 3.0
-    """Factor on the largest fitted size with the same unit above which a value is questioned that the recordings do not
-    determine: friction at rest, for example, is at most about twice that of sliding. Assumed.
+    """A measured value that the recordings do not determine is questioned if it exceeds the largest fitted size with
+    the same unit by this factor. Friction at rest, for example, is at most about twice the friction of sliding.
+    Assumed.
     """
     largest: float = 1e6
     """Maximum accepted value and uncertainty, in units of the larger of typical and fitted size."""
@@ -73,7 +74,7 @@ class CheckSettings:
     """Power of ten beyond which a Bayes factor is only given as a bound, because the normal distribution is not valid
     so far in its tail."""
     dropped: float = 0.01
-    """Probability, relative to that of its class, below which a member leaves the class."""
+    """Minimum probability of a member, relative to the probability of its class, with which it stays in the class."""
     iterations: int = 20
     """Iterations of a fit to new recordings."""
 

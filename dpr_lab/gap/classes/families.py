@@ -14,7 +14,7 @@ from dpr_lab.gap.which.selected import Selection
 def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
     """Families to which the named effects belong.
 
-    The probability of a family is the maximum of its characteristic effects: friction alone may be that of a bearing.
+    The probability of a family is the maximum of its characteristic effects: friction alone may come from a bearing.
     """
     probable = {effect.name: effect.probability for effect in named}
     return [

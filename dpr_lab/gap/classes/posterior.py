@@ -82,8 +82,8 @@ class Calibration:
     unseen: float = 0.5
     """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
     least_listed: float = 1e-9
-    """Probability from which an alternative is listed: smaller probabilities contain no information, and their order
-    would depend on the order of the library.
+    """Minimum probability of a listed alternative. Smaller probabilities contain no information, and their order would
+    depend on the order of the library.
     """
     alternatives: int = 5
     """Maximum number of alternatives of each named effect."""
@@ -92,7 +92,7 @@ class Calibration:
     are undetectable at this size.
     """
     same_score: float = 1e-3
-    """Relative difference of linear scores up to which they count as equal."""
+    """Maximum relative difference of two linear scores that count as equal."""
     negligible: float = 50.0
     """Difference of log probability beyond which another set has no weight."""
     least_left: float = 1e-6
@@ -109,7 +109,9 @@ class Alternative:
     name: str
     members: tuple[str, ...]
     cosine: float
-    """Cosine between its signature and that of the named effect: the part of the named effect that it can imitate."""
+    """Cosine between the signatures of the alternative and of the named effect: the part of the named effect that the
+    alternative can imitate.
+    """
     cost: float
     """Predictive cost of the set in which this effect replaces the named one; from the score test if it was not
     fitted."""
@@ -178,7 +180,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
 def _class_members(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Effects that are indistinguishable from the named one, and the richer forms that count as one of them.
+    """Effects that are indistinguishable from the named one, and the richer forms that count as such an effect.
 
     The indistinguishable effects have the prior of their size, and the most plausible one is first.
     """
@@ -222,7 +224,7 @@ def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternat
 
 
 def _added_cost(selection: Selection, name: str, alternative: Alternative) -> float:
-    """Cost of an alternative above that of the selected set.
+    """Cost of an alternative minus the cost of the selected set.
 
     The search has compared them: an alternative that fits better is not significantly better, so it is as probable as
     the named effect at most. A richer form of the effect also fits the error of the integrator or the remainder.
@@ -246,7 +248,7 @@ def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
-    """Prior of the size of an effect that replaces a named one: its fitted size, or that of the linear score."""
+    """Prior of the size of an effect that replaces a named one: its fitted size, or the size of the linear score."""
     fitted = selection.fitted.get(without.key | {score.effect.name})
     if fitted is not None:
         return plausibility(fitted.fit.estimate.params, score.effect.name)

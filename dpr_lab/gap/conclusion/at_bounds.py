@@ -42,7 +42,7 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
-    """(free,) root mean square error of one value at its bound, and of the others due to it."""
+    """(free,) root mean square error of one value at its bound, and of the other values due to this error."""
     room, inside = bounds(fit.estimate, fit.free), fit.inside
     at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:

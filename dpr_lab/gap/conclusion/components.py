@@ -29,7 +29,7 @@ class MixtureSettings:
     """Limits for the stored sets."""
 
     least: float = 0.01
-    """Probability below which a set is omitted."""
+    """Minimum probability of a set that is included."""
     most: int = 8
     """Maximum number of sets."""
 
@@ -85,7 +85,7 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 
 
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
-    """Cost of a set above that of the selected one, with the remainder of the selected one as noise for both.
+    """Cost of a set minus the cost of the selected set, with the remainder of the selected set as noise for both.
 
     The remainder of a set that fits worse is its gap, not noise. A set that fits better was rejected by the search,
     so it is as probable as the selected one at most. Each effect beyond the number of the selected set was the best of

@@ -23,23 +23,24 @@ from dpr_lab.run import Run, moves
 
 @dataclass(frozen=True, slots=True)
 class DescriptionRules:
-    """Limits from which a wrong description of the recordings replaces the causes."""
+    """Limits beyond which a wrong description of the recordings replaces the causes."""
 
     gap: float = 3.0
-    """chi2 per degree of freedom of the bare model above which other descriptions are tested: halved angles of a swing
-    of 20 degrees leave 8.
+    """Other descriptions are tested if chi2 per degree of freedom of the bare model exceeds this value. Halved angles
+    of a swing of 20 degrees leave 8.
     """
     as_good: float = 0.02
     """Maximum difference of the explained shares of the excess at which another description is as good as the selected
     effects.
     """
     closed: float = 0.93
-    """Share of the excess explained by effects above which an apparent energy input is not evidence of a wrong
-    description: an encoder error causes it too.
+    """If effects explain more than this share of the excess, an apparent energy input is not evidence of a wrong
+    description, because an encoder error also causes one.
     """
     torque_step: float = 0.08
-    """Median change of a known torque between rows, relative to its range, above which a delay of less than a row is
-    not attributed to the drive: 0.02 or less for recordings of real drives, 0.12 for a sine of 1 Hz at 20 Hz.
+    """If the median change of a known torque between rows, relative to its range, exceeds this value, a delay of less
+    than a row is not attributed to the drive. The change is 0.02 or less in recordings of real drives, and 0.12 for a
+    sine of 1 Hz at 20 Hz.
     """
 
 
@@ -115,9 +116,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """A sentence if a delay of known torques is shorter than the row interval and the torques change too much within
-    one interval to determine it; else empty.
-    """
+    """A sentence if known torques change too much between rows to determine a delay of less than a row; else empty."""
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
     delay = named_params(selection.chosen.fit.estimate.params)[INPUT_DELAY.name]["delay_s"]
@@ -134,7 +133,7 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:
-    """Whether a wrong description explains as much as the effects and none of these supplies energy."""
+    """Whether a wrong description explains as much as the effects, and no effect supplies energy."""
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)

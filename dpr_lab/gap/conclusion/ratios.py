@@ -33,7 +33,8 @@ def ratios(state: Advised) -> dict[str, Interval]:
 def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     """Ratios that the recordings determine with the mounted rods: to b, or to a if only the inner rod is mounted.
 
-    The covariance of a ratio contains those of both fitted values; an absolute value is divided by the assumed inertia.
+    The covariance of a ratio contains the covariances of both fitted values. An absolute value is divided by the
+    assumed inertia.
 
     Returns:
         the ratios, and their (n, n) covariance

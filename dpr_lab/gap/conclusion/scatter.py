@@ -34,7 +34,7 @@ class ScatterSettings:
     """Settings of the estimate."""
 
     significant: float = 3.0
-    """Standard deviations of Q, sqrt(2 nu), above nu from which recordings differ."""
+    """Recordings differ if Q exceeds nu by this number of standard deviations of Q, sqrt(2 nu)."""
     singular: float = 1e-6
     """Relative size of an eigenvalue of a scaled normal matrix that counts as zero."""
 

@@ -23,29 +23,31 @@ class VerdictRules:
     from a library without the cause at most 0.91.
     """
     partly_share: float = 0.5
-    """Share of the excess chi-square below which the verdict is "unexplained"."""
+    """Minimum share of the excess chi-square that effects explain; if it is smaller, the verdict is "unexplained"."""
     sure: float = 0.6
     """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
-    """Probability below which the sentence omits an effect, or adds the probability if no other is more probable."""
+    """The sentence omits an effect with a smaller probability, or adds the probability if no other effect is more
+    probable.
+    """
     outside: float = 10.0
-    """Ratio of the probability of a cause outside the library to that of an effect. If every effect exceeds it, the
-    verdict is "unexplained".
+    """Maximum ratio of the probability of a cause outside the library to the probability of an effect. If the ratio is
+    larger for every effect, the verdict is "unexplained".
     """
     closes: float = 0.5
     """Minimum share of the gap that a set must close on held-out recordings to be the cause. If the interval from the
     quarters of one release extends below it, the sentence asks for a second release.
     """
     gap_from: float = 0.5
-    """Ratio to the noise from which a remainder that no effect explains is a gap."""
+    """Minimum ratio of a remainder to the noise for which it is a gap that no effect explains."""
     held_out_gap: float = 1.0
-    """Ratio to the noise from which held-out recordings show a gap that the fitted ones do not show."""
+    """Minimum ratio to the noise of a gap of held-out recordings that the fitted recordings do not show."""
     visible: float = 0.5
     """Share of the effects that must be detectable at their typical size for the verdict "no gap". Three releases of
     4 s at 1 kHz reach 0.99, one of 1 s at 30 Hz reaches 0.4.
     """
     noise: float = 6.0
-    """Standard deviations of the residual up to which the named set is complete."""
+    """Maximum residual for which the named set is complete, in standard deviations."""
 
 
 VERDICT = VerdictRules()
@@ -271,7 +273,7 @@ def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
 
 
 def _class(posterior: EffectPosterior) -> str:
-    """The members of a class; the table of the causes lists those of a class of three or more."""
+    """The members of a class; the table of the causes lists the members of a class of three or more."""
     if len(posterior.members) > 2:
         return f"{posterior.name} or {len(posterior.members) - 1} indistinguishable effects"
     return " or ".join(posterior.members)

@@ -26,7 +26,9 @@ class RestRules:
     fewest: int = 4
     """Minimum number of readings in a block."""
     of_median: float = 1.25
-    """Standard deviation of the median of normal values relative to that of their mean, sqrt(pi / 2)."""
+    """Ratio of the standard deviation of the median of normal values to the standard deviation of their mean, sqrt(pi /
+    2).
+    """
     periods: float = 0.55
     """Minimum time at rest, in slow periods of small oscillations: within half a period a swing moves by its
     amplitude."""

@@ -36,7 +36,7 @@ class DisturbanceRules:
     kick_s: float = 0.1
     """Length of the interval about a kick that is left out, s: a hand touches a rod for 20 to 100 ms."""
     joins_s: float = 0.15
-    """Distance between two such intervals up to which the disturbance lasts from one to the other, s."""
+    """Maximum distance between two such intervals for which they are one disturbance, s."""
     push_s: float = 2.5
     """Maximum time between the two kicks at the ends of a push, s."""
     release_s: float = 0.5
@@ -60,7 +60,7 @@ DISTURBANCE = DisturbanceRules()
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Interval that is left out; an infinite end is that of the recording."""
+    """Interval that is left out; an infinite end is the end of the recording."""
 
     since: float
     until: float
@@ -126,7 +126,7 @@ def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUM
 
 
 def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recordings | None:
-    """The recordings without these intervals; None if no segment of one of them would remain."""
+    """The recordings without these intervals; None if a recording would have no segment left."""
     records = tuple(map(_without, whole.records, parts))
     remain = all(cut(record.t, np.inf, record.breaks) for record in records)
     return replace(whole, records=records) if remain else None

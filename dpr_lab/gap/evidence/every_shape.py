@@ -75,7 +75,7 @@ def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis)
 
 
 def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
-    """90 % interval of each amplitude, fitted with the others of its effect; None if they cannot be separated.
+    """90 % interval of each amplitude, fitted with the other ones of its effect; None if they are not separable.
 
     Args:
         given: columns of the amplitudes, with the model projected out

@@ -46,7 +46,7 @@ def exclusions(
 def _intervals(problem: Problem, model: Hypothesis, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
     """90 % interval of each amplitude; empty if the recordings do not separate them.
 
-    If the shapes of an effect come from the recordings, such as an instant, the interval is that of its best shape.
+    If the shapes of an effect come from the recordings, such as an instant, the interval applies to its best shape.
     """
     names = [p.name for p in score.effect.amplitudes if p.name not in score.absorbed]
     every = intervals_of_all_shapes(score.effect, problem, model) if score.effect.shapes else None

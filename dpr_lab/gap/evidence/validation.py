@@ -94,7 +94,7 @@ def validation(
 
 
 def _compared(pair: Pairs, until: float) -> Flags:
-    """(n, 2) compared readings: after those of the initial state, before the horizon, simulated by both models."""
+    """(n, 2) whether a reading is compared: after the initial state, before the horizon, simulated by both models."""
     after = pair["after"]
     followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
     return np.asarray(after.compared & (after.t <= until)[:, None] & followed)

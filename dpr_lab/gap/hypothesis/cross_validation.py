@@ -37,7 +37,7 @@ class FoldSettings:
     quarters: int = 4
     """Number of folds of a single recording."""
     alone: float = 1e4
-    """Growth of the variance of a shape parameter without a run above which the parameter is kept free for that run."""
+    """A shape parameter is kept free for a run if its variance without this run grows by more than this factor."""
 
 
 FOLDS = FoldSettings()
@@ -146,7 +146,7 @@ def left_out_chi2(fit: Fit, fold: Integers) -> Array:
 
 
 def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> Array:
-    """(folds,) -2 log predictive density of each fold given the others, up to a constant, in units of chi2."""
+    """(folds,) -2 log predictive density of each fold given the other folds, up to a constant, in units of chi2."""
     parts = _Folds(fit, fold)
     chi2 = sum(left_out.chi2 for left_out in parts.folds)
     total = chi2 - parts.gradient @ np.linalg.solve(parts.H, parts.gradient)

@@ -70,7 +70,7 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
 
 
 def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:
-    """Exclusion of each detectable amplitude of an effect, the others zero; without intervals.
+    """Exclusion of each detectable amplitude of an effect, the other amplitudes zero; without intervals.
 
     A linear estimate a of standard deviation s excludes the minimum detectable size 5 s with the confidence
     P(|x| < 5 s) = Phi(5 - |a| / s).

@@ -36,9 +36,9 @@ class Penalty:
     parameter: float = 9.0
     """Penalty of one parameter: the logarithm of some 1e4 samples (BIC)."""
     curve: int = 3
-    """Number of amplitudes from which an effect is a curve, which on a small arc can imitate a sum of other effects."""
+    """Minimum number of amplitudes of a curve, an effect that can imitate a sum of other effects on a small arc."""
     ordinary: float = 0.1
-    """Size of a curve relative to the limits of its amplitudes up to which it is not penalised: a typical eccentricity.
+    """Maximum size of a curve that is not penalised, relative to the limits of its amplitudes: a typical eccentricity.
     """
 
 
@@ -55,7 +55,7 @@ class Refits:
     minimum.
     """
     lost: float = 10.0
-    """Factor of chi2 above which the linear prediction is a worse initial value than the set it was derived from."""
+    """The linear prediction is a worse initial value than the original set if its chi2 is larger by this factor."""
 
 
 REFITS = Refits()
@@ -72,7 +72,7 @@ class Hypothesis:
     fit: Fit
     residuals: ResidualStatistics
     predictive_loss: Array
-    """(folds,) prediction error of each run from the others, in units of chi2."""
+    """(folds,) prediction error of each run from the other runs, in units of chi2."""
     curves: Mapping[str, float]
     """Effects of `Penalty.curve` amplitudes or more -> their size s, rms of the amplitudes over their limits."""
     on_line: frozenset[str] = frozenset()
@@ -249,7 +249,7 @@ def refit_with_from_short(
 
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:
-    """The fit, with the shape parameters of the effect set to those of its score."""
+    """The fit, with the shape parameters of the effect set to the values of its score."""
     params = before.fit.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value
@@ -259,8 +259,9 @@ def shaped(before: Hypothesis, score: Score) -> Estimate:
 def refit_without(
     problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15
 ) -> Hypothesis:
-    """Refit without one effect, starting from the linearised solution. If b is not identifiable without the effect, its
-    value is that of the bare model.
+    """Refit without one effect, starting from the linearised solution.
+
+    If b is not identifiable without the effect, its value is taken from the bare model.
     """
     names = tuple(name for name in before.effects if name != effect)
     free, linear, estimate = before.fit.free, before.fit.linear, before.fit.estimate

@@ -24,11 +24,11 @@ class ScanSettings:
     """Settings of the scan over shapes."""
 
     many: int = 24
-    """Number of shapes above which an effect is scanned along the swing before the score test."""
+    """Effects with more shapes are scanned along the swing before the score test."""
     kept: int = 2
     """Number of shapes that are kept: the best one, and the best one that is not its neighbour."""
     neighbours: float = 0.1
-    """Relative difference of frequencies or orders up to which two shapes are neighbours."""
+    """Maximum relative difference between the frequencies or orders of two neighbouring shapes."""
     finer: int = 13
     """Number of shapes between two of the grid: the width of a peak is the inverse of the record length."""
     reach: float = 0.75
@@ -93,7 +93,7 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
 
 
 def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> list[Shape]:
-    """The best shapes between those of the grid, if the shape varies continuously.
+    """The best shapes between the shapes of the grid, if the shape varies continuously.
 
     The width of a frequency peak is the inverse of the record length, which is too narrow for a nonlinear fit to find
     it.

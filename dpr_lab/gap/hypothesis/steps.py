@@ -91,7 +91,7 @@ def visible_steps(
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
     """Whether the readings about an instant contain a step: a polynomial with a step is fitted to them.
 
-    The step of the readings must not be far below that of the residual, and it must be visible. A small step of a
+    The step of the readings must not be far below the step of the residual, and it must be visible. A small step of a
     residual may be within the errors of readings without a step. The readings must therefore be nearer to this step
     than to zero. With fewer readings before or after it, a step counts as a zero error of the recording.
 

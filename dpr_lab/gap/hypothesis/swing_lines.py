@@ -27,7 +27,7 @@ class LineSettings:
     resolution: float = 0.5
     """Half width of a line, in units of the inverse duration of the recording."""
     swings: int = 2
-    """Minimum number of half swings from which a frequency is determined."""
+    """Minimum number of half swings for the estimate of a frequency."""
 
 
 LINES = LineSettings()

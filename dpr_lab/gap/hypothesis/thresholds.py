@@ -19,21 +19,23 @@ class Thresholds:
     """
 
     noise_floor: float = 4.0
-    """Standard deviations of the residual below which it counts as noise."""
+    """Maximum residual that counts as noise, in standard deviations."""
     far: float = GAUSS_NEWTON.far
-    """chi2 per degree of freedom above which fits may end in local minima."""
+    """Fits may end in local minima if chi2 per degree of freedom exceeds this value."""
     chance: float = 30.0
-    """Reduction of chi2 below which an effect is due to chance: the maximum over some 600 shapes."""
+    """Maximum reduction of chi2 that is attributed to chance: the maximum over some 600 shapes."""
     promising: float = 0.5
     """Fraction of the excess that the score of an effect must predict for it to be fitted to a few readings."""
     chance_at_floor: float = 90.0
-    """Reduction of chi2 below which an additional effect is due to chance if only noise remains."""
+    """Maximum reduction of chi2 by an additional effect that is attributed to chance if only noise remains."""
     consistent: float = 4.0
     """Standard errors, estimated from the scatter of segments, by which chi2 must fall for a significant reduction
     while a residual remains.
     """
     beyond_chance: float = NORMAL_Q90
-    """Standard errors, estimated likewise, that the difference of two given sets exceeds by chance in 5 % of cases."""
+    """Difference of two given sets that chance exceeds in 5 % of cases, in standard errors from the scatter of
+    segments.
+    """
     fewest_segments: int = 10
     """Minimum number of segments for an estimate of their scatter."""
     takes_over: float = 2.0
@@ -49,9 +51,9 @@ class Thresholds:
     keeps_if_large: float = 1.3
     """A large effect is kept if the excess without it is larger by this factor."""
     large: float = 0.04
-    """Fraction of the whole gap above which another form of a named effect can no longer explain it."""
+    """Maximum fraction of the whole gap that another form of a named effect can explain."""
     small: float = 0.01
-    """Fraction of the gap below which an effect merely compensates for another form, while a residual remains."""
+    """An effect of less than this fraction of the gap merely compensates for another form, while a residual remains."""
     keeps_if_small: float = 30.0
     """A small effect is kept if the excess without it is larger by this factor."""
     contained: float = 0.003
@@ -69,17 +71,17 @@ class Thresholds:
     residual remains.
     """
     secondary: float = 0.1
-    """Fraction of the gap below which an effect next to a larger one may compensate for the form of that one, even if
-    only noise remains.
+    """An effect of less than this fraction of the gap may compensate for the form of a larger effect, even if only
+    noise remains.
     """
     still_open: float = 0.5
     """Maximum fraction of the gap that the other effects may leave for this test to apply."""
     escaped: float = 10.0
     """Minimum factor by which a repeated fit reduces chi2 if the first one ended in a local minimum."""
     likelier: float = 10.0
-    """Ratio of prior probabilities of the sizes from which an indistinguishable effect replaces a named one."""
+    """Minimum ratio of the prior probabilities of the sizes for an indistinguishable effect to replace a named one."""
     indistinguishable: float = 0.999
-    """Cosine of the signatures of two effects above which a recording hardly distinguishes them."""
+    """Minimum cosine of the signatures of two effects that a recording hardly distinguishes."""
 
 
 THRESHOLDS = Thresholds()

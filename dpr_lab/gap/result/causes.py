@@ -5,7 +5,7 @@ from pydantic import Field
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 
 PROBABLE = 0.05
-"""Probability below which an effect is not listed as a cause."""
+"""Minimum probability of an effect that is listed as a cause."""
 
 
 class EffectSize(Interval):
@@ -73,6 +73,6 @@ class RivalEffect(Saved):
     probability: Number
     """Probability that it is the cause instead."""
     cosine: Number
-    """Cosine similarity between its signature and that of the named effect; 1 for equal shapes."""
+    """Cosine similarity between the signatures of this effect and of the named effect; 1 for equal shapes."""
     instead_of: str = ""
     """The named effect that it could replace; empty if no effect is named."""

@@ -75,7 +75,7 @@ class ResidualLook(Saved):
 
 @dataclass(frozen=True, slots=True)
 class ExclusionLevels:
-    """Confidence from which an effect is excluded at its minimum detectable size."""
+    """Minimum confidence with which an effect is excluded at its minimum detectable size."""
 
     sure: float = 0.95
     """For an effect of known shape: its estimate is below 3.4 standard deviations."""

@@ -13,10 +13,10 @@ Share = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1.0)]
 
 @dataclass(frozen=True, slots=True)
 class ChangedRig:
-    """Limits from which the parameters of a rig changed between its recordings."""
+    """Limits beyond which the parameters of a rig changed between its recordings."""
 
     share: float = 0.5
-    """Share of the gap from which parameters that vary are its main part."""
+    """Minimum share of the gap for which varying parameters are its main part."""
     scatter: float = 0.05
     """Maximum relative scatter of a ratio between recordings of an unchanged rig."""
 
@@ -36,7 +36,7 @@ class VaryingParameter(Saved):
     std: Number
     """Standard deviation of one value due to noise and disturbances, SI."""
     spread: Number
-    """Standard deviation between recordings, corrected for that of one value, SI."""
+    """Standard deviation between recordings, corrected for the standard deviation of one value, SI."""
     sigmas: Number
     """Scatter of the values, in standard deviations of one value; 1 = chance."""
 

@@ -34,11 +34,12 @@ class InputRules:
     """Thresholds of the test for an arm that stands still, and of the fits of other interpretations."""
 
     still: float = 6.0
-    """Range of the arm's angle, in standard deviations of a reading, below which the arm counts as at rest."""
+    """Maximum range of the arm's angle for which the arm counts as at rest, in standard deviations of a reading."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
     """Effects that most arms have: without them, a strong cable hides which sign is right."""
     alike: float = 1.1
-    """Factor of chi-square up to which the rods' other zero fits as well."""
+    """Maximum ratio of chi-square with the rods' other zero to chi-square with the given zero for an equally good fit.
+    """
 
 
 INPUT = InputRules()
@@ -86,7 +87,7 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
 
 
 def _gain(fitted: Fit) -> float:
-    """Fitted torque per input, relative to that of the rig file."""
+    """Ratio of the fitted torque per input to the value of the rig file."""
     return 1.0 + float(fitted.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)])
 
 

@@ -25,13 +25,13 @@ class InstantSettings:
     """Limits of the test of time stamps."""
 
     uneven: float = 1e-3
-    """Standard deviation of the stamps about an even clock, in periods, below which they count as even."""
+    """Maximum standard deviation of even stamps about an even clock, in periods."""
     widest: float = 0.5
-    """Distance of a stamp from the even clock, in periods, above which a sample may be missing."""
+    """Maximum distance of a stamp from the even clock for which no sample is missing, in periods."""
     drift: int = 50
     """Number of samples on either side for the median offset of the clock."""
     usual_jitter: float = 3.0
-    """Standard deviations of the jitter up to which a stamp is used for the clock."""
+    """Maximum deviation of a stamp that is used for the clock, in standard deviations of the jitter."""
     wander: float = 0.5
     """Maximum scatter of the median offset about a straight line for a steady clock, relative to the jitter."""
     block: int = 32

@@ -16,7 +16,7 @@ class PieceSettings:
     length_s: float = 10.0
     """Length of a piece: as long as the releases for which thresholds and probabilities were calibrated."""
     from_s: float = 20.0
-    """Length from which a record is divided into two pieces or more."""
+    """Minimum length of a record that is divided into two or more pieces, s."""
 
 
 PIECES = PieceSettings()

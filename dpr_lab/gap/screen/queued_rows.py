@@ -64,7 +64,7 @@ class QueuedRows:
     """Rows that were sent while the queue was not full."""
 
     rows: Flags
-    """(n,) whether a row is one of them."""
+    """(n,) whether a row was sent while the queue was not full."""
     series: int
     """Number of series of such rows that follow a turning point."""
     differ_s: float

@@ -39,13 +39,13 @@ class ThinningSettings:
     """Time of the first reading used: the latch may touch the rod before it, and an initial state lies 20 ms before its
     segment."""
     gap_s: float = 0.03
-    """Duration of a gap above which a segment ends."""
+    """Maximum duration of a gap within a segment, s."""
     gap_spacings: float = 4.5
     """Duration of a gap in median sampling intervals, for slow recordings; the larger of the two limits applies. A
     camera's frames are 33 ms apart, and a few of them may be lost.
     """
     averaged_from: float = 1.5
-    """Ratio to the rate of the blocks below which a recording is not averaged."""
+    """Minimum ratio of the sampling rate to the rate of the blocks for which a recording is averaged."""
     bent: float = 0.092
     """Coefficient of (speed times a block)^4 rad: remaining curvature bias of a block mean."""
     most_bias: float = 6.0

@@ -69,7 +69,9 @@ class TrackingNoise:
     correlation: float
     """Autocorrelation of the errors of neighbouring readings."""
     factor: Array
-    """(2,) standard deviation of the errors of joints 1 and 2 relative to that of their rough part."""
+    """(2,) ratio of the standard deviation of the errors of joints 1 and 2 to the standard deviation of their rough
+    part.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,7 @@ class Recordings:
 
     @property
     def start_params(self) -> Array:
-        """(SIZE,) initial parameters of effects: only those of a moving arm."""
+        """(SIZE,) initial parameters of effects; nonzero only for effects of a moving arm."""
         inertia, viscous = arm_start(self.rig)
         arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}}
         return effect_params(arm if self.arm_moves else {})

@@ -41,34 +41,36 @@ ALL_AXES = (*AXES, "joint0")
 
 @dataclass(frozen=True, slots=True)
 class ScreenSettings:
-    """Limits above which a property of a whole run is a finding."""
+    """Limits beyond which a property of a whole run is a finding."""
 
     gap_periods: float = 1.5
-    """Distance of two samples, in sampling periods, above which one is missing."""
+    """Maximum distance of two samples between which no sample is missing, in sampling periods."""
     gap_near: int = 10
     """Number of samples compared before and after such a distance; the later ones must lag by half a period."""
     noise_ratio: float = 1.5
-    """Ratio of the noise to the value in the rig file, in either direction; and of the noise over wider spacings to
-    that of neighbours.
+    """Ratio of the noise to the value in the rig file, in either direction; and ratio of the noise over wider spacings
+    to the noise of neighbours.
     """
     still_counts: float = 0.2
-    """Noise before rounding, in counts, below which rounding errors of neighbouring readings are equal."""
+    """Maximum noise before rounding for which the rounding errors of neighbouring readings are equal, in counts."""
     fewest_at_rest: int = 20
-    """Number of readings at rest from which constant counts are detected."""
+    """Minimum number of readings at rest for the detection of constant counts."""
     colour_hz: float = 500.0
-    """Sample rate from which the noise is compared over spacings; at lower rates they contain the swing itself."""
+    """Minimum sample rate for comparing the noise over spacings, Hz; at lower rates the spacings contain the swing
+    itself.
+    """
     significance: float = 6.0
     """Standard errors by which noise must increase with speed."""
     on_grid: float = 0.7
-    """Mean of exp(2 pi i reading / count) from which readings of a table are on the grid; it is zero for an even
-    distribution.
+    """Minimum mean of exp(2 pi i reading / count) for which readings of a table are on the grid; the mean is zero for
+    an even distribution.
     """
     repeating: float = 0.5
     """Minimum fraction of the readings at one position of a cycle that equal the previous reading, for a cycle of
     repeated instead of late readings.
     """
     repeating_in_part: float = 0.05
-    """Minimum excess of this fraction over that of all other readings, if only a part of the recording repeats."""
+    """Minimum excess of this fraction over that of the other readings, if only a part of the recording repeats."""
     rows_in_short_period: float = 80.0
     """Minimum number of samples in the faster small oscillation for steps of two free rods: in large swings without a
     fault, the local polynomial finds steps of 5 to 12 counts with 58 and 68 samples, and no steps in 72 swings with 75

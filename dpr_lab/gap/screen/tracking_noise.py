@@ -40,7 +40,7 @@ class TrackingNoiseSettings:
     correlations: tuple[float, ...] = tuple((1 - np.geomspace(1.0, 0.04, 24)).tolist())
     """Tested correlations of neighbouring errors, 0 first."""
     remainders: tuple[float, ...] = (0.0, *np.geomspace(0.1, 1e5, 13).tolist())
-    """Tested variances of the smooth remainder relative to those of the errors."""
+    """Tested variances of the smooth remainder, relative to the variance of the errors."""
     smooth: tuple[float, ...] = (0.5, 1.0)
     """Tested times l of the smooth remainder, in units of sqrt(L1 / g)."""
     significant: float = 10.8
@@ -112,9 +112,7 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
 
 
 def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
-    """(correlations,) profile of -2 log-likelihood, minimised over the smooth remainder, and the error variance at each
-    minimum.
-    """
+    """(correlations,) -2 log-likelihood, minimised over the smooth remainder, and error variance at each minimum."""
     apart = np.abs(t[:, None] - t)
     lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
     smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in TRACKING.remainders]

@@ -30,9 +30,10 @@ class LoneRules:
     recordings: int = 3
     """Minimum number of recordings: with two recordings, it is unknown which of them is the exception."""
     ratio: float = 3.0
-    """Minimum ratio of its remainder to that of every other recording."""
+    """Minimum ratio of the remainder of this recording to the remainder of every other recording."""
     least: float = 0.5
-    """Remainder of the others, in units of the noise, below which a smaller one makes no difference."""
+    """Minimum remainder of the other recordings in the ratio, in units of the noise; smaller ones count as this value.
+    """
 
 
 LONE = LoneRules()
@@ -71,7 +72,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
 
 
 def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
-    """The recording if its remainder far exceeds that of the others, in units of the noise."""
+    """The recording if its remainder, in units of the noise, far exceeds the remainders of the other recordings."""
     return LoneRecording(name, remainder, others) if remainder > LONE.ratio * max(others, LONE.least) else None
 
 

@@ -23,7 +23,7 @@ class BlockBootstrap:
     block_s: float = 1.0
     """Duration of neighbouring segments that are resampled together, because residuals of one swing are correlated."""
     fewest: int = 4
-    """Minimum number of such blocks; those of shorter recordings are shorter."""
+    """Minimum number of such blocks; shorter recordings have shorter blocks."""
     draws: int = 400
     """Number of bootstrap samples, sufficient to locate the ends of a 90 % interval to a twentieth of its width."""
 

@@ -21,7 +21,9 @@ class TransferSettings:
     interval reaches it is not refuted.
     """
     gap_from: float = 0.25
-    """Ratio of excess chi2 to that of the noise from which a share is determined by the effect, not by the noise."""
+    """Minimum ratio of the excess chi2 to the chi2 of the noise for which the effect, not the noise, determines a
+    share.
+    """
     unproven: float = 0.5
     """Factor on the probability of an effect that does not carry over; the result is at most one half."""
     oversized: float = 0.1
@@ -33,8 +35,8 @@ class TransferSettings:
     """Increase of the error of free runs that counts as chance, in its standard deviations due to the noise of their
     first readings."""
     followed_rad: float = 0.3
-    """Error of a free run of the bare model, rms from its beginning, up to which free runs are compared: beyond it,
-    chaos dominates.
+    """Maximum error of a free run of the bare model, rms from its beginning, for which free runs are compared, rad.
+    Beyond it, chaos dominates.
     """
     followed_s: float = 0.6
     """Minimum time of this comparison, since the beginning of the recording."""
@@ -63,7 +65,7 @@ class Transfer:
 
     basis: Basis
     tested: bool
-    """Whether there are enough segments to predict some of them from the others."""
+    """Whether there are enough segments to predict some segments from the other segments."""
     closed: GapReduction
     """Share of the gap closed by all effects together."""
     gap_ratio: float
@@ -85,7 +87,7 @@ class Transfer:
     the model, because the quarters differ in amplitude.
     """
     oversized: tuple[str, ...]
-    """Effects whose size is impossible on any rig, or is that of another cause."""
+    """Effects whose size is impossible on any rig, or is typical of another cause."""
     worse_free_run: WorseFreeRun | None
     """Error of free runs without and with the effects, if the effects increase it; otherwise None. On the held-out
     runs, without these on the fitted ones.

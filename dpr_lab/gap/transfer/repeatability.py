@@ -55,13 +55,15 @@ class RepeatabilityRules:
     varying: int = 3
     """Maximum number of varying parameters: more would fit any residual."""
     gap_from: float = 3.0
-    """Standard deviations of the residual from which there is a gap to divide."""
+    """Minimum residual for which there is a gap to divide, in standard deviations."""
     beyond_chance: float = 2.0
     """Standard errors of a sum over segments by which free torques must improve the prediction."""
     iterations: int = 8
     """Iterations of the fits to all recordings, including the held-out ones."""
     far: float = 100.0
-    """Mean square of the weighted residuals of all recordings above which segments are too long for a linear fit."""
+    """Maximum mean square of the weighted residuals of all recordings for which segments are short enough for a linear
+    fit.
+    """
     unfollowed: float = 1e300
     """chi2 of a segment whose simulation overflows."""
     singular: float = 1e-9
@@ -113,7 +115,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
 def _shown(
     varying: Sequence["_Varying"], everything: Recordings, problem: Problem, after: Fit
 ) -> list[VaryingParameter]:
-    """Varying parameters with their values in each recording; those of the rods as ratios to b, or to a."""
+    """Varying parameters with their values in each recording; parameters of the rods are ratios to b, or to a."""
     names, alone = [record.run.name for record in everything.records], only_inner(problem.segments.setups)
     shown = []
     for varied in varying:
@@ -196,7 +198,7 @@ class _Varying:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """A fit by segments: residuals and columns, first those of the model, then free torques and encoder errors."""
+    """A fit by segments: residuals and columns, first of the model, then of free torques and encoder errors."""
 
     X: Array
     """(segments, m, k) columns, whitened."""

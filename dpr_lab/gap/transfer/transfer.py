@@ -202,7 +202,7 @@ def _blocks(reductions: Array, block: int) -> Array:
 
 
 def _sum(reductions: Array, block: int) -> tuple[float, float]:
-    """Sum over segments, and the sum above which it is significant."""
+    """Sum over segments, and the minimum of a significant sum."""
     blocks = _blocks(reductions, block)
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
     return float(reductions.sum()), float(TRANSFER.beyond_chance * spread)

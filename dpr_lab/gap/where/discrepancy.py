@@ -41,7 +41,7 @@ class DiscrepancyRules:
     likelier: float = 10.0
     """Minimum reduction of -2 log likelihood for the term to be included."""
     mostly: float = 2.0
-    """Ratio of the mean squared torques at low and high speed above which the sentence names the larger one."""
+    """Minimum ratio of the mean squared torques at low and high speed for which the sentence names the larger one."""
 
 
 DISCREPANCY = DiscrepancyRules()

@@ -31,10 +31,10 @@ from dpr_lab.gap.where.coordinates import (
 from dpr_lab.shown import percent
 
 CONVINCING = 0.6
-"""Share of the excess chi-square from which a location explains the gap."""
+"""Minimum share of the excess chi-square for which a location explains the gap."""
 
 SIGNIFICANT = 3.0
-"""Standard deviations of the residual below which there is no gap to locate."""
+"""Minimum residual for which there is a gap to locate, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,15 +58,16 @@ class Effort:
     short: int = 12
     """Number of iterations from short segments."""
     achieved: float = 0.5
-    """Fraction of the predicted reduction of chi2 below which a fit is repeated from shorter segments."""
+    """A fit that achieves less than this fraction of the predicted reduction of chi2 is repeated from shorter segments.
+    """
     outstanding: float = 5.0
-    """chi2 of a segment relative to the median above which it may keep a fit in a local minimum."""
+    """A segment may keep a fit in a local minimum if its chi2, relative to the median, exceeds this value."""
     nowhere: float = 0.99
-    """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
+    """The fit of an effect has failed if the ratio of chi2 with the effect to chi2 without it exceeds this value."""
     starts: int = 4
-    """Number of shapes of an effect from which more than one is fitted."""
+    """Maximum number of shapes from which an effect with a high score is fitted."""
     leading: float = 0.5
-    """Fraction of the best score above which further shapes are fitted."""
+    """Several shapes of an effect are fitted if its score exceeds this fraction of the best score."""
 
 
 EFFORT = Effort()
@@ -140,7 +141,7 @@ class FittedSets:
         return (*sizes, *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Whether the sizes of a set are possible on a rig, or those of another set are impossible too."""
+        """Whether the sizes of a set are possible on a rig, or the sizes of another set are impossible too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:

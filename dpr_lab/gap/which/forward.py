@@ -38,7 +38,7 @@ class Beam:
     sets: int = 2
     """Number of sets that are extended to the next size."""
     worse: float = 4.0
-    """Ratio to the excess of the best set up to which another set is extended."""
+    """Maximum ratio of the excess of a set to the excess of the best set for which the set is extended."""
     exceeded: float = GAUSS_NEWTON.exceeded
     """Largest expected ratio of a fitted reduction to the predicted one, far from the noise."""
     as_promising: float = 0.5
@@ -186,7 +186,7 @@ def _with_one_more(
 
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
-    """Excess above which a further set of a level is neither extended nor accepted."""
+    """Maximum excess of a further set of a level that can be extended or accepted."""
     sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:

@@ -39,8 +39,8 @@ class ArmEnergySettings:
     the range if little energy is lost.
     """
     entering: float = 0.2
-    """Sum of increases over the range of the energy above which the arm is driven. For 59 free arms with an effect it
-    is at most 0.03, and 0.16 with cogging. It is above this limit for 37 of 54 driven arms.
+    """The arm is driven if the sum of increases over the range of the energy exceeds this value. For 59 free arms with
+    an effect the ratio is at most 0.03, and 0.16 with cogging. It exceeds this limit for 37 of 54 driven arms.
     """
 
 

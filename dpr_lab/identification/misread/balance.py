@@ -57,12 +57,14 @@ class EnergySettings:
     angle, and a camera can be tilted by it.
     """
     exchanged: float = 0.9
-    """Correlation of kinetic and potential energy, apart from trend and friction, from which times are judged."""
+    """Minimum correlation of kinetic and potential energy, apart from trend and friction, with which times are judged.
+    """
     paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
     """Speeds at which a video may be stored, relative to its stated frame rate."""
     much_better: float = 0.6
-    """Ratio of the residual at another speed to that at the stated speed, below which the other speed is probably
-    right."""
+    """Another speed is probably right if the ratio of its residual to the residual at the stated speed is below this
+    value.
+    """
 
 
 ENERGY = EnergySettings()
@@ -199,7 +201,7 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
 
 
 def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Array]:
-    """Terms of the balance with short and with long windows, without those of a motion that is too small."""
+    """Terms of the balance with short and with long windows, without the terms of a motion that is too small."""
     balances = (_terms_of_table(t, rods, torques, rig, motion) for motion in (ENERGY.motion, ENERGY.smooth))
     return [terms for terms in balances if terms is not None]
 

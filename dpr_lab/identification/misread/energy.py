@@ -25,7 +25,7 @@ class EnergyRiseSettings:
     apart_s: float = 0.1
     """Interval between two means of the energy, s, which makes the noise of the speeds negligible."""
     quiet_rad: float = 0.01
-    """Standard deviation of a reading above which the speeds, and thus the energy, are too uncertain, rad."""
+    """Maximum standard deviation of a reading for which the speeds, and thus the energy, are certain enough, rad."""
     least_ratio: float = 0.01
     """Smallest permitted ratio; typical double pendulums have no ratio below 0.3."""
     least_exchange: float = 0.5
@@ -33,8 +33,8 @@ class EnergyRiseSettings:
     hardly changes, so that errors of the speeds at a low sample rate are a large share of its range.
     """
     entering: float = 0.3
-    """Sum of increases over the range of the energy above which the rods are driven. It is up to 1e-4 for free rods,
-    0.013 with an error of 6 % in L1, and 0.9 or more for driven rods and rods on a moving arm.
+    """The rods are driven if the sum of increases over the range of the energy exceeds this value. The ratio is up to
+    1e-4 for free rods, 0.013 with an error of 6 % in L1, and 0.9 or more for driven rods and rods on a moving arm.
     """
 
 

@@ -31,13 +31,13 @@ class ArmBalanceSettings:
     """Limits of the balance of a rod on a moving arm."""
 
     broken: float = 0.2
-    """Relative residual above which the unit is doubted. On 33 simulated rigs it was at most 0.15 in the right unit, at
-    least 0.92 for degrees declared as rad, and at least 0.27 for rad declared as degrees.
+    """The unit is doubted if the relative residual exceeds this value. On 33 simulated rigs the residual was at most
+    0.15 in the right unit, at least 0.92 for degrees declared as rad, and at least 0.27 for rad declared as degrees.
     """
     better: float = 4.0
     """Factor by which the relative residual must fall in the other unit."""
     scaled: float = 1.5
-    """Factor from which the scale of the arm's angle is doubted."""
+    """Minimum factor for which the scale of the arm's angle is doubted."""
     agree: float = 1.2
     """Factor within which both estimates of the scale must agree. They differ if the arm hardly moves, because noise
     reduces them by different amounts, or if L0 is wrong, which changes only one of them.
@@ -45,7 +45,7 @@ class ArmBalanceSettings:
     sure: float = 3.0
     """Number of standard deviations by which the squared scale must exceed a limit."""
     degrees: float = 1.4
-    """Factor within which a scale counts as that of degrees; noise reduces an estimated scale by a factor up to 1.3."""
+    """Factor within which a scale counts as due to degrees; noise reduces an estimated scale by a factor up to 1.3."""
     simple: float = 1.15
     """Factor within which a scale counts as 1/2 or 2."""
 
@@ -83,7 +83,7 @@ class ArmBalance:
 
     @property
     def is_right(self) -> bool:
-        """Whether the coefficients are those of the rig, so that signs, zeros and scales of the angles are right."""
+        """Whether the coefficients agree with the rig, so that signs, zeros and scales of the angles are right."""
         near_one = self.gravity > 0.0 < self.coupled and abs(log(self.coupled)) < log(ARM_BALANCE.scaled)
         return near_one and self.arm_scale == 1.0
 

@@ -20,13 +20,13 @@ class DescriptionLimits:
     """Limits from which another description of the recordings is the likely cause of a misfit."""
 
     doubted: float = 20.0
-    """Reduced chi-square from which other signs, zeros and scales are tested."""
+    """Minimum reduced chi-square for which other signs, zeros and scales are tested."""
     better: float = 4.0
     """Factor by which the other sign of the arm's angle must reduce chi-square."""
     better_angles: float = 10.0
     """Factor by which another zero or scale must reduce chi-square; the right one reduces it by at least 100."""
     unit: float = 0.5
-    """Maximum distance of the logarithm (base 10) of the gain from that of a unit's factor."""
+    """Maximum distance between the logarithms (base 10) of the gain and of a unit's factor."""
     gain: float = 1.5
     """Logarithm (base 10) of the ratio of the gain to that of the rig file beyond which no motor constant lies."""
 

@@ -37,7 +37,7 @@ class ZeroSettings:
     least_deg: float = 5.0
     """Smallest error of a zero, degrees; smaller ones are fitted as an encoder offset."""
     alike_deg: float = 2.0
-    """Difference up to which the zeros of two runs are the same, degrees."""
+    """Maximum difference between the zeros of two runs that count as equal, degrees."""
 
 
 ZEROS = ZeroSettings()
@@ -84,7 +84,7 @@ def _of_angles(cause: str, angles: Angles) -> Misreading:
 
 
 def _of_two_rods(cause: str, angles: Angles) -> Misreading:
-    """Interpretation of the angles of one rod against those of the other: not of a rod alone."""
+    """Interpretation of the angles of one rod against the angles of the other rod; not for a rod alone."""
     reading = _of_angles(cause, angles)
     return replace(reading, read=lambda run: None if run.setup.alone else reading.read(run))
 
@@ -158,7 +158,7 @@ _ANGLES = (
 def _scaled(rig: Rig) -> Iterator[Misreading]:
     """Angles from hanging that are a multiple of the readings: of both joints, of one joint, or of one rod.
 
-    The factors are those of half, double and quadruple counts.
+    The factors correspond to half, double and quadruple counts.
     """
     counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
     for factor in (0.5, 2.0, 0.25, 4.0):

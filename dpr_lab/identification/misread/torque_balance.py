@@ -1,4 +1,4 @@
-r"""Torque balance: whether the accelerations of a table can be those of the rig's rods.
+r"""Torque balance: whether the rods of the rig can have the accelerations of a table.
 
 With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md), delta = th1 - th2 and the
 torques f1, f2 of Coulomb friction, the equations of motion of both rods are

@@ -22,7 +22,7 @@ from dpr_lab.shown import percent
 
 @dataclass(frozen=True, slots=True)
 class MisreadSettings:
-    """Thresholds above which an interpretation is doubted."""
+    """Limits beyond which an interpretation is doubted."""
 
     looked_at_s: float = 5.0
     """Examined duration of each run, s; a wrong interpretation is visible from the start."""
@@ -39,23 +39,24 @@ class MisreadSettings:
     for rigs with much friction; wrong interpretations of a clean plant start at 0.05.
     """
     hopeless: float = 0.3
-    """Residual over the standard deviation of the angle above which the fit does not follow the swing at all."""
+    """Maximum ratio of the residual to the standard deviation of the angle for which the fit follows the swing at all.
+    """
     better: float = 10.0
     """Factor by which chi2 must be smaller in another interpretation that refuses recordings."""
     better_hint: float = 5.0
     """Factor by which the excess of chi2 must be smaller in an interpretation that is reported as a hint. Correctly
     interpreted rods with an effect reach 3."""
     explained: float = 20.0
-    """Reduced chi-square below which another interpretation must be far better, because a wrong one may fit better
-    by chance.
+    """Maximum reduced chi-square of another interpretation, unless it is far better than the given one. A wrong
+    interpretation may fit better by chance.
     """
     far_better: float = 1000.0
-    """Factor by which it must be smaller in this case."""
+    """Factor by which the reduced chi-square of a far better interpretation must be smaller."""
     spare: float = 1.05
     """Factor on the limits of the ratios, because ratios are uncertain."""
     slow: float = 2.5
-    """Ratio of the period of a run to that of a mass point at L1, above which the examined beginning of the run is
-    longer.
+    """A longer beginning of the run is examined if the ratio of its period to the period of a mass point at L1 exceeds
+    this value.
     """
     rate_hz: float = 250.0
     """Sample rate for other interpretations, Hz; their difference must be far above the noise."""
@@ -64,8 +65,8 @@ class MisreadSettings:
     thorough: int = 40
     """Maximum number of iterations for the given interpretation."""
     wrong_inertia: float = 300.0
-    """Factor between the inertia b of a fit and that of the rig file, in either direction, from which known torques
-    contradict the rig. Wrong masses and unknown gears reach 100; a wrong unit is a factor of 1000.
+    """Known torques contradict the rig if the inertia b of a fit is larger or smaller than the value of the rig file by
+    this factor. Wrong masses and unknown gears reach 100; a wrong unit is a factor of 1000.
     """
 
 
@@ -260,7 +261,7 @@ def fitted(
     """Fit of the rods without effects to the beginning of each run.
 
     None if the fit has no finite result, or if a part of the first run alone has a chi2 far above `worst`. A fit to a
-    part of the segments has a chi2 of at most that of the fit to all segments.
+    part of the segments has at most the chi2 of the fit to all segments.
 
     Args:
         runs: the runs in one interpretation
@@ -333,10 +334,10 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Ratio of the observed period of theta1 to that of rods of this length, from 1 to 8, as in slow motion.
+    """Ratio of the observed period of theta1 to the period of rods of this length, from 1 to 8, as in slow motion.
 
-    The observed half period is the mean time between two passages through the middle of the range; that of the rods is
-    half the period of a mass point at L1. A motion within a tenth of the range is not a passage.
+    The observed half period is the mean time between two passages through the middle of the range. The half period of
+    the rods is half the period of a mass point at L1. A motion within a tenth of the range is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)

@@ -34,7 +34,7 @@ def identify(
     stop: Callable[[], bool] | None = None,
     on_polish: Callable[[], None] | None = None,
 ) -> Model | MovingArmModel:
-    """Identify the parameters of a rig from recordings; with a free or driven arm, also those of arm and drive.
+    """Identify the parameters of a rig from recordings, including arm and drive if the arm is free or driven.
 
     With a clamped or prescribed arm the search (IGA by default) finds the basin inside the rig file's bounds; least
     squares over segments of 0.25 s, then over longer and longer segments while the model follows them, gives the ratios

@@ -34,7 +34,7 @@ class DoubtSettings:
     tried_s: float = 2.5
     """Examined duration of each recording for another zero or scale of the angles, s."""
     hardly_rad: float = 0.05
-    """Range of theta0 below which a free arm may be held by its cable or by Coulomb friction."""
+    """A free arm may be held by its cable or by Coulomb friction if the range of theta0 is below this value, rad."""
     contact_s: float = 0.006
     """Time over which a stop changes the speed of the arm."""
     sudden: float = 4.0

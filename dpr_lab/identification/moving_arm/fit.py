@@ -23,10 +23,11 @@ class ArmFitSettings:
     first_s: float = 0.25
     """Length of the first segments, s."""
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Distance of the free run of a segment from the readings of the next, rad, up to which the two are merged; smaller
-    ones are tried after a merge that failed."""
+    """Maximum distance of the free run of a segment from the readings of the next segment for which the two are merged,
+    rad. After a failed merge, the next smaller distance is tried.
+    """
     worse: float = 1.05
-    """Growth of the reduced chi-square up to which merged segments are kept."""
+    """Maximum growth of the reduced chi-square for which merged segments are kept."""
     iterations: int = 100
     """Maximum number of iterations of each fit."""
     converged: float = 1e-5
@@ -35,13 +36,15 @@ class ArmFitSettings:
     damping: float = 1e-3
     """Initial damping, relative to the diagonal of the normal equations."""
     most_damping: float = 1e9
-    """Damping above which no step can reduce the cost."""
+    """Maximum damping; with more damping, no step can reduce the cost."""
     searched: float = 20.0
-    """Reduced chi-square of the first segments above which a global search determines other initial values."""
+    """A global search determines other initial values if the reduced chi-square of the first segments exceeds this
+    value.
+    """
     searched_segments: int = 32
     """Number of segments, spread over all recordings, that this search simulates."""
     misfit: float = 1.5
-    """Reduced chi-square above which the covariance is that of clustered residuals."""
+    """If the reduced chi-square exceeds this value, the covariance accounts for residuals clustered by segment."""
 
 
 ARM_FIT = ArmFitSettings()
@@ -279,7 +282,7 @@ def _solved(H: Array, gradient: Array) -> Array:
 def covariance_of(fit: ArmFit) -> Array:
     """(free, free) covariance, very large in undetermined directions.
 
-    If the residual exceeds the noise, the covariance is that of residuals clustered by segment (White 1980).
+    If the residual exceeds the noise, the covariance is computed for residuals clustered by segment (White 1980).
     """
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))

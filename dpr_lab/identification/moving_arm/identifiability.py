@@ -87,7 +87,7 @@ ARM_INSTRUMENTS = (
         BenchReading("viscous friction of the arm", "N m s/rad", "c0"),
     ),
 )  # fmt: skip
-"""Bench measurements that can be recommended in addition to those of the rods."""
+"""Bench measurements that can be recommended in addition to the measurements of the rods."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -212,7 +212,7 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
 def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
     """Parameters of rods, arm and motor from the rig file, SI, and (free, n) d ln(unknown) / d ln(parameter).
 
-    Missing motor constants are replaced by those of a small motor whose back-EMF is as large as the friction.
+    Missing motor constants are replaced by the constants of a small motor whose back-EMF is as large as the friction.
     """
     both_rods, motor = rig.rods.mounted == "both", rig.motor
     of_rods = PARAMETERS if both_rods else SINGLE_ROD
@@ -265,7 +265,7 @@ def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[st
 
 
 def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    """Standard deviation of a uniform distribution between the bounds; without bounds that of a decade."""
+    """Standard deviation of a uniform distribution between the bounds; without bounds, over a decade."""
     rows = [
         sizes[name] * 12**0.5 / (parameter.upper - parameter.lower)
         if parameter and parameter.upper and parameter.lower

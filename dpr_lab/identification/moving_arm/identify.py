@@ -28,12 +28,13 @@ class ArmWarnings:
     """Limits for determined unknowns and for a reliable fit."""
 
     hardly_seen: float = 0.5
-    """Relative standard deviation above which an unknown is not determined."""
+    """Maximum relative standard deviation of an unknown that is determined."""
     unseen: float = 1e3
-    """Standard deviation, relative to the value or in units of the ratio, above which an interval contains no
-    information, as after a failed fit."""
+    """An interval contains no information, as after a failed fit, if the standard deviation exceeds this value,
+    relative to the value or in units of the ratio.
+    """
     gap: float = 3.0
-    """Reduced chi-square above which the model is clearly incomplete."""
+    """The model is clearly incomplete if the reduced chi-square exceeds this value."""
 
 
 ARM_WARNINGS = ArmWarnings()

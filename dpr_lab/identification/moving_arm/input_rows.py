@@ -22,7 +22,7 @@ class InputRows:
     """Limits of this test."""
 
     doubted: float = 1.1
-    """Reduced chi-square above which the test is made."""
+    """The test is made if the reduced chi-square exceeds this value."""
     better: float = 1.3
     """Factor by which the reduced chi-square must fall, as for an additional effect of a diagnosis."""
     least: float = 0.1

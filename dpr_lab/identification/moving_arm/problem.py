@@ -80,7 +80,7 @@ class ArmProblem:
     relative: bool
     """Whether joint 2 reads theta2 - theta1."""
     prior: Array
-    """(free,) reciprocal standard deviation of a measured unknown; zero for the others."""
+    """(free,) reciprocal standard deviation of a measured unknown; zero for an unknown that was not measured."""
 
     @property
     def dof(self) -> int:

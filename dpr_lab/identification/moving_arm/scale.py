@@ -23,7 +23,7 @@ class ArmScale:
     relative_std: float
     """Relative standard deviation of the sources besides the recordings; 0 if unknown."""
     by_gain: bool
-    """Whether it is torque over fitted gain, so that its error is correlated with that of the ratios."""
+    """Whether the scale is torque over fitted gain, so that its error is correlated with the errors of the ratios."""
     known: bool
     """Whether recordings or measured values determine it."""
     sentence: str
@@ -63,7 +63,7 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
 
 
 def _relative_std(rig: Rig) -> float | None:
-    """Relative standard deviation of the scale from measured values; None if one of them is missing."""
+    """Relative standard deviation of the scale from measured values; None if a measured value is missing."""
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
     parameters = [rig.parameters[name] for name in names]
     stds = [parameter.std for parameter in parameters]
@@ -112,7 +112,7 @@ def absolute_values(
 
 
 def absolute_name(parameter: str, kind: str) -> str:
-    """Name of an absolute value; that of a gain depends on the kind of the input."""
+    """Name of an absolute value; the name of a gain depends on the kind of the input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")

@@ -56,7 +56,7 @@ def arm_start(rig: Rig) -> tuple[float, float]:
 def setup_of(run: Run, rig: Rig) -> Setup:
     """Mounting, known inputs, and mode of the arm of a run.
 
-    An arm that is driven by an acceleration has a prescribed motion, that of its encoder, because its torque is
+    An arm that is driven by an acceleration has a prescribed motion, the motion of its encoder, because its torque is
     unknown.
 
     Raises:

@@ -28,7 +28,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class SoftStopSettings:
-    """Limits from which a soft stop is the likely cause."""
+    """Limits beyond which a soft stop is the likely cause."""
 
     nearest: float = 0.75
     """Smallest distance of the stop from the other end of the arm's range, relative to the range."""
@@ -47,7 +47,7 @@ class SoftStopSettings:
     contacts: int = 2
     """Smallest number of contacts."""
     certain: float = 5.0
-    """Factor of the reduction from which a single contact is enough."""
+    """A single contact is enough if stops reduce the residual by this factor."""
 
 
 SOFT_STOP = SoftStopSettings()
@@ -153,7 +153,7 @@ def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
 
 
 def _reduction(stops: tuple[_Trial, ...], rest: Array) -> float:
-    """Factor by which stops reduce the residual (k,); 1 if one of them does not push inwards."""
+    """Factor by which stops reduce the residual (k,); 1 if any stop does not push inwards."""
     if not stops:
         return 1.0
     columns = np.column_stack([stop.column for stop in stops])

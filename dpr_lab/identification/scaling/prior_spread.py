@@ -97,7 +97,7 @@ def with_intervals(
 
 
 def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
-    """90 % intervals of those of the nine parameters that only bounds determine.
+    """90 % intervals of the parameters that only bounds determine.
 
     Args:
         Z: (9,) used values, which the intervals contain

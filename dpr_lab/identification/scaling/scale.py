@@ -74,7 +74,7 @@ class Scale(BaseModel):
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """90 % interval of a ratio from that of a size at this b."""
+        """90 % interval of a ratio from the interval of a size at this b."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def absolute90(self, value: float, interval: Interval90, power: int = 1) -> Interval90:

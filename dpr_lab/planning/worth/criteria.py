@@ -58,7 +58,7 @@ class Worth:
     sizes: tuple[float, ...] = (0.1, 0.3, 1.0)
     """Sizes of the library's amplitudes, in units of their typical size."""
     least: float = 0.01
-    """Probability below which a cause is not considered."""
+    """Minimum probability of a cause that is considered."""
     seen: float = 1e-6
     """Minimum share of the information about an amplitude that must remain after the fit, for it to be detectable."""
 

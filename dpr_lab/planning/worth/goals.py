@@ -36,7 +36,9 @@ class Goal:
     room: float
     """Distance from half the limit to the limit, or from the middle of a range to its ends."""
     single: bool = True
-    """Whether the interval of `accept` is that of one shape; over all shapes of an effect it is wider than `reach`."""
+    """Whether the interval of `accept` is the interval of one shape; over all shapes of an effect it is wider than
+    `reach`.
+    """
 
 
 def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:

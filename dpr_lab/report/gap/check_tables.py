@@ -46,9 +46,7 @@ def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
 
 
 def informative(checks: Sequence[AdvisedCheck]) -> bool:
-    """Whether any check is expected to give at least 0.05 bits, the entropy of a yes-no question with probability
-    0.994.
-    """
+    """Whether any check is expected to give at least 0.05 bits: the entropy at probabilities of 0.994 and 0.006."""
     return any(check.expected_bits >= 0.05 for check in checks)
 
 

@@ -66,7 +66,7 @@ class AlternativeWords:
     """Thresholds for the explanation of an improbable alternative."""
 
     improbable: float = 1e-3
-    """Probability below which only the bound is shown."""
+    """Minimum probability that is shown as a number; for a smaller one, only this bound is shown."""
     same_shape: float = 0.9995
     """Cosine similarity that is shown as 1.000: an improbable alternative of this similarity needs a reason."""
 

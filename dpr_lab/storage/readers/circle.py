@@ -19,11 +19,11 @@ class CircleSettings:
     triples: int = 100
     """Number of circles through three random points: if a third of the points are wrong, 30 of them are right."""
     near: float = 6.0
-    """Distance from the circle in median distances, about 4 standard deviations, up to which a point is on it."""
+    """Maximum distance of a point on the circle from it, in median distances; it is about 4 standard deviations."""
     fits: int = 20
     """Maximum number of fits to the points near the previous circle."""
     rounding: float = 1e-9
-    """Distance from the circle, relative to its radius, up to which a point is on it in any case."""
+    """Maximum distance from the circle, relative to its radius, of a point that is on it in any case."""
 
 
 SETTINGS = CircleSettings()

@@ -35,21 +35,23 @@ class PointSettings:
     at_rest: float = 0.05
     """Maximum ratio of the motion of one point to the motion of another for which the first point is a fixed pivot."""
     at_origin: float = 1.5
-    """Scatter of the distance to the origin relative to that to the fitted centre of the circle, up to which the origin
-    is the pivot: users of Tracker place the axes there.
+    """The origin is the pivot if the ratio of the scatter of the distance to the origin to the scatter of the distance
+    to the fitted centre of the circle is at most this value. Users of Tracker place the axes at the pivot.
     """
     repeats: float = 0.2
-    """Motion in a frame relative to that in the frames before and after it, below which it repeats the frame before."""
+    """A frame repeats the frame before if the ratio of its motion to the motion in the neighbouring frames is below
+    this value.
+    """
     share_of_repeats: float = 0.1
     """Minimum share of such frames for them to count as repeated: the noise of a slow motion causes a few."""
     straight: float = 1e-3
-    """Second difference of a point, relative to the median of all, below which the point counts as interpolated."""
+    """Maximum second difference of an interpolated point, relative to the median of all second differences."""
     fine: float = 20.0
     """Minimum median of the second differences, in units of the resolution of the table, for a test of interpolated
     points; coarser coordinates, such as whole pixels, lie on straight lines by chance.
     """
     chance: float = 3.0
-    """Standard deviations by which the number of frames on straight lines must exceed that by chance."""
+    """Standard deviations by which the number of frames on straight lines must exceed the number expected by chance."""
     frames_of_speed: int = 8
     """Ratio of an interval of motion to half the interval over which its speeds are measured."""
 

@@ -30,7 +30,7 @@ class LengthSettings:
     wild: float = 4.0
     """Deviation of a length, in standard deviations, beyond which it is limited."""
     correlated: float = 4.0
-    """Standard errors above which the autocorrelation of the lengths is significant."""
+    """Minimum significant autocorrelation of the lengths, in standard errors."""
     most_alike: float = 0.98
     """Maximum autocorrelation of the lengths of neighbouring frames."""
     wrong: tuple[float, float] = (8.0, 0.01)
@@ -40,7 +40,7 @@ class LengthSettings:
     frames_per_unknown: float = 3.0
     """Minimum number of frames with independent errors for each coefficient of the length as a function of the pose."""
     by_pose: float = 10.0
-    """F statistic from which a length depends on the pose: the camera is tilted."""
+    """Minimum F statistic for which a length depends on the pose: the camera is tilted."""
 
 
 LENGTHS = LengthSettings()

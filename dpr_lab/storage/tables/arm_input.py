@@ -31,10 +31,10 @@ _UNITS = {
 }
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
 _UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
-"""Names of an input whose kind is that of the rig file: `input`, which `run export` writes, and other usual names."""
+"""Names of an input whose kind is given by the rig file: `input`, which `run export` writes, and other usual names."""
 _CART = re.compile("(?:x|pos|position)?(?:cart|carriage|trolley|slider|carro)(?:x|pos|position)?([cm]?m)?")
 _PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
-"""Names that are also those of angles or points: they name the position of a cart only if no column has a plain
+"""Names that also denote angles or points: they name the position of a cart only if no column has a plain
 name."""
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
@@ -189,7 +189,7 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
 
 
 def _columns_of(kind: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
-    """Columns whose names are those of one kind of input, with the match of the unit."""
+    """Columns whose names denote one kind of input, with the match of the unit."""
     return _matching(f"{_KIND}(?:{_NAMES[kind]})0?{_KIND}({'|'.join(_UNITS[kind])})?", names)
 
 
@@ -199,7 +199,7 @@ def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _other_input(names: Sequence[str], motor: MotorTable) -> str:
-    """Advice for a table whose input is of another kind than that of the rig file; empty without such a column."""
+    """Advice for a table whose input differs in kind from the input of the rig file; empty without such a column."""
     for kind, constant in (("torque", ""), ("current", ", with kt if it is known"), ("voltage", ", with kt and R")):
         columns = _columns_of(kind, names) if kind != motor.input else {}
         for name in columns:

@@ -16,7 +16,7 @@ _NEWLINE, _BLANK = ord("\n"), ord(" ")
 def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int) -> Array | None:
     """The numbers of a block whose lines are all rows of numbers; None for any other block.
 
-    The result is the same, to the last bit, as that of `float` on each field. A missing value is NaN.
+    The result equals, to the last bit, the result of `float` on each field. A missing value is NaN.
 
     Args:
         text: complete lines

@@ -25,7 +25,7 @@ class CounterSettings:
     reach: int = 6
     """Number of rows before and after a fall whose steps are compared with the step across it."""
     jump: float = 2.0
-    """Maximum step of a reading across a wrap, relative to the largest of the others."""
+    """Maximum step of a reading across a wrap, relative to the largest other step."""
 
 
 SETTINGS = CounterSettings()

@@ -215,7 +215,7 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
 def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
     """Name of the angle if one of two columns is the speed of the other, otherwise both names.
 
-    The steps of an angle are proportional to the speed times the steps of the time, in any unit; those of the speed
+    The steps of an angle are proportional to the speed times the steps of the time, in any unit; the steps of the speed
     of a swing have the opposite sign of the angle.
     """
     steps = np.diff(table.column(clock))

@@ -19,48 +19,47 @@ class QuestionSettings:
     fewest_rows: int = 10
     """Minimum number of rows of a swing; the noise estimate alone needs seven."""
     few_rows: int = 100
-    """Number of rows below which the information is small."""
+    """Minimum number of rows with sufficient information."""
     rows_a_period: float = 8.0
     """Minimum number of rows per period of the faster small oscillation; large swings are faster."""
     refused_rows_a_period: float = 2.0
-    """Number of rows per period below which a swing cannot be followed."""
+    """Minimum number of rows per period for which a swing can be followed."""
     still_share: float = 0.002
-    """Excursion of a rod relative to that of the other rod, below which its column is considered constant: coupled rods
-    always move both.
+    """Maximum excursion of a rod, relative to the excursion of the other rod, for which its column counts as constant.
+    Coupled rods always move together.
     """
     stiff_rad: float = 0.02
-    """Range of joint 2 below which it is considered fixed: absolute, and relative to the excursion of the rods."""
+    """Maximum range of a fixed joint 2: absolute, rad, and relative to the excursion of the rods."""
     unexplained: tuple[float, float] = (0.3, 0.8)
-    """Residual of the energy of a free and of a driven swing above which a warning is given: geared drives of real
-    rigs dissipate up to half of the exchanged energy by Coulomb friction.
+    """A warning is given if the residual of the energy of a free or driven swing, in this order, exceeds these values.
+    Geared drives of real rigs dissipate up to half of the exchanged energy by Coulomb friction.
     """
     time_scale: float = 1.6
-    """Factor between the time scales of kinetic and potential energy above which a warning is given."""
+    """Maximum factor between the time scales of kinetic and potential energy without a warning."""
     arm_rad: float = 0.05
-    """Motion of a clamped arm above which a warning is given; a brake and a column yield by less."""
+    """Maximum motion of a clamped arm without a warning, rad; a brake and a column yield by less."""
     other_unit: float = 30.0
-    """Value of the factor in `time_scale` above which the unit of time must be wrong."""
+    """The unit of time must be wrong if the factor in `time_scale` exceeds this value."""
     same_rig: float = 0.15
     """The inertias are compared with the rig file only if the residual of the torque balance with free L1 is below this
     limit."""
     other_rig: float = 1.1
-    """Factor between an inertia over gravity and the nearest value that the rig file allows, above which a warning is
-    given. The factor is below 1.05 for free swings of the correct rig, and 1.15 or more for other rigs of this
-    repository.
+    """Maximum factor between an inertia over gravity and the nearest value that the rig file allows, without a warning.
+    The factor is below 1.05 for free swings of the correct rig, and 1.15 or more for other rigs of this repository.
     """
     torque_step: float = 0.08
-    """Median change of a known torque between rows, relative to its range, above which a warning is given: 0.012 for a
-    sine of 1 Hz at 200 Hz, 0.12 at 20 Hz.
+    """Maximum median change of a known torque between rows, relative to its range, without a warning. The change is
+    0.012 for a sine of 1 Hz at 200 Hz, and 0.12 at 20 Hz.
     """
     idle: tuple[float, float] = (1.0, 0.75)
-    """Residual of the torque balance, relative to gravity, above which known torques may not act at all, and the ratio
-    of the residual without them to that residual below which a warning is given.
+    """Known torques may not act at all if the residual of the torque balance, relative to gravity, exceeds the first
+    value. A warning is given if the ratio of the residual without torques to this residual is below the second value.
     """
     energy_rows: int = 200_000
     """Maximum number of rows for the energy test; a wrong interpretation is visible from the start."""
     pose: tuple[float, float] = (3.0, 10.0)
-    """Distance from the named pose, in units of its tolerance, above which a warning is given and above which the
-    table is refused.
+    """Maximum distance from the named pose, in units of its tolerance: without a warning, and without refusal of the
+    table.
     """
 
 

@@ -123,7 +123,7 @@ class ImportOptions:
         Literal["free", "prescribed"] | None,
         Typed("Mode of the inner rod: free, or prescribed by its encoder; default: as in the rig file."),
     ] = None
-    """Mode of the inner rod, `free` or `prescribed`; None for that of the rig file."""
+    """Mode of the inner rod, `free` or `prescribed`; None: the mode of the rig file."""
     keep_rest: Annotated[bool, Typed("Keep all rows, also those in which the rods seem to be held.")] = False
     """Whether all rows are used, also those in which the rods seem to be held."""
     recorded_at: Annotated[

@@ -52,7 +52,9 @@ class Plausible:
     sixteen turns per second.
     """
     back: float = 1.5
-    """Turns from one turning point to the next above which the angles of a single rod cannot be in radians."""
+    """The angles of a single rod cannot be in radians if it makes more turns than this from one turning point to the
+    next.
+    """
     typical_rows: int = 20_000
     """Maximum number of examined rows, evenly spaced; sufficient to show typical properties."""
 

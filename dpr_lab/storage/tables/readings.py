@@ -34,19 +34,19 @@ class ReadingSettings:
     sure: float = 0.1
     """Maximum residual of another interpretation."""
     zero_rad: float = 0.02
-    """Difference of a zero below which it is not proposed, rad: a diagnosis fits it as an encoder offset."""
+    """Minimum difference of a proposed zero, rad; a diagnosis fits a smaller one as an encoder offset."""
     usual_zero_rad: float = np.pi / 12
     """A wrong zero is usually wrong by a multiple of this angle, rad."""
     alike: float = 2.0
-    """Interpretations whose residuals differ by less than this factor are equally good; the one with fewer changes
-    is preferred.
+    """Interpretations are equally good if their residuals differ by less than this factor; fewer changes are preferred.
     """
     balanced: float = 0.05
-    """Residual of the torques below which no other interpretation is tried. It is 0.01 to 0.17 for free swings, up to
-    0.4 for driven geared joints, and 0.1 or more with one wrong option.
+    """No other interpretation is tried if the residual of the torques is below this value. The residual is 0.01 to 0.17
+    for free swings, up to 0.4 for driven geared joints, and 0.1 or more with one wrong option.
     """
     near_balance: float = 0.15
-    """Residual of the torques up to which only the nearest zeros are searched; distant zeros have a larger residual."""
+    """Maximum residual of the torques for which only the nearest zeros are searched; distant zeros have a larger one.
+    """
     better_balance: float = 2.0
     """Factor by which the residual of the torques must be smaller in another interpretation. No other interpretation of
     a correct table reduces it by more than a third.
@@ -56,7 +56,7 @@ class ReadingSettings:
     alike_balance: float = 1.1
     """Same factor as `alike`, for the torques."""
     wrong_zero_rad: float = 0.15
-    """Distance of the nearest zero that balances the torques, above which the stated zero is doubted even if the
+    """The stated zero is doubted if the nearest zero that balances the torques is farther away, rad, even if the
     residual of a noisy record hardly falls. The distance is at most 0.08 for 21 correct recordings of real rigs, and
     0.17 for a zero that is 10 degrees off.
     """
@@ -234,7 +234,7 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
 
 
 def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
-    """The zeros that conserve the energy of a single free rod, if they are near those of the torque balance.
+    """The zeros that conserve the energy of a single free rod, if they are near the zeros of the torque balance.
 
     If friction stops a rod or changes its sign, the accelerations are wrong and shift the zeros, whereas the energy is
     right.

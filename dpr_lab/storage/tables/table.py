@@ -42,7 +42,7 @@ class Table:
     heading: tuple[tuple[str, ...], ...] = ()
     """Rows above the numbers, unchanged."""
     other_lengths: Mapping[str, int] = field(default_factory=dict)
-    """Column -> its number of values, for ignored columns whose number of values differs from that of the others."""
+    """Column -> its number of values, for ignored columns whose number of values differs from the other columns."""
     settled: bool = False
     """Whether the angles are absolute, 0 = upright, rad, independent of the options."""
     film_noise: FilmNoise | None = None

@@ -76,7 +76,7 @@ class Understood:
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
     at_edges: bool = False
-    """Whether the rows were sent at each count of an encoder, and the angles are those of the edges between counts."""
+    """Whether the rows were sent at each count of an encoder, and the angles belong to the edges between counts."""
 
     @property
     def t(self) -> Array:
