@@ -1,4 +1,4 @@
-"""Which of the given recordings of a real rig to fit first: the plan's choice against all others.
+"""Which of the given recordings of a real rig to fit first: one choice against all others.
 
     python benchmarks/plan_real.py --data FOLDER [--only pendule_pi]
 
@@ -7,8 +7,9 @@ choices. The recording to fit first is chosen before any is fitted: the one whos
 contains the largest share of the states of the others. A fit compensates for effects that the model lacks. Within the
 range of the fitted recording, the prediction remains close to the readings; beyond it, the compensation does not hold,
 however accurate the parameters are. Information about parameters, or about amplitudes of a library, does not contain
-this (docs/benchmarks.md has both). Source: J. Brynjarsdottir & A. O'Hagan (2014), Learning about physical parameters:
-the importance of model discrepancy, Inverse Problems 30, 114007.
+this (docs/benchmarks.md has both). `dpr-lab plan`, which proposes new recordings, does not use this criterion. Source:
+J. Brynjarsdottir & A. O'Hagan (2014), Learning about physical parameters: the importance of model discrepancy, Inverse
+Problems 30, 114007.
 """
 
 import sys
@@ -95,7 +96,7 @@ def held_out_errors(rig: Rig, runs: list[Run], chosen: int) -> dict[str, float]:
 
 
 def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
-    """The plan's choice over the median of all choices, by the median over the recordings that every fit predicts."""
+    """The chosen recording over the median of all, by the median over the recordings that every fit predicts."""
     shares = covered_shares(rig, runs)
     predicted = list[dict[str, float]]()
     for k, run in enumerate(runs):
@@ -107,7 +108,7 @@ def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
     errors = [np.median([each[name] for name in common if name in each]) for each in predicted]
     best = int(np.argmax(shares))
     return [
-        at_most(f"{name}: held-out error of the plan's choice over the median", errors[best] / np.median(errors), 1)
+        at_most(f"{name}: held-out error of the chosen recording over the median", errors[best] / np.median(errors), 1)
     ]
 
 

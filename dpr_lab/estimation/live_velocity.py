@@ -94,7 +94,8 @@ class VelocityFilter:
     def update(self, t: float, theta: ArrayLike) -> Array:
         """(2,) speeds after the sample theta (2,) at time t, rad/s.
 
-        Raises: ValueError: t is not later than the previous sample.
+        Raises:
+            ValueError: t is not later than the previous sample.
         """
         if not t > self._t:
             raise ValueError(f"samples must come in order: {t} s after {self._t} s")

@@ -64,7 +64,8 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     Their masses are the masses of the model at the scale of its base parameters; a swing depends only on the base
     parameters.
 
-    Raises: ConfigError: no rigid bodies can represent the model with a moving arm.
+    Raises:
+        ConfigError: no rigid bodies can represent the model with a moving arm.
     """
     if isinstance(model, MovingArmModel):
         return arm_bodies(model, rig, expressed)

@@ -137,8 +137,8 @@ def _kept(
 ) -> list[CandidateRelease]:
     """The signals with amplitudes that respect the limits of speeds and angles.
 
-    Raises: ConfigError: no amplitude respects the limits; the message names the table of the limits and its key of the
-    size.
+    Raises:
+        ConfigError: no amplitude respects the limits; the message names the table and the key of the limit.
     """
     within_limits = [driven for signal in signals if (driven := _within(signal, model, limits, rig)) is not None]
     if not within_limits:

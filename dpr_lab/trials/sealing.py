@@ -123,7 +123,8 @@ class HeldPlant:
     def record(self, release: dict[str, Any]) -> dict[str, Any]:
         """Record a release: `theta1`, `theta2`, `duration_s`, and any `rods` and `added_mass` as in a rig file.
 
-        Raises: DprError: the rig cannot make this release.
+        Raises:
+            DprError: the rig cannot make this release.
         """
         return self._ask(json.dumps(release))
 

@@ -41,7 +41,8 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
 
     Events: `TrialDone`, at the start and after each trial.
 
-    Raises: ConfigError: a kind that is not available for a moving arm.
+    Raises:
+        ConfigError: a kind that is not available for a moving arm.
         RunError: the folder contains another campaign, or one that is running.
         DprError: a file cannot be written, or the workers are lost; finished trials are kept.
     """

@@ -63,7 +63,8 @@ def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
 def with_modes(rig: "Rig", arm: str | None, inner: str | None) -> "Rig":
     """The rig with other modes of joints 0 and 1 for the runs of one session.
 
-    Raises: ConfigError: this rig does not support these modes; the message states what is missing.
+    Raises:
+        ConfigError: this rig does not support these modes; the message states what is missing.
     """
     from pydantic import ValidationError
 

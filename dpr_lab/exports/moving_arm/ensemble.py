@@ -40,7 +40,8 @@ def sampled_arm_models(
         seed: seed of the random numbers
         tries: number of draws of one model until bodies with its values exist
 
-    Raises: RunError: almost no random model is physically possible.
+    Raises:
+        RunError: almost no random model is physically possible.
     """
     rng = np.random.default_rng(seed)
     models = list[MovingArmModel]()
