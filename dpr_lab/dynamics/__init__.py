@@ -1,1 +1,1 @@
-"""Mechanics: base parameters, equation (1), the arm, integration of one swing and of many, sensitivities."""
+"""Mechanics: base parameters, equation (1), the arm, integration of one swing or of many, and sensitivities."""

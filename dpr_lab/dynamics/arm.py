@@ -1,19 +1,18 @@
-r"""Equation of motion of the whole rig: arm about the vertical, two rods in the plane tangent to its tip.
+"""Equation of motion of the whole rig: an arm about the vertical, and two rods in the plane tangent to its tip.
 
 With s = sin, c = cos, r = L0 / g, A = J0 + (m1 + m2 + mb) L0^2 and phi = theta0, the mass matrix M(theta) is
 
     M00 = A + a s1^2 + b s2^2 + 2 d s1 s2        M01 = r e1 c1        M02 = r e2 c2
     M11 = a        M12 = d cos(t1 - t2)          M22 = b
 
-and M alpha = f, with the rods' part of f that of equation (1) and
+and M alpha = f. The components f1 and f2 are those of equation (1) plus the centrifugal torques of the arm:
 
     f0 = tau0 - c0 phi' - k0 phi - 2 phi' [(a s1 + d s2) c1 w1 + (b s2 + d s1) c2 w2] + r (e1 s1 w1^2 + e2 s2 w2^2)
     f1 += phi'^2 (a s1 + d s2) c1                f2 += phi'^2 (b s2 + d s1) c2
 
-The rods are slender, without inertia about their own axes, so J1 and J2 also contribute to the inertia of the arm with
-the squared sine of their angles. Point mass mb at joint 2; J0 is the arm alone, about its axis.
-
-Effects add to M11, M22, M12 and to f1, f2 (`dpr_lab.effects.quantities.Terms`).
+The rods are slender, without inertia about their own axes. J1 and J2 therefore also contribute to the inertia of the
+arm, with the squared sine of their angles. mb is a point mass at joint 2. J0 is the inertia of the arm alone about its
+axis. Effects add to M11, M22, M12 and to f1, f2 (`dpr_lab.effects.quantities.Terms`).
 """
 
 from typing import Literal, NamedTuple
@@ -33,7 +32,7 @@ CLAMPED, FREE, DRIVEN = range(3)
 
 
 class ArmParameters(NamedTuple):
-    """Arm: inertia kg m^2, viscous friction N m s/rad, spring N m/rad, and mode."""
+    """Parameters of the arm: inertia, kg m^2, viscous friction, N m s/rad, spring stiffness, N m/rad, and mode."""
 
     J0: float = 0.0
     c0: float = 0.0
@@ -42,13 +41,13 @@ class ArmParameters(NamedTuple):
 
 
 def with_gravity(base: ArrayLike, L1: float, g: float) -> BaseParameters:
-    """Base parameters (6,) a, b, d, e1, c1, c2, SI, and the corresponding e2."""
+    """Base parameters with the corresponding e2, from (6,) a, b, d, e1, c1, c2, SI."""
     a, b, d, e1, c1, c2 = np.asarray(base, dtype=np.float64).tolist()
     return BaseParameters(a, b, d, e1, d * g / L1, c1, c2)
 
 
 def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: ArmParameters) -> tuple[BaseParameters, ArmModel]:
-    """Rods and arm of a rig with the nine parameters Z and frame (L0, L1, g)."""
+    """Base parameters of the rods and model of the arm, for the nine parameters Z and the frame (L0, L1, g), SI."""
     L0, L1, g = frame
     m1, m2, mb = np.asarray(Z, dtype=np.float64)[2:5].tolist()
     model = ArmModel(float(arm.J0) + (m1 + m2 + mb) * L0**2, L0 / g, float(arm.c0), float(arm.k0))
@@ -57,7 +56,7 @@ def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: ArmParameters)
 
 @subroutine
 def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[float, float, float]:
-    """(M00, M01, M02), kg m^2: inertia of the arm and its coupling with the rods."""
+    """First row (M00, M01, M02) of the mass matrix, kg m^2: inertia of the arm and its coupling with the rods."""
     turning = arm.inertia + base.a * motion.sin1 * motion.sin1 + base.b * motion.sin2 * motion.sin2
     turning += 2.0 * base.d * motion.sin1 * motion.sin2
     return turning, arm.reach * base.e1 * motion.cos1, arm.reach * base.e2 * motion.cos2
@@ -65,7 +64,7 @@ def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[fl
 
 @inlined
 def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: float, d: float) -> tuple[float, float]:
-    """Torques on theta1, theta2 divided by the squared speed of the arm, kg m^2."""
+    """Centrifugal torques of the arm on theta1 and theta2 per squared speed of the arm, kg m^2."""
     return (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
 
 
@@ -73,16 +72,16 @@ def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: floa
 def push_on_arm(
     motion: Motion, base: BaseParameters, arm: ArmModel, torque0: float, alphas: tuple[float, float]
 ) -> float:
-    """Torque, N m, that friction must withstand at a resting arm while the rods have these accelerations, rad/s^2."""
+    """Torque that friction must withstand at a resting arm, N m, for accelerations `alphas` of the rods, rad/s^2."""
     pull = base.e1 * (motion.sin1 * motion.omega1 * motion.omega1 - motion.cos1 * alphas[0])
     pull += base.e2 * (motion.sin2 * motion.omega2 * motion.omega2 - motion.cos2 * alphas[1])
     return torque0 - arm.stiffness * motion.theta0 + arm.reach * pull
 
 
 class ReducedRods(NamedTuple):
-    """Equations of both rods after elimination of the arm, and the resulting acceleration of the arm.
+    """Equations of motion of both rods after elimination of the arm.
 
-    The acceleration of the arm is push0 - reach1 alpha1 - reach2 alpha2.
+    The acceleration of the arm follows from the accelerations of the rods: push0 - reach1 alpha1 - reach2 alpha2.
     """
 
     inertia1: float

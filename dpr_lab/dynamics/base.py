@@ -1,4 +1,4 @@
-r"""Base parameters: the combinations of the nine parameters that determine a free swing.
+"""Base parameters: the combinations of the nine parameters that determine a free swing.
 
     a  = J1 + m1 l1^2 + (m2 + mb) L1^2        b  = J2 + m2 l2^2        d = m2 L1 l2
     e1 = (m1 l1 + (m2 + mb) L1) g             e2 = m2 l2 g = d g / L1
@@ -6,20 +6,18 @@ r"""Base parameters: the combinations of the nine parameters that determine a fr
 Equation (1) is homogeneous in a, b, d, e1, e2, c1, c2, so a swing without external torque determines only the five
 ratios to b.
 
-Each mounting of a run has its own base parameters. With p = m2 L1^2, which swings of both rods cannot distinguish
-from a,
+The base parameters of a run depend on its mounting. They contain p = m2 L1^2, which swings of both rods cannot
+distinguish from a:
 
     both, clamped    a                b    d    e1                c1    c2
     inner alone      a - p            -    -    e1 - p g / L1     c1    -
     outer alone      b                -    -    d g / L1          c1    -
 
-A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation (1) with joint 2 held:
+A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation (1) with joint 2 held: (a + b + 2 d
+cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1. A single rod is represented as two equal
+halves with such an elbow.
 
-    (a + b + 2 d cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1.
-
-A single rod is represented as two equal halves with such an elbow.
-
-Nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
+The nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
 
 import numpy as np
@@ -31,19 +29,19 @@ from dpr_lab.rig_tables import AddedMass
 from dpr_lab.setup import PRESCRIBED, Setup
 
 BASE = ("a", "b", "d", "e1", "c1", "c2")
-"""Order of base parameters: kg m^2, kg m^2, kg m^2, N m, N m s, N m s."""
+"""Order of the base parameters; units kg m^2, kg m^2, kg m^2, N m, N m s, N m s."""
 
 WHOLE = (*BASE, "p")
-"""Order of the base parameters of a whole rig: those in `BASE` and p, kg m^2."""
+"""Order of the base parameters of a whole rig: those in `BASE`, then p, kg m^2."""
 
 RATIOS = ("a/b", "d/b", "e1/b", "c1/b", "c2/b")
-"""Order of the ratios: 1, 1, 1/s^2, 1/s, 1/s."""
+"""Order of the ratios of the base parameters; units 1, 1, 1/s^2, 1/s, 1/s."""
 
 ALONE = ("e1/a", "c1/a")
-"""Ratios that swings of the inner rod alone determine: 1/s^2, 1/s."""
+"""Order of the ratios that swings of the inner rod alone determine; units 1/s^2, 1/s."""
 
 GAINS = {"torque": "1/{}", "current": "kt/{}", "voltage": "kt/(R {})"}
-"""Name of the gain of each input of a moving arm, divided by the scale (a or b)."""
+"""Name of the gain for each kind of input of a moving arm; {} stands for the divisor, the base parameter a or b."""
 
 RATIO_UNITS: dict[str, str] = {
     **dict(zip((*RATIOS, *ALONE), ("1", "1", "1/s^2", "1/s", "1/s", "1/s^2", "1/s"), strict=True)),
@@ -54,7 +52,7 @@ RATIO_UNITS: dict[str, str] = {
         for gain, unit in zip(GAINS.values(), ("1/(kg m^2)", "1/(s^2 A)", "1/(s^2 V)"), strict=True)
     },
 }
-"""Unit of each ratio to b, or to a of the inner rod alone: rods, moving arm, and gain of its drive."""
+"""Unit of each ratio to b, or to a for the inner rod alone: ratios of rods and moving arm, and gains of the drive."""
 
 _B = BASE.index("b")
 _OTHERS = [0, 2, 3, 4, 5]
@@ -87,9 +85,11 @@ def base_parameters(Z: ArrayLike, L1: float, g: float) -> Array:
 
 
 def loaded(Z: ArrayLike, added: AddedMass) -> Array:
-    """(9,) parameters of the rig with a known attached mass, which changes mass, centre of mass and inertia of its rod.
+    """(9,) parameters of the rig with a known attached mass, SI.
 
-    m' = m + ma,    m' l' = m l + ma r,    J' + m' l'^2 = J + m l^2 + ma r^2
+    The mass changes the mass, centre of mass and inertia of its rod:
+
+        m' = m + ma,    m' l' = m l + ma r,    J' + m' l'^2 = J + m l^2 + ma r^2
     """
     l1, l2, m1, m2, mb, c1, c2, J1, J2 = np.asarray(Z, dtype=np.float64)
     if added.rod == "inner":
@@ -107,7 +107,7 @@ def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tup
 
 
 def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
-    """(6,) contribution of a known mass to the base parameters, SI; zeros without one."""
+    """(6,) contribution of a known attached mass to the base parameters, SI; zeros without such a mass."""
     if added is None:
         return np.zeros(len(BASE))
     m, r = added.mass, added.position
@@ -117,7 +117,7 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
 
 
 def added_to_run(setup: Setup, L1: float, g: float) -> Array:
-    """(6,) contributions of a run to the base parameters: a known mass, and the inertia of a prescribed inner rod."""
+    """(6,) contribution of a run to the base parameters: a known mass, and the inertia of a prescribed inner rod."""
     added = added_base(setup.added, L1, g)
     added[0] += PRESCRIBED.inertia if setup.inner is not None else 0.0
     return added
@@ -130,7 +130,7 @@ def whole_parameters(Z: ArrayLike, L1: float, g: float) -> Array:
 
 
 def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
-    """(..., 6) base parameters for the mounting of a run.
+    """(..., 6) base parameters of the parts that are mounted in a run.
 
     Args:
         whole: (..., 7) in the order of `WHOLE`, SI; (..., 6) if p is not needed
@@ -153,7 +153,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
 
 
 def base_slopes(setup: Setup, L1: float, g: float) -> Array:
-    """(6, 7) derivative of a run's base parameters with respect to those of the whole rig."""
+    """(6, 7) derivative of the base parameters of a run with respect to the base parameters of the whole rig."""
     unit = np.eye(len(WHOLE))
     if not setup.alone:
         return unit[: len(BASE)]
@@ -170,12 +170,12 @@ def ratios(base: ArrayLike) -> Array:
 
 
 def base_from_ratios(ratios: ArrayLike) -> Array:
-    """(..., 6) base parameters with b = 1 from (..., 5) ratios; the motion is the same."""
+    """(..., 6) base parameters with b = 1 from (..., 5) ratios; the motion does not depend on the scale b."""
     return np.insert(np.asarray(ratios, dtype=np.float64), _B, 1.0, axis=-1)
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> Array:
-    """Input of the batch kernel for each candidate: b, d, e1, e2, c1, c2, each divided by a.
+    """Input of the batch kernel for each candidate: b, d, e1, e2, c1 and c2, each divided by a.
 
     Args:
         base: (..., 6) base parameters, at any scale
@@ -183,7 +183,7 @@ def rows(base: ArrayLike, L1: float, g: float) -> Array:
         g: gravity, m/s^2
 
     Returns:
-        (..., 6)
+        (..., 6) quotients
     """
     a, b, d, e1, c1, c2 = np.moveaxis(np.asarray(base, dtype=np.float64), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

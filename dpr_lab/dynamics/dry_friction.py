@@ -1,11 +1,12 @@
-r"""Coulomb friction of joints: a joint at rest is held up to a limit torque and slides beyond it.
+"""Coulomb friction of joints: a joint at rest is held up to a limit torque and slides beyond it.
 
-With u = (omega1, omega2 - omega1) the speeds of the joints, tau the torques on them and A the mass matrix of both,
+Let u = (omega1, omega2 - omega1) be the speeds of the joints, tau the torques on them and A their mass matrix. Then
 
     A u' = tau - lambda,    lambda_j = F_j sgn(u_j) if u_j is not 0,    |lambda_j| <= F_j otherwise.
 
-A is positive definite, so u' is the unique minimum of u' A u' / 2 - tau u' + sum F_j |u'_j| over the joints at rest:
-`slides` finds it among its nine cases. Between two events each joint keeps its direction and the motion is smooth.
+A is positive definite, so u' is the unique minimum of u' A u' / 2 - tau u' + sum F_j |u'_j| over the joints at rest.
+`slides` finds this minimum among its nine cases. Between two events each joint keeps its direction, and the motion is
+smooth.
 """
 
 from dpr_lab.dynamics.arm import CLAMPED, FREE, ReducedRods, push_on_arm, reduced_rods
@@ -24,7 +25,7 @@ def direction_of(speed: float) -> float:
 
 @subroutine
 def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
-    """Accelerations (alpha0, alpha1, alpha2) with the joints of direction 0 held at rest, rad/s^2."""
+    """Accelerations (alpha0, alpha1, alpha2), rad/s^2, with each joint of direction 0 held at rest."""
     free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
     together = (rods.torque1 + rods.torque2) / (rods.inertia1 + rods.inertia2 + 2.0 * rods.coupling)
     outer = rods.torque2 / rods.inertia2
@@ -36,7 +37,7 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
 
 @subroutine
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
-    """Friction torques that hold the joints of direction 0 at rest, N m; undefined for the other joints."""
+    """Friction torques that hold the joints of direction 0 at rest, N m; undefined for all other joints."""
     across = rods.inertia2 + rods.coupling
     of_both, outer = rods.torque1 + rods.torque2, rods.torque2
     rest1, rest2 = direction1 == 0.0, direction2 == 0.0
@@ -47,7 +48,7 @@ def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[flo
 
 @subroutine
 def _beyond(push: float, forward: float, backward: float) -> float:
-    """Direction in which a joint at rest yields to a torque: 0 if its limits hold it."""
+    """Direction in which a joint at rest yields to a torque; 0 if friction holds the joint."""
     return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
 
 
@@ -55,13 +56,13 @@ def _beyond(push: float, forward: float, backward: float) -> float:
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
-    """Directions in which both joints continue, from directions in which 0 means a joint at rest.
+    """Directions in which both joints continue: 1, -1, or 0 for a joint that stays at rest.
 
     Args:
         rods: reduced equations with all torques except the friction of joints at rest
-        directions: 1, -1 or 0
+        directions: present direction of each joint, 1, -1, or 0 at rest
         forward: limits of friction against sliding in the direction 1, N m
-        backward: the same for the direction -1
+        backward: limits of friction against sliding in the direction -1, N m
     """
     if directions[0] != 0.0 and directions[1] != 0.0:
         return directions
@@ -92,7 +93,7 @@ def slides(
 
 @subroutine
 def _rubbed(terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits) -> Terms:
-    """Terms including the sliding friction of rods' joints that have just started to slide."""
+    """Terms with the additional sliding friction of those rod joints that have just started to slide."""
     _, forward, backward = limits
     torque1, torque2 = terms.torque1, terms.torque2
     if before[0] == 0.0 and after[0] != 0.0:
@@ -113,19 +114,19 @@ def slides_with_arm(
     directions: tuple[float, float],
     limits: Limits,
 ) -> tuple[float, float, float]:
-    """Directions in which a resting arm and both joints of the rods continue, in the order arm, joint 1, joint 2.
+    """Directions in which an arm at rest and both rod joints continue, in the order arm, joint 1, joint 2.
 
-    In each of three cases (arm held, or sliding in either direction) `slides` gives the directions of the rods' joints.
-    Exactly one case is consistent.
+    There are three cases: the arm is held, or slides in either direction. In each case `slides` gives the directions of
+    the rod joints. Exactly one case is consistent.
 
     Args:
-        motion: with the arm at rest
+        motion: motion with the arm at rest
         base: base parameters
-        terms: of all effects except the friction of joints at rest
-        arm: the arm
-        torque0: all torques on it except friction at rest, N m
-        directions: of the rods' joints, as for `slides`
-        limits: of the arm forward and backward; of both joints forward; of both backward, N m
+        terms: contributions of all effects except the friction of joints at rest
+        arm: model of the arm
+        torque0: all torques on the arm except friction at rest, N m
+        directions: directions of the rod joints, as for `slides`
+        limits: friction limits of the arm (forward, backward), of both joints forward and of both backward, N m
     """
     limits0, forward, backward = limits
     still = slides(reduced_rods(motion, base, terms, arm, CLAMPED, 0.0), directions, forward, backward)

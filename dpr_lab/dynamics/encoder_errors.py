@@ -21,26 +21,26 @@ from dpr_lab.kernels import njit
 
 @njit
 def read_at(t: float, model: RigModel) -> tuple[float, float]:
-    """Instants, s since the release, at which joints 1 and 2 had the angles that are read at the device time t."""
+    """Instants, s since the release, of the angles of joints 1 and 2 that are read at the device time t."""
     shift1, shift2 = reading_shifts(t, model.params, model.active)
     return t + shift1, t + shift2
 
 
 @njit
 def arm_lateness(model: RigModel) -> float:
-    """How much earlier than joint 1 the arm had the angle that is read, s."""
+    """Time by which the angle read at the arm is older than the angle read at joint 1, s."""
     return arm_delay(0.0, model.params, model.active)
 
 
 @njit
 def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> None:
-    """Add the errors of the encoders to (n, 2) or (n, 3) angles, in place.
+    """Add the encoder errors to (n, 2) or (n, 3) angles, in place.
 
     Args:
-        angles: joint 1 absolute, joint 2 as read by its encoder, and perhaps the arm, rad
+        angles: joint 1 absolute, joint 2 as read by its encoder, and optionally the arm, rad
         t: (n,) device time since the release, s
         run: number of the release, from 0
-        model: the rig and its effects; only encoder errors are used
+        model: rig and effects; only encoder errors are used
     """
     for k in range(len(t)):
         angle1, angle2 = angles[k, 0], angles[k, 1]
@@ -51,12 +51,12 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
-    """(n, N, axes) readings of the same angles under many effects, without integration.
+    """(n, N, axes) readings of the same angles under n sets of encoder errors, without integration, rad.
 
     Args:
         angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad
         params: (n, SIZE) effects; only encoder errors are used
-        constants: the rig
+        constants: constants of the rig
         segments: instants of the readings
     """
     rows = np.array(params, dtype=np.float64, order="C")
@@ -90,12 +90,12 @@ def _fill_errors(
 
 @njit
 def held_along(angles: Array, hold: Array, model: RigModel) -> Array:
-    """Angles held by the encoders of the rods while their joints move.
+    """Angles that the encoders of the rods hold while their joints move.
 
     Args:
         angles: (n, 2) joint 1 absolute and joint 2 as read by its encoder, rad
         hold: (2,) angles held before the first row, rad
-        model: the rig and its effects; only backlash is used
+        model: rig and effects; only backlash is used
 
     Returns:
         (n, 2) held angles, rad

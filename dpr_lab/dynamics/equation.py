@@ -1,10 +1,10 @@
-r"""Equation of motion (1): two rods on a clamped arm.
+"""Equation of motion (1): two rods on a clamped arm.
 
     [ a             d cos(t1-t2) ] [alpha1]   [ -d sin(t1-t2) w2^2 - c1 w1 - c2 (w1-w2) + e1 sin t1 + tau1 ]
     [ d cos(t1-t2)  b            ] [alpha2] = [  d sin(t1-t2) w1^2 - c2 (w2-w1)         + e2 sin t2 + tau2 ]
 
-Absolute angles, 0 = upright, pi = hanging, rad. The base parameters may have any common scale, which must also be that
-of tau1 and tau2 (N m at scale 1).
+The angles are absolute, rad, with 0 = upright and pi = hanging. The base parameters may have any common scale. tau1 and
+tau2 must have the same scale (N m at scale 1).
 """
 
 import math
@@ -38,7 +38,7 @@ def coupled(
 
 @subroutine
 def solved(a: float, b: float, coupling: float, torque1: float, torque2: float) -> tuple[float, float]:
-    """Accelerations from the two-by-two mass matrix, rad/s^2."""
+    """Accelerations of both rods, rad/s^2, with the mass matrix [[a, coupling], [coupling, b]]."""
     scale = 1.0 / (a * b - coupling * coupling)
     return (b * torque1 - coupling * torque2) * scale, (a * torque2 - coupling * torque1) * scale
 

@@ -1,6 +1,6 @@
-r"""Events of Coulomb friction within a step: instants at which a joint stops or starts to slide.
+"""Events of Coulomb friction within a step: instants at which a joint stops or starts to slide.
 
-A step of h from t to t + h is divided at its events, here one at te:
+A step of length h from t to t + h is divided at its events, here at one event te:
 
     t                       te            t + h
     |-----------------------|-------------|
@@ -9,12 +9,13 @@ A step of h from t to t + h is divided at its events, here one at te:
                             |----- 3 -----|     rest of the step, with new directions: 1 again, up to `EVENTS.most`
 
 1. A joint stops where its speed changes sign in the trial step (`stops_at`). A joint at rest starts to slide where its
-   margin, the limit of friction minus the torque on it, becomes negative (`yields_at`). The first event counts.
+   margin becomes negative (`yields_at`). The margin is the limit of friction minus the torque on the joint. The first
+   event counts.
 2. The instant of a stop is corrected by the remaining speed, by at most `EVENTS.farthest` of the step (`correction`).
-3. Directions are the signs of the speeds, 0 for a joint at rest; `dpr_lab.dynamics.dry_friction` decides which joints
-   at rest start to slide.
+3. Directions are the signs of the speeds, and 0 for a joint at rest. `dpr_lab.dynamics.dry_friction` decides which
+   joints at rest start to slide.
 
-`dpr_lab.dynamics.step.advanced` does this for one rig, `dpr_lab.dynamics.lanes.dry_friction` for each lane separately.
+`dpr_lab.dynamics.step.advanced` applies this scheme to one rig, `dpr_lab.dynamics.lanes.dry_friction` to each lane.
 Tuples of three numbers have the order joint 1, joint 2, arm.
 """
 
@@ -27,56 +28,59 @@ Three = tuple[float, float, float]
 
 
 class EventSettings(NamedTuple):
-    """Location of stops and starts within a step."""
+    """Settings of the location of stops and starts within a step."""
 
     most: int = 8
-    """Maximum number of events within one step; afterwards no joint starts to slide before its end, which limits
-    chatter.
+    """Maximum number of events within one step, which limits chatter.
+
+    After the last event no joint starts to slide before the end of the step.
     """
     late: float = 4.0
-    """Delay of the start of sliding after its estimated instant, in steps times seconds, so that the limit is
-    certainly exceeded; its effect on the speed is of fourth order.
+    """Coefficient of the delay by which sliding starts after its estimated instant, in steps times seconds.
+
+    With the delay the limit is certainly exceeded. The delay changes the speed by a term of fourth order.
     """
     shortest: float = 1e-9
-    """An event before this fraction of a step is assigned to the start of the step."""
+    """Fraction of a step up to which an event is assigned to the start of the step."""
     farthest: float = 0.1
-    """Maximum correction of the instant of a stop, as a fraction of the step, if the speed is not exactly zero."""
+    """Maximum correction of the instant of a stop, as a fraction of the step, if the speed there is not zero."""
 
 
 EVENTS = EventSettings()
 
 
 class JointMotion(NamedTuple):
-    """Directions of the joints, their speeds at start and end of a step, and their accelerations at its end."""
+    """Motion of the joints in a step: their directions, speeds and accelerations."""
 
     directions: Three
-    """1, -1, 0 at rest, or nan for a joint without Coulomb friction."""
+    """Direction of each joint: 1, -1, 0 at rest, or nan for a joint without Coulomb friction."""
     before: Three
-    """rad/s"""
+    """Speeds at the start of the step, rad/s."""
     after: Three
-    """rad/s"""
+    """Speeds at the end of the step, rad/s."""
     accelerations: Three
-    """rad/s^2"""
+    """Accelerations at the end of the step, rad/s^2."""
 
 
 @subroutine
 def of_joints(values: Three) -> Three:
-    """Speeds or accelerations of joint 1, joint 2 and the arm from those of theta0, theta1, theta2."""
+    """Speeds or accelerations of joint 1, joint 2 and the arm, from the values for theta0, theta1 and theta2."""
     return values[1], values[2] - values[1], values[0]
 
 
 @subroutine
 def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tuple[float, int]:
-    """First event in a step of h.
+    """First event in a step of length h.
 
     Args:
-        h: the step, s
+        h: length of the step, s
         joints: motion of the joints in the trial step
         first: margins (limit minus torque) of the joints at the start of the step, N m; inf for joints not at rest
-        last: the same at its end
+        last: margins at the end of the step, N m
 
     Returns:
-        its share of the step, 1 without an event; and the joint that stops (3: the arm), 0 if a joint starts to slide
+        fraction of the step at the event, 1 without an event; and number of the joint that stops (3: the arm), 0 if a
+        joint starts to slide
     """
     share, joint = 1.0, 0
     for i in range(3):
@@ -96,13 +100,13 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
 def stopped(
     thetas: Three, omegas: Three, alphas: Three, joint: int, later: float, resting2: bool
 ) -> tuple[Three, Three]:
-    """Angles and speeds (order theta0, theta1, theta2) after a correction of the instant, with a joint set to rest.
+    """Angles and speeds at a stop, in the order theta0, theta1, theta2, with the joint that stops set to rest.
 
     Args:
         thetas: angles, rad
         omegas: speeds, rad/s
         alphas: accelerations, rad/s^2
-        joint: the joint that stops; 3 is the arm
+        joint: number of the joint that stops; 3 is the arm
         later: correction of the instant, s
         resting2: whether joint 2 was at rest
     """
@@ -117,12 +121,12 @@ def stopped(
 
 @subroutine
 def stops_at(before: float, after: float, slope: float) -> float:
-    """Fraction of a step at which a speed crosses zero, from a parabola with the given slope at the end.
+    """Fraction of a step at which a speed crosses zero, from a parabola with the given slope at the end of the step.
 
     Args:
         before: speed at the start, positive in the direction of motion; not negative
         after: speed at the end, negative
-        slope: derivative at the end with respect to the fraction of the step
+        slope: derivative of the speed at the end with respect to the fraction of the step
     """
     bend = slope - (after - before)
     first = after - before - bend
@@ -133,13 +137,13 @@ def stops_at(before: float, after: float, slope: float) -> float:
 
 @subroutine
 def yields_at(before: float, after: float, h: float) -> float:
-    """Fraction of a step of h after which a joint breaks away, from the margins of its limit at start and end."""
+    """Fraction of a step of length h after which a joint breaks away, from its margins at both ends of the step."""
     left = max(before, 0.0)
     return left / (left - after) + EVENTS.late * h
 
 
 @subroutine
 def correction(speed: float, acceleration: float, h: float) -> float:
-    """Time, s, until a speed near zero is zero; at most a small part of the preceding step h."""
+    """Time until a speed near zero becomes zero, s, limited to a small part of the preceding step h."""
     later = -speed / acceleration if acceleration != 0.0 else 0.0
     return min(max(later, -EVENTS.farthest * h), EVENTS.farthest * h)

@@ -1,14 +1,14 @@
-r"""Prediction of encoder readings of a rig with effects along segments with free initial states: the model of the fits.
+"""Prediction of encoder readings along segments with free initial states: the model of the fits, with all effects.
 
-A segment starts `PAD` before its first sample, so that no reading with a wrong clock is before it; the first segment of
-a run starts at the release if this is near (`segment_start`). It is integrated by classical Runge-Kutta steps of equal
-length; the angles at the instants of reading are interpolated by the cubic polynomial through the states at both ends
-of a step.
+A segment starts `PAD` before its first sample, so that a reading with a wrong clock is not before the start. The first
+segment of a run starts at the release if this is near (`segment_start`). The segment is integrated by classical
+Runge-Kutta steps of equal length. The angles at the instants of reading are interpolated by the cubic polynomial
+through the states at both ends of a step.
 
 Some effects have internal states (`INTERNAL`): presliding, backlash of an encoder, an arm on a spring. At the start of
-a segment they have the values of the previous segment of the same run at this instant. Until the release they are those
-of a rig at rest: no presliding displacement, the encoder in the middle of its backlash, the arm held. A run that starts
-later starts with sliding joints.
+a segment they have the values of the previous segment of the same run at this instant. Until the release they have the
+values of a rig at rest: no presliding displacement, the encoder in the middle of its backlash, the arm held. A run that
+starts later starts with sliding joints.
 """
 
 import numpy as np
@@ -89,7 +89,7 @@ def internal_states(
 ) -> Array:
     """(S, k) internal states of effects (`INTERNAL`) at the start of each segment; arguments as for `predict`.
 
-    They are zero without effects that have internal states.
+    The states are zero if no active effect has internal states.
     """
     params = np.asarray(params, dtype=np.float64)
     if not required_by(active_effects(params)).internal.any():
@@ -107,7 +107,7 @@ def _predicted(
     internal: ArrayLike | None,
     columns: int,
 ) -> tuple[Array, Array]:
-    """(n, N, columns) readings and (n, S, k) internal states."""
+    """Predicted readings, (n, N, columns), and internal states at the starts of the segments, (n, S, k)."""
     bases, params, initial = (np.asarray(values, dtype=np.float64) for values in (bases, params, initial))
     n, count, runs = len(bases), len(segments), len(segments.setups)
     params = _shaped(params, (n, SIZE) if params.ndim == 2 else (n, runs, SIZE), "params").reshape(n, -1, SIZE)
@@ -144,7 +144,7 @@ def _arrays(segments: Segments, constants: RigConstants) -> SegmentArrays:
 
 
 def _shaped(values: Array, shape: tuple[int, ...], name: str) -> Array:
-    """The values with this shape, writable and contiguous, as required by the compiled kernel."""
+    """Broadcast values to a shape; the result is writable and contiguous, as the compiled kernel requires."""
     try:
         return np.array(np.broadcast_to(values, shape), dtype=np.float64, order="C")
     except ValueError:

@@ -1,4 +1,4 @@
-"""Measured constants of a rig, with the mounting of a run, for the kernels of effects."""
+"""Measured constants of a rig in one run, for the kernels of effects."""
 
 import math
 
@@ -7,11 +7,11 @@ from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.setup import Setup
 
 UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(relative2=1.0)
-"""Constants of a rig without measurements, with its joint-2 encoder on the joint."""
+"""Constants of a rig without measurements, whose encoder of joint 2 reads the angle of the joint."""
 
 
 def rig_constants(rig: Rig) -> RigConstants:
-    """Lengths, gravity, best known masses and encoders of a rig without an attached mass.
+    """Constants of a rig without an attached mass: lengths, gravity, best known masses and encoders.
 
     An unknown length of a rod is assumed to be twice the distance of its centre of mass.
     """
@@ -34,7 +34,7 @@ def rig_constants(rig: Rig) -> RigConstants:
 
 
 def constants_of_run(constants: RigConstants, setup: Setup) -> RigConstants:
-    """Lengths and masses of the mounted parts in a run, including an attached mass."""
+    """Constants of a rig in one run: lengths and masses of the mounted parts, including an attached mass."""
     if (added := setup.added) is not None:
         heavier = {"m1": constants.m1 + added.mass} if added.rod == "inner" else {"m2": constants.m2 + added.mass}
         constants = constants._replace(**heavier)

@@ -1,15 +1,19 @@
-r"""Simultaneous simulation of many candidates: the cost of equation (2) for a population.
+"""Simultaneous simulation of many candidates: the cost of equation (2) for a population.
 
-Theory of operation. `LANES` candidates are simulated together in one flat workspace, a row of LANES numbers for each
-quantity. Each of the four stages of a Runge-Kutta step is one loop over the lanes with constant row offsets, so the
-compiler knows that rows do not overlap and converts the loop to vector instructions; a loop of one stage is short
-enough for the registers and for out-of-order execution. sin and cos of the angles are not evaluated but updated by
-short Taylor series of the rotation. From the start of the step the rotation is h * omega or half of it. Between the
-second stage and the third, and between the fourth and the end, the angle changes by at most h^2 times accelerations,
-for which even shorter series are sufficient ("nudges"). Each lane stores the sum of its squared rotations in the step,
-and a lane beyond `GUARD` repeats the step from its old state with exact sines. Sums are not reassociated, lanes are
-independent, and each (block of lanes, segment) is independent, so a cost is bit-identical for any batch size and any
-number of threads. The workspace of a block, `ROWS * LANES` numbers, stays in the first-level cache.
+Theory of operation. `LANES` candidates are simulated together in one flat workspace, with a row of LANES numbers for
+each quantity. Each of the four stages of a Runge-Kutta step is one loop over the lanes with constant row offsets. The
+compiler therefore knows that rows do not overlap and converts the loop to vector instructions. A loop of one stage is
+short enough for the registers and for out-of-order execution.
+
+sin and cos of the angles are not evaluated but updated by short Taylor series of the rotation. From the start of the
+step the rotation is h * omega or half of it. Between the second stage and the third, and between the fourth and the
+end, the angle changes by at most h^2 times accelerations. Even shorter series are sufficient for these changes
+("nudges"). Each lane stores the sum of its squared rotations in the step. A lane beyond `GUARD` repeats the step from
+its old state with exact sines.
+
+Sums are not reassociated, lanes are independent, and each (block of lanes, segment) is independent. A cost is therefore
+bit-identical for any batch size and any number of threads. The workspace of a block, `ROWS * LANES` numbers, stays in
+the first-level cache.
 """
 
 import math
@@ -26,20 +30,20 @@ from dpr_lab.dynamics.segments import segments as cut
 from dpr_lab.kernels import njit, subroutine
 
 LANES = 32
-"""Number of lanes: four registers of eight doubles hide the latency of a division."""
+"""Number of lanes; four registers of eight doubles hide the latency of a division."""
 
 GUARD = 0.05
-"""Maximum sum of the squared rotations in a step, rad^2, in which those of nudges are multiplied by `NUDGE_WEIGHT`.
+"""Maximum weighted sum of squared rotations in a step, rad^2; squared nudges have the weight `NUDGE_WEIGHT`.
 
-It corresponds to a rotation by 0.2 rad in the step. The truncated series then have an error of 3e-14, or of 2e-13 for a
-single rotation.
+The limit corresponds to a rotation by 0.2 rad in the step. The truncated series then have an error of 3e-14, or of
+2e-13 for a single rotation.
 """
 
 NUDGE_WEIGHT = 100.0
-"""Weight of a squared nudge relative to other squared rotations, because its series is shorter."""
+"""Weight of a squared nudge relative to other squared rotations; the series of a nudge is shorter."""
 
-# Rows of the workspace, as offsets in units of one number. The last twelve pass data from one stage to the next: sines
-# and cosines, the accelerations P, Q, R of the first three stages, and the nudge to the end of the step.
+# Rows of the workspace, as offsets in units of one number. The last twelve rows pass data from one stage to the next:
+# sines and cosines, the accelerations P, Q, R of the first three stages, and the nudge to the end of the step.
 ROWS = 32
 """Number of rows of the workspace."""
 
@@ -51,7 +55,7 @@ ROWS = 32
 
 
 def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike, step: float) -> Array:
-    """E(Z) of equation (2) for each candidate and pose, one Runge-Kutta step per sample.
+    """Cost E(Z) of equation (2) for each candidate and pose, with one Runge-Kutta step per sample.
 
         E = sum over samples k and axes i of (theta_i - reference_i)^2 [+ (omega_i - reference_i)^2]
 
@@ -113,7 +117,7 @@ def segment_errors(
 
 
 def _targets(targets: ArrayLike, samples: int) -> tuple[Array, bool]:
-    """(samples, 4) targets, and whether they contain speeds."""
+    """Targets extended to (samples, 4), and whether they contain speeds."""
     targets = np.asarray(targets, dtype=np.float64)
     if targets.ndim != 2 or targets.shape[0] != samples or targets.shape[1] not in (2, 4):
         raise ValueError(f"targets must have shape ({samples}, 2 or 4), not {targets.shape}")
@@ -124,7 +128,11 @@ def _targets(targets: ArrayLike, samples: int) -> tuple[Array, bool]:
 
 
 def _weights(whitening: ArrayLike | None, weigh_speeds: bool) -> Array:
-    """(4,) metric of the angle error (W^T W: 11, twice 12, 22) and weight of the squared speed errors."""
+    """(4,) weights of the cost.
+
+    The first three are the metric of the angle error, elements 11, twice 12, and 22 of W^T W. The last one is the
+    weight of the squared speed errors.
+    """
     W = np.eye(2) if whitening is None else np.asarray(whitening, dtype=np.float64)
     if W.shape != (2, 2):
         raise ValueError(f"whitening must have shape (2, 2), not {W.shape}")
@@ -162,7 +170,7 @@ def _costs(
 
 @subroutine
 def _load(lanes: Array, rows: Array, first: int, start: Array) -> None:
-    """Load candidates from `first` on into the lanes; spare lanes repeat the last candidate."""
+    """Load the candidates from index `first` on into the lanes; spare lanes repeat the last candidate."""
     for k in range(LANES):
         candidate = min(first + k, len(rows) - 1)
         for row in range(6):
@@ -207,7 +215,10 @@ def _accelerated(
     omega1: float,
     omega2: float,
 ) -> tuple[float, float]:
-    """Accelerations of one lane, by elimination: divided by a, the mass matrix is [[1, coupling], [coupling, b]]."""
+    """Accelerations of one lane, rad/s^2, by elimination.
+
+    Divided by a, the mass matrix is [[1, coupling], [coupling, b]].
+    """
     b, d, e1, e2, c1, c2 = lanes[B + k], lanes[D + k], lanes[E1 + k], lanes[E2 + k], lanes[C1 + k], lanes[C2 + k]
     coupling, torque1, torque2 = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, e2, c1, c2)
     alpha2 = (torque2 - coupling * torque1) / (b - coupling * coupling)
@@ -216,7 +227,7 @@ def _accelerated(
 
 @subroutine
 def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after a small rotation (see `GUARD`), given the square of its angle."""
+    """Sine and cosine after a small rotation by `angle` (see `GUARD`); `square` is the squared angle."""
     p = square * (1.0 / 362880.0) - 1.0 / 5040.0
     p = (p * square + 1.0 / 120.0) * square - 1.0 / 6.0
     turn = angle + angle * square * p
@@ -228,7 +239,7 @@ def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[flo
 
 @subroutine
 def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after a much smaller rotation."""
+    """Sine and cosine after a much smaller rotation than in `turned`."""
     turn = angle + angle * square * (square * (1.0 / 120.0) - 1.0 / 6.0)
     shrink = square * (square * (1.0 / 24.0) - 0.5)
     return sine + (sine * shrink + cosine * turn), cosine + (cosine * shrink - sine * turn)
@@ -236,7 +247,7 @@ def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[fl
 
 @subroutine
 def _advance(lanes: Array, h: float) -> None:
-    """One Runge-Kutta step of all lanes."""
+    """Advance all lanes by one Runge-Kutta step."""
     _stage1(lanes, h)
     _stage2(lanes, h)
     _stage3(lanes, h)
@@ -252,7 +263,10 @@ def _advance(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage1(lanes: Array, h: float) -> None:
-    """Accelerations p at the start; sines rotated by half a step with the initial speed."""
+    """Stage 1: accelerations p at the start of the step.
+
+    The sines are then rotated by half a step with the initial speed.
+    """
     half = 0.5 * h
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, SIN1)
@@ -267,7 +281,10 @@ def _stage1(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage2(lanes: Array, h: float) -> None:
-    """Accelerations q half a step later with the speed from p; sines nudged to those of stage 3."""
+    """Stage 2: accelerations q in the middle of the step, with the speed that follows from p.
+
+    The sines are then nudged to the angles of stage 3.
+    """
     half, quarter = 0.5 * h, 0.25 * h * h
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
@@ -283,7 +300,10 @@ def _stage2(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage3(lanes: Array, h: float) -> None:
-    """Accelerations r half a step later with the speed from q; initial sines rotated by a step with this speed."""
+    """Stage 3: accelerations r in the middle of the step, with the speed that follows from q.
+
+    The initial sines are then rotated by a whole step with this speed.
+    """
     half, sixth = 0.5 * h, h * h / 6.0
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
@@ -301,7 +321,7 @@ def _stage3(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage4(lanes: Array, h: float) -> None:
-    """Accelerations z at the end of the step, with the speeds that r gives, and then the new state."""
+    """Stage 4: accelerations z at the end of the step, with the speed that follows from r, and the new state."""
     half, sixth = 0.5 * h, h / 6.0
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)
@@ -319,7 +339,7 @@ def _stage4(lanes: Array, h: float) -> None:
 
 @subroutine
 def _remember(lanes: Array) -> None:
-    """Copy of the state at the start of the step."""
+    """Copy the state at the start of the step, for lanes that must repeat the step."""
     for k in range(LANES):
         lanes[OLD_THETA1 + k], lanes[OLD_THETA2 + k] = lanes[THETA1 + k], lanes[THETA2 + k]
         lanes[OLD_OMEGA1 + k], lanes[OLD_OMEGA2 + k] = lanes[OMEGA1 + k], lanes[OMEGA2 + k]
@@ -327,7 +347,7 @@ def _remember(lanes: Array) -> None:
 
 @subroutine
 def _repeat_exactly(lanes: Array, h: float) -> None:
-    """Repeat the last step with exact sines in the lanes whose rotation was too large for the series."""
+    """Repeat the last step with exact sines in those lanes whose rotation was too large for the series."""
     for k in range(LANES):
         if lanes[TURNED + k] > GUARD:
             theta1, theta2, omega1, omega2 = _exact_step(lanes, k, h)

@@ -8,7 +8,8 @@ from dpr_lab.arrays import Array, Integers
 MAX_STEP = 1e-3
 """Default of the longest Runge-Kutta step, s.
 
-On the rig of the paper its error is below 2e-8 rad over the first 2 s from any pose, far below a count of an encoder.
+On the rig of the paper its error is below 2e-8 rad over the first 2 s from any pose. This is far below a count of an
+encoder.
 """
 
 

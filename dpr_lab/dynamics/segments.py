@@ -1,6 +1,6 @@
-"""Segments: parts of runs, in sequence, each with its own initial state; the common layout of samples.
+"""Segments: parts of runs, in sequence, each with an initial state of its own; the common layout of samples.
 
-Initial states are not part of the layout, but fitted: (S, 4) theta1, theta2, omega1, omega2.
+Initial states are fitted, and not part of the layout: (S, 4) theta1, theta2, omega1, omega2.
 """
 
 from collections.abc import Sequence
@@ -14,19 +14,19 @@ from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.setup import BOTH, Setup
 
 STEP = 2.5e-3
-"""Runge-Kutta step of the fits, s. From any pose of the paper's rig its error is below 1e-6 rad over 0.5 s."""
+"""Longest Runge-Kutta step of the fits, s. From any pose of the paper's rig its error is below 1e-6 rad over 0.5 s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """Segments in the order of runs and of time; segment s owns the samples offsets[s] to offsets[s + 1]."""
+    """Segments in the order of runs and of time; segment s contains the samples offsets[s] to offsets[s + 1] - 1."""
 
     t: Array
     """(N,) time of each sample since the release of its run, s."""
     offsets: Integers
-    """(S + 1,) first sample of each segment."""
+    """(S + 1,) index of the first sample of each segment, then N."""
     run: Integers
-    """(S,) index of the run that each segment was cut from."""
+    """(S,) index of the run to which each segment belongs."""
     setups: tuple[Setup, ...]
     """Mounting and inputs of each run, by the index of the run."""
     step: Array
@@ -47,19 +47,20 @@ class Segments:
 
     @property
     def starts(self) -> Integers:
-        """(S,) number of initial values of each segment."""
+        """(S,) number of free initial values of each segment."""
         return np.array([setup.starts for setup in self.setups], dtype=np.int64)[self.run]
 
     @property
     def held(self) -> Flags:
-        """(S,) whether all parts on joint 1 turn as one."""
+        """(S,) whether all parts on joint 1 turn as one body."""
         return np.array([setup.held for setup in self.setups], dtype=np.bool_)[self.run]
 
     @property
     def pushes(self) -> Array:
-        """(samples, 4) means since the previous sample of known torques on theta1, theta2, and of an arm's motion.
+        """(samples, 4) mean known inputs since the previous sample; zero for free swings.
 
-        N m, then acceleration and squared speed of an arm with prescribed motion, rad and s; zero for free swings.
+        The columns are the torques on theta1 and theta2, N m, and the acceleration, rad/s^2, and squared speed,
+        rad^2/s^2, of an arm with prescribed motion.
         """
         means = np.zeros((len(self.t), 4))
         if all(setup.free for setup in self.setups):
@@ -75,7 +76,7 @@ class Segments:
         return means
 
     def turning_as_one(self, initial: Array) -> Array:
-        """(..., S, 4) initial states, with one speed for rods that turn as one, and one angle for a rod alone.
+        """(..., S, 4) initial states with one speed for rods that turn as one body, and one angle for a single rod.
 
         The two halves that represent a single rod are aligned, because the torque on a moving arm depends on both
         angles.
@@ -89,15 +90,15 @@ class Segments:
 
     @property
     def chains(self) -> Integers:
-        """(runs + 1,) first segment of each run."""
+        """(runs + 1,) index of the first segment of each run, then the number of segments."""
         return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
 
     def samples_of(self, indices: Integers) -> Integers:
-        """Indices of the samples of some segments, given by their indices, in sequence."""
+        """Indices of the samples of some segments in sequence; the segments are given by their indices."""
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
     def chosen(self, indices: Integers) -> "Segments":
-        """A layout with only some segments, given by their indices in order."""
+        """Layout that contains only some of the segments, given by their indices in order."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
         return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
 
@@ -108,12 +109,12 @@ def segments(
     setups: Sequence[Setup] = (),
     step: ArrayLike = STEP,
 ) -> Segments:
-    """Segments from the instants of each.
+    """Layout of segments from the instants of each segment.
 
     Args:
         times: for each segment (n,) increasing times since the release, s
-        run: (S,) index of the run of each segment; in order, and within a run in order of time; None: all of one run
-        setups: mounting and inputs of each run by its index; both rods for missing ones
+        run: (S,) index of the run of each segment; in order, and within a run in order of time; None: one run
+        setups: mounting and inputs of each run by its index; a missing one means both rods
         step: longest Runge-Kutta step, s, for all segments or (S,) for each
 
     Raises:
@@ -143,7 +144,7 @@ def segments(
 
 
 def initial_states(states: ArrayLike, segments: Segments) -> Array:
-    """(S, 4) initial states of segments: theta1, theta2, omega1, omega2, rad and rad/s.
+    """Initial states of segments as (S, 4) theta1, theta2, omega1, omega2, rad and rad/s.
 
     Raises:
         ValueError: another shape.

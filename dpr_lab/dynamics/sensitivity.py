@@ -1,12 +1,12 @@
-r"""Sensitivity of a swing to its parameters and initial state: exact derivative of the Runge-Kutta map.
+"""Sensitivity of a swing to its parameters and initial state: exact derivative of the Runge-Kutta map.
 
-With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', p) is differentiated:
-dk = f_x (S + h a dk') + f_p. The result is the exact derivative of the result of `simulate`, up to rounding, not an
-approximation of the derivative of the true swing.
+With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', p) is differentiated: dk = f_x (S + h a
+dk') + f_p. Up to rounding, the result is the exact derivative of the result of `simulate`. It is not an approximation
+of the derivative of the true swing.
 
-Columns of S: the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then theta1, theta2, omega1, omega2 at the start.
-They are the lanes of the kernel. Within a step, sines are computed from those at its start by a series, exact to
-rounding.
+The columns of S are the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then theta1, theta2, omega1, omega2 at the
+start. The columns are the lanes of the kernel. Within a step, a series that is exact to rounding gives the sines from
+their values at the start.
 """
 
 import math
@@ -27,8 +27,9 @@ RATIOS = 5
 COLUMNS = RATIOS + STATES
 
 WIDTH = 12
-"""Number of columns in a row of the kernel: those above, that of 1 / b, by which torques are multiplied, and two
-more to fill vector registers.
+"""Number of columns in a row of the kernel.
+
+The columns are the `COLUMNS` of S, the column of the torque factor 1 / b, and two more to fill vector registers.
 """
 
 # Rows of the workspace, each `WIDTH` numbers: S, S at the stage, the sum of dk, and f_p for the two accelerations.
@@ -39,7 +40,7 @@ ROWS = 14 * WIDTH
 def sensitivities(
     ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int = STATES
 ) -> tuple[Array, Array]:
-    """States of many segments and their derivatives, each with respect to its own initial state.
+    """States of many segments, and their derivatives with respect to ratios and initial state of the segment.
 
     Args:
         ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) for each segment
@@ -50,7 +51,7 @@ def sensitivities(
         outputs: number of the four states whose derivatives are returned; 2: the angles
 
     Returns:
-        (samples, 4) states of all segments in sequence and (samples, `outputs`, 9) their derivatives
+        (samples, 4) states of all segments in sequence and (samples, `outputs`, 9) derivatives
 
     Raises:
         ValueError: not five ratios, or not one state for each segment.
@@ -61,13 +62,13 @@ def sensitivities(
 def driven(
     values: Array, rig: RigConstants, segments: Segments, initial: ArrayLike, outputs: int
 ) -> tuple[Array, Array, Array]:
-    """States and derivatives with the torques and arm motions of the runs; further arguments as for `sensitivities`.
+    """States and derivatives with the known torques and arm motions of the runs.
 
     Args:
         values: (S, 6) ratios of each segment, and 1 / b, by which torques are multiplied
         rig: lengths and gravity
         segments: instants of the samples
-        initial: (S, 4)
+        initial: (S, 4) state at the first sample of each segment, rad and rad/s
         outputs: number of the four states whose derivatives are returned
 
     Returns:
@@ -82,7 +83,7 @@ def driven(
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> Array:
-    """(samples, 4) states of `sensitivities` alone, in a third of the time."""
+    """(samples, 4) states as in `sensitivities`, without derivatives and in a third of the time."""
     return _followed(ratios, L1, g, segments, initial, 0)[0]
 
 
@@ -109,7 +110,10 @@ def _integrated(
     count: Integers,
     outputs: int,
 ) -> tuple[Array, Array, Array]:
-    """(samples, 4) states, (samples, `outputs`, 9) derivatives, and (samples, `outputs`) those by the torque factor."""
+    """States, their derivatives, and their derivatives with respect to the torque factor 1 / b.
+
+    The shapes are (samples, 4), (samples, `outputs`, 9) and (samples, `outputs`).
+    """
     states, by_push = np.empty((len(step), STATES)), np.empty((len(step), outputs))
     slopes, x, rows = np.empty((len(step), outputs, COLUMNS)), np.empty(STATES), np.empty(ROWS if outputs else 0)
     held, offsets = segments.held, segments.offsets
@@ -134,7 +138,7 @@ def _integrate(
     slopes: Array,
     by_push: Array,
 ) -> None:
-    """Compute states, derivatives and `by_push`; x and rows are work arrays."""
+    """Compute states, derivatives and `by_push` in place; x and rows are work arrays."""
     for segment in range(len(starts)):
         for i in range(STATES):
             x[i] = starts[segment, i]
@@ -163,7 +167,10 @@ def _runge_kutta(
     held: bool,
     push: Array,
 ) -> None:
-    """Advance the state, and its derivative if there are rows, by one step in place; `held`: joint 2 is fixed."""
+    """Advance the state by one step in place, and its derivative if `rows` is not empty.
+
+    `held` states whether joint 2 is fixed.
+    """
     theta1, theta2, omega1, omega2 = x
     e2 = ratios[1] * gravity
     push1, push2 = ratios[5] * push[0], ratios[5] * push[1]
@@ -202,7 +209,7 @@ def _runge_kutta(
 
 @subroutine
 def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float, float]:
-    """Sine and cosine after a rotation from an angle with known sine and cosine."""
+    """Sine and cosine of an angle after a rotation by `turn`, from the sine and cosine before it."""
     square = turn * turn
     if square > GUARD:
         return math.sin(angle + turn), math.cos(angle + turn)
@@ -223,9 +230,10 @@ def _differentiate(
     held: bool,
     push: Array,
 ) -> None:
-    r"""Add dk = f_x S + f_p of one stage to the weighted sum, and advance S to the next stage.
+    """Add dk = f_x S + f_p of one stage to the weighted sum, and advance S to the next stage.
 
-    M alpha = f gives M dalpha = df - dM alpha for each column; with joint 2 fixed, the sum of its two rows.
+    M alpha = f implies M dalpha = df - dM alpha for each column. With joint 2 fixed, the sum of the two rows of this
+    equation is used.
     """
     a, d, e1, c1, c2, _ = ratios
     e2 = d * gravity

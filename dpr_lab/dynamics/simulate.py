@@ -96,25 +96,28 @@ def rig_model(
 
 
 def at_release(state: Sequence[float] | Array) -> RigState:
-    """State with angles and speeds (6,) at the release, where internal states have their initial values."""
+    """State at the release with the angles and speeds (6,); internal states have their initial values."""
     return RigState._make([*map(float, state), tuple(AT_RELEASE[list(STEPPED)].tolist())])
 
 
 def as_state(values: Sequence[float] | Array) -> AnyState:
-    """A state from one row of `integrate`."""
+    """State from one row of the result of `integrate`."""
     numbers, internal = tuple(map(float, values)), 6 + len(STEPPED)
     fields = [*numbers[:6], numbers[6:internal], *numbers[internal:]]
     return GearedState._make(fields) if len(numbers) > internal else RigState._make(fields)
 
 
 def motors_of(states: Array) -> Array:
-    """(n, 3) angle of the motor behind backlash, its speed, and the owed impulse, of rows of `integrate`."""
+    """(n, 3) state of the motor behind backlash, from rows of `integrate`.
+
+    The columns are its angle, rad, its speed, rad/s, and the owed impulse, N m s.
+    """
     first = 6 + len(STEPPED)
     return states[:, first : first + 3]
 
 
 def as_row(state: AnyState) -> Array:
-    """Row of `integrate` for a state."""
+    """Row of the result of `integrate` that represents a state."""
     return np.array([*state[:6], *state.internal, *state[7:]])
 
 
@@ -137,10 +140,10 @@ def integrate(
     max_step: float = MAX_STEP,
     drive: ArrayLike = 0.0,
 ) -> Array:
-    """Simulate a swing from a full state, which allows piecewise computation.
+    """Simulate a swing from a full state; a swing can therefore be computed in parts.
 
     Args:
-        model: the rig and its effects
+        model: rig with its effects
         mode: CLAMPED, FREE or DRIVEN
         start: state at t[0]
         t: (n,) increasing instants since the release, s
@@ -149,7 +152,7 @@ def integrate(
             driven one, rad/s^2
 
     Returns:
-        (n, 6 + internal) states in the order of `RigState`, or with five more columns in that of `GearedState` if the
+        (n, 6 + internal) states in the order of `RigState`; with five more columns in the order of `GearedState` if the
         arm's gear has backlash; nan after the swing becomes non-finite
 
     Raises:

@@ -1,4 +1,4 @@
-"""One Runge-Kutta step of the rig with all its effects, with the right-hand side of the simulator."""
+"""One Runge-Kutta step of the rig with all its effects: the right-hand side of the simulator."""
 
 import math
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from dpr_lab.kernels import subroutine
 
 
 class RigModel(NamedTuple):
-    """A rig and its effects for compiled code."""
+    """Rig with its effects, for compiled code."""
 
     base: BaseParameters
     constants: RigConstants
@@ -37,11 +37,11 @@ class RigModel(NamedTuple):
     active: Flags
     """(effects,) mask of the active effects."""
     required: Requirements
-    """Quantities that they require."""
+    """Quantities that the active effects require."""
 
 
 class RigState(NamedTuple):
-    """Angles rad, speeds rad/s, and the internal states of effects that move with a joint."""
+    """State of a rig: angles, rad, speeds, rad/s, and the internal states of effects that move with a joint."""
 
     theta0: float
     theta1: float
@@ -54,7 +54,7 @@ class RigState(NamedTuple):
 
 
 def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: Array) -> RigModel:
-    """The rig with the effects of a vector; `arm` is used unless an effect replaces it."""
+    """Model of the rig with the effects of a parameter vector; `arm` is used unless an effect replaces it."""
     active = active_effects(params)
     required = Requirements(*map(bool, required_by(active)))
     if required.arm:
@@ -71,7 +71,7 @@ def motion_of(
     forces: tuple[float, float],
     directions: tuple[float, float],
 ) -> Motion:
-    """Motion at time t, s, with angles (3,) and speeds (3,)."""
+    """Motion at time t, s, from angles and speeds in the order theta0, theta1, theta2."""
     theta0, theta1, theta2 = thetas
     omega0, omega1, omega2 = omegas
     sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
@@ -83,7 +83,7 @@ def motion_of(
 
 @subroutine
 def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
-    """A motion with the rotation of its arm since the start of the step, rad, and the arm's direction of sliding."""
+    """The same motion with the rotation of the arm since the start of the step, rad, and its direction of sliding."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, motion.force1,
@@ -93,7 +93,7 @@ def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
 
 @subroutine
 def under_load(motion: Motion, force1: float, force2: float) -> Motion:
-    """Motion including its joint forces, N."""
+    """The same motion with the forces on joints 1 and 2, N."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, force1, force2,
@@ -108,9 +108,10 @@ def _length(x: float, y: float) -> float:
 
 @subroutine
 def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants: RigConstants) -> tuple[float, float]:
-    """Forces of joint 1 and joint 2, N: mass times acceleration minus weight of all parts on the joint.
+    """Forces on joint 1 and joint 2, N: mass times acceleration minus weight of all parts on the joint.
 
-    In the plane of the rods; the component along the arm, which is zero for a held arm, is neglected.
+    The forces are those in the plane of the rods. The component along the arm, which is zero for a held arm, is
+    neglected.
     """
     alpha0, alpha1, alpha2 = alphas
     whirl1, whirl2 = motion.omega1 * motion.omega1, motion.omega2 * motion.omega2
@@ -132,9 +133,10 @@ def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants:
 def accelerations_at(
     t: float, x: RigState, displacement1: float, displacement2: float, model: RigModel, mode: int, drive: float
 ) -> Three:
-    """(alpha0, alpha1, alpha2), rad/s^2.
+    """Accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2.
 
-    The displacements of joints 1 and 2, rad, are those since the last update of the internal states.
+    `displacement1` and `displacement2` are the displacements of the joints since the last update of the internal
+    states, rad.
     """
     directions = directions_at(t, x, model, mode, drive)
     rods = _stage(t, x, (0.0, displacement1, displacement2), model, mode, drive, directions).rods
@@ -142,7 +144,7 @@ def accelerations_at(
 
 
 class SteppedStage(NamedTuple):
-    """The motion of a stage, the contributions of effects, and the equations for the accelerations."""
+    """One stage of a step: its motion, the contributions of effects, and the equations of the accelerations."""
 
     motion: Motion
     rods: ReducedRods
@@ -161,7 +163,7 @@ def _stage(
     drive: float,
     directions: Three,
 ) -> SteppedStage:
-    """The stage, with given directions of sliding of joint 1, joint 2 and the arm; 0 for a joint at rest."""
+    """One stage of a step with given directions of sliding of joint 1, joint 2 and the arm; 0 is a joint at rest."""
     motion = motion_of(
         t,
         (x.theta0, x.theta1, x.theta2),
@@ -194,7 +196,7 @@ def _stage(
 
 @subroutine
 def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> Three:
-    """Directions in which joint 1, joint 2 and the arm continue: 1 or -1; 0 for those that Coulomb friction holds."""
+    """Directions in which joint 1, joint 2 and the arm continue: 1 or -1, or 0 if Coulomb friction holds the joint."""
     directions = _directions(x, model, mode)
     if directions[0] != 0.0 and directions[1] != 0.0 and directions[2] != 0.0:
         return directions
@@ -218,7 +220,7 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 
 @subroutine
 def _directions(x: RigState, model: RigModel, mode: int) -> Three:
-    """Signs of the joint speeds; nan for a joint without Coulomb friction."""
+    """Directions of joint 1, joint 2 and the arm by the signs of their speeds; nan without Coulomb friction."""
     first = direction_of(x.omega1) if model.required.dry1 else math.nan
     second = direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
     return first, second, direction_of(x.omega0) if model.required.dry0 and mode == FREE else math.nan
@@ -226,7 +228,7 @@ def _directions(x: RigState, model: RigModel, mode: int) -> Three:
 
 @subroutine
 def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
-    """Margins (limit minus torque) of the joints at rest, N m; inf for the others."""
+    """Margins (friction limit minus torque) of the joints at rest, N m; inf for all other joints."""
     motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
@@ -240,7 +242,7 @@ def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
 
 
 class TriedStep(NamedTuple):
-    """Step with unchanged directions: its end, the accelerations there, and the margins at start and end."""
+    """Trial step with unchanged directions: its end state, the accelerations there, and the margins at both ends."""
 
     end: RigState
     alphas: Three
@@ -252,7 +254,7 @@ class TriedStep(NamedTuple):
 def _runge_kutta(
     t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: Three
 ) -> TriedStep:
-    """One classical Runge-Kutta step of h; accelerations and margins at its end are those of the last stage."""
+    """One classical Runge-Kutta step of length h; accelerations and margins at its end are those of the last stage."""
     resting = directions[0] == 0.0 or directions[1] == 0.0 or directions[2] == 0.0
     reached = _stage(t, x, (0.0, 0.0, 0.0), model, mode, drive, directions)
     first = _margins(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
@@ -285,7 +287,7 @@ def _runge_kutta(
 
 @subroutine
 def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: Three) -> RigState:
-    """State after a correction of the instant, with a joint set to rest."""
+    """State at a stop: after the correction of the instant, with the joint that stops set to rest."""
     thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
     thetas, omegas = stopped(thetas, omegas, alphas, joint, later, directions[1] == 0.0)
     return RigState(thetas[0], thetas[1], thetas[2], omegas[0], omegas[1], omegas[2], x.internal)
@@ -293,7 +295,7 @@ def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: T
 
 @subroutine
 def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMotion:
-    """Motion of the joints from the state x in a step."""
+    """Motion of the joints in a trial step from the state x."""
     y = tried.end
     before, after = of_joints((x.omega0, x.omega1, x.omega2)), of_joints((y.omega0, y.omega1, y.omega2))
     return JointMotion(directions, before, after, of_joints(tried.alphas))
@@ -303,19 +305,19 @@ def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMoti
 def advanced(
     t: float, x: RigState, h: float, events: int, model: RigModel, mode: int, drive: float
 ) -> tuple[RigState, float, bool]:
-    """State after a step of h, or after the part of it without a change of direction of a joint.
+    """State after a step of length h, or after its part up to the first change of direction of a joint.
 
     Args:
         t: time since the release, s
         x: state at t
-        h: step, s
+        h: length of the step, s
         events: number of previous events in the whole step
-        model: the rig and its effects
+        model: rig with its effects
         mode: mode of the arm
         drive: input of the arm
 
     Returns:
-        the state, the elapsed time (s), and whether it equals h
+        the state, the elapsed time (s), and whether the elapsed time equals h
     """
     directions = math.nan, math.nan, math.nan
     dry = model.required.dry1 or model.required.dry2 or model.required.dry0
@@ -341,7 +343,7 @@ def advanced(
 
 @subroutine
 def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
-    """State one step of h later, divided at the events at which a joint stops or starts to slide."""
+    """State after one step of length h, which is divided where a joint stops or starts to slide."""
     now, events, whole = t, 0, False
     while not whole:
         x, passed, whole = advanced(now, x, t + h - now if events else h, events, model, mode, drive)

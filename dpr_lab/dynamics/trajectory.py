@@ -30,7 +30,7 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 
 class KnownMotion(NamedTuple):
-    """Motion of the rods, and of an arm that moves, along a trajectory: axes theta1, theta2 and then theta0."""
+    """Motion of the rods, and optionally of an arm, along a trajectory; the axes are theta1, theta2 and then theta0."""
 
     t: Array
     """(n,) time since the release, s."""
@@ -39,26 +39,26 @@ class KnownMotion(NamedTuple):
     theta: Array
     """(n, axes) absolute angles, rad."""
     omega: Array
-    """(n, axes) speeds, rad/s."""
+    """(n, axes) angular speeds, rad/s."""
     alpha: Array
     """(n, axes) accelerations, rad/s^2."""
     drive: Array
-    """(n, axes) known torques on these angles, N m."""
+    """(n, axes) known generalised torques on the angles, N m."""
 
     def part(self, mask: Flags | slice, axes: int) -> "KnownMotion":
-        """The first axes, at some instants."""
+        """Motion of the first `axes` axes at the instants that `mask` selects."""
         by_axis = (values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive))
         return KnownMotion(self.t[mask], self.run[mask], *by_axis)
 
 
 def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Torques of effects on the rods, with the internal states of the release.
+    """Torques of effects on the rods along a trajectory; internal states have their values at the release.
 
     Args:
-        motion: the motion of the rods
+        motion: motion of the rods
         base: (6,) base parameters, SI
-        constants: the rig
-        params: (k, SIZE) effects
+        constants: constants of the rig
+        params: (k, SIZE) k vectors of effects
 
     Returns:
         (n, 2, k) generalised torques on theta1, theta2, N m
@@ -74,13 +74,13 @@ def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstan
 
 
 def arm_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    r"""Torques of a slightly compliant arm; arguments and result as of `effect_torques_along`.
+    """Torques of a slightly compliant arm along a trajectory; arguments and result as for `effect_torques_along`.
 
     The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration acts on the rods:
 
         F = r sum_i e_i (sin(theta_i) omega_i^2 - cos(theta_i) alpha_i),    tau_i = -r e_i cos(theta_i) alpha0,
 
-    with r = L0 / g; the first order in 1 / A of `dpr_lab.dynamics.arm`. The arm is held until the release.
+    with r = L0 / g. This is the first order in 1 / A of `dpr_lab.dynamics.arm`. The arm is held until the release.
     """
     named = with_gravity(base, constants.L1, constants.g)
     levers = constants.L0 / constants.g * np.array([named.e1, named.e2])
@@ -106,7 +106,7 @@ def _effect_torques(
     w: LaneWorkspace,
     torques: Array,
 ) -> None:
-    """Compute torques for one instant per lane and one effect vector after the other; `used`: parameters in use."""
+    """Compute the torques of each effect vector, with one instant in each lane; `used` lists the parameters in use."""
     for first in range(0, len(t), LANES):
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
@@ -142,7 +142,7 @@ def _put(
     base: BaseParameters,
     rig: RigConstants,
 ) -> None:
-    """Set lane k to a motion of the rods with a held arm."""
+    """Set lane k to an instant of the motion of the rods, with a held arm."""
     w.a[k], w.b[k], w.d[k], w.e1[k], w.e2[k] = base.a, base.b, base.d, base.e1, base.e2
     w.L1[k], w.L2[k], w.stage_t[k] = rig.L1, rig.L2, t
     w.m1[k], w.m2[k], w.mb[k] = rig.m1, rig.m2, rig.mb
@@ -179,12 +179,14 @@ def _driven(t: Array, run: Integers, force: Array, friction: Array, stiffness: A
 
 
 def _c(values: Array) -> Array:
-    """Values with the types of the compiled kernels."""
+    """Copy of an array with the type and memory layout of the compiled kernels."""
     return np.array(values, dtype=np.float64, order="C")
 
 
 def arm_effects_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Torques of the effects at a free or driven arm; arguments as of `effect_torques_along`, with theta0 third.
+    """Torques of the effects at a free or driven arm along a trajectory; arguments as for `effect_torques_along`.
+
+    The motion contains theta0 as third axis.
 
     Returns:
         (n, 3, k) generalised torques on theta1, theta2, theta0, N m
@@ -230,7 +232,7 @@ TRAJECTORY_TORQUES: Mapping[StageName, TrajectoryTorques] = {
     "drive0": arm_effects_along,
     "whole0": arm_effects_along,
 }
-"""Stage of an effect -> function of its torques along a trajectory, for the supported stages."""
+"""Stage of an effect -> function that computes its torques along a trajectory, for the supported stages."""
 
 OF_ARM: tuple[StageName, ...] = ("torque0", "drive0", "whole0")
-"""Stages whose torques need the motion of the arm as well."""
+"""Stages whose torques also depend on the motion of the arm."""

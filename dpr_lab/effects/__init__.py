@@ -115,7 +115,7 @@ OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not (effec
 """The effects that free swings with a clamped arm can show."""
 
 OF_ARM = {name: effect for name, effect in EFFECTS.items() if effect.of_arm and effect not in (FREE_ARM, DRIVE_GAIN)}
-"""The effects at a free or driven arm that a rig may have; the arm itself and the gain of its drive are not effects."""
+"""The effects that a rig with a free or driven arm may have; the arm itself and the gain of its drive are excluded."""
 
 SLICES = slices(EFFECTS.values())
 """Name of an effect -> slice of its parameters in the flat vector."""
@@ -139,13 +139,15 @@ _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for param
 
 
 def effect_params(values: Mapping[str, Mapping[str, float]]) -> Array:
-    """Flat vector from named coefficients; missing amplitudes are zero, missing shapes have their default.
+    """Flat parameter vector from named coefficients.
+
+    A missing amplitude is zero; a missing shape parameter has its default.
 
     Args:
         values: effect -> parameter -> value, as in `{"coulomb_joint1": {"torque_Nm": 0.001}}`
 
     Returns:
-        (SIZE,) SI
+        (SIZE,) parameters, SI
 
     Raises:
         ValueError: an unknown effect or parameter.
@@ -160,7 +162,10 @@ def effect_params(values: Mapping[str, Mapping[str, float]]) -> Array:
 
 
 def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dict[str, float]]:
-    """Named coefficients of the active effects, of all or `among` some; inverse of `effect_params`."""
+    """Named coefficients of the active effects in a flat vector; the inverse of `effect_params`.
+
+    `among` restricts the result to some effects.
+    """
     return {
         name: dict(zip((p.name for p in EFFECTS[name].parameters), params[SLICES[name]].tolist(), strict=True))
         for name in among
@@ -169,13 +174,13 @@ def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dic
 
 
 def plausibility(params: Array, effect: str) -> float:
-    """Prior of an effect's fitted size: nearly one below its scale, with a fourth-power decrease above.
+    """Prior weight of an effect's fitted size: nearly one below its scale, and decreasing with the fourth power above.
 
-        w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each
+        w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each amplitude
 
-    It is the prior density per unit of ln | x |. Indistinguishable effects explain the recordings equally well, and
-    their sizes are equally many standard deviations from zero. The ratio of their w is therefore that of their
-    posterior probabilities.
+    w is the prior density per unit of ln | x |. Indistinguishable effects explain the recordings equally well, and
+    their sizes are equally many standard deviations from zero. The ratio of their weights is therefore the ratio of
+    their posterior probabilities.
     """
     amplitudes = EFFECTS[effect].amplitudes
     u = max(abs(float(params[place])) / p.prior_scale for place, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
@@ -190,7 +195,7 @@ def without_effect(params: Array, effect: str) -> Array:
 
 
 def without_events(params: Array) -> Array:
-    """Flat vector without effects that occurred once, in one run."""
+    """Return the flat vector without the effects that occurred once, in one run."""
     for name in _EVENTS:
         params = without_effect(params, name)
     return params
@@ -209,7 +214,10 @@ def param_index(effect: str, parameter: str) -> int:
 
 
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
-    """Shape parameters that an effect proposes for these recordings; None: use the grid of `scan`."""
+    """Values of the shape parameters that an effect proposes for these recordings.
+
+    None: the effect proposes nothing, and the grid of `scan` is used.
+    """
     proposed = effect.propose(recorded) if effect.propose else None
     if proposed is None:
         return None

@@ -1,8 +1,9 @@
-r"""Air drag: quadratic resistance, integrated along the rods.
+"""Air drag: quadratic resistance, integrated along the rods.
 
-A point of the inner rod at the distance s from joint 1 moves across its rod at s w1; one of the outer rod, s from
-joint 2, at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The drag force is k v |v| per metre. A point of the arm moves
-at its radius times the speed of the arm, so the drag of the arm and of all parts mounted on it has one coefficient.
+A point of the inner rod at the distance s from joint 1 moves across the rod at s w1. A point of the outer rod at the
+distance s from joint 2 moves across it at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The drag force is k v |v| per
+metre. A point of the arm moves at its radius times the speed of the arm, so one coefficient describes the drag of the
+arm and of all parts mounted on it.
 """
 
 import math
@@ -14,7 +15,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _between(start: float, slope: float, low: float, high: float) -> tuple[float, float]:
-    """Integrals of v |v| and s v |v| for v of constant sign, by two Gauss points."""
+    """Integrals of v |v| and s v |v| over low <= s <= high for v of constant sign, by two Gauss points."""
     span, node = high - low, 0.5 / math.sqrt(3.0)
     s1, s2 = low + (0.5 - node) * span, low + (0.5 + node) * span
     v1, v2 = start + slope * s1, start + slope * s2
@@ -26,7 +27,7 @@ def _between(start: float, slope: float, low: float, high: float) -> tuple[float
 def moments(start: float, slope: float, length: float) -> tuple[float, float]:
     """Integrals of v |v| and s v |v| over 0 <= s <= length for v = start + slope s.
 
-    They are exact: on both sides of a sign change of v, v |v| is quadratic, and two Gauss points integrate cubics
+    The result is exact: v |v| is quadratic on both sides of a sign change of v, and two Gauss points integrate cubics
     exactly.
     """
     turn = -start / slope
@@ -40,7 +41,7 @@ def moments(start: float, slope: float, length: float) -> tuple[float, float]:
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
-    """Drag on the outer rod, transmitted to the inner rod by joint 2."""
+    """Drag torques of the outer rod on both rods, N m; joint 2 transmits the drag force to the inner rod."""
     lever = constants.L1 * (motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2)
     force, moment = moments(lever * motion.omega1, motion.omega2, constants.L2)
     return torques(-coefficient_kg_per_m2 * lever * force, -coefficient_kg_per_m2 * moment)
@@ -48,7 +49,7 @@ def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float)
 
 @inlined
 def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
-    """Drag on both rods, of the same width."""
+    """Drag torques of both rods, N m; the rods have the same width."""
     carried = outer(motion, constants, coefficient_kg_per_m2)
     drag1 = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
     return torques(carried.torque1 - drag1, carried.torque2)
@@ -56,7 +57,7 @@ def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) 
 
 @inlined
 def of_arm(joint: Joint, coefficient_kg_m2: float) -> float:
-    """Drag on the arm, N m."""
+    """Drag torque on the arm, N m."""
     return -coefficient_kg_m2 * joint.speed * abs(joint.speed)
 
 

@@ -9,19 +9,25 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: float, damping_ratio: float) -> ArmModel:
-    """Arm in the equation of the whole rig: A = L0^2 / coupling, k0 = A w^2, c0 = 2 zeta A w, w = 2 pi f."""
+    """Model of a compliant arm in the equation of the whole rig.
+
+    A = L0^2 / coupling,    k0 = A w^2,    c0 = 2 zeta A w,    w = 2 pi f
+    """
     inertia = constants.L0 * constants.L0 / coupling_per_kg
     speed = 2.0 * math.pi * frequency_hz
     return ArmModel(inertia, constants.L0 / constants.g, 2.0 * damping_ratio * inertia * speed, inertia * speed * speed)
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]] | None:
-    """No frequencies if the arm did not move in any run, otherwise the whole grid."""
+    """Frequencies to try: none if the arm did not move in any run, otherwise the whole grid."""
     return [] if all(moves is False for moves in recorded.arm_moves) else None
 
 
 def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 6.25e-4) -> float:
-    """40 steps per period of the arm, sufficient for its vibration; at least a quarter of 2.5 ms."""
+    """Longest integration step, s: 40 steps per period of the arm's vibration, but not below `finest_s`.
+
+    `finest_s` is a quarter of 2.5 ms.
+    """
     return max(1.0 / (per_period * params["frequency_hz"]), finest_s)
 
 

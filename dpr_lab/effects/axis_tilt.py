@@ -1,4 +1,4 @@
-"""Tilt of the arm's axis: the plane of the rods turns with the arm, so that gravity changes with its angle."""
+"""Tilt of the arm's axis: the plane of the rods turns with the arm, so that gravity in this plane changes."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
@@ -10,12 +10,13 @@ from dpr_lab.kernels import inlined
 def leaning(
     motion: Motion, base: BaseParameters, along_rad: float, across_rad: float, along_Nm: float, across_Nm: float
 ) -> tuple[float, float, float]:
-    """Torques on theta0, theta1, theta2, N m, to the first order of the tilt.
+    """Torques on theta0, theta1 and theta2, N m, to first order in the tilt.
 
         tau0 = K_t - (e1 sin(theta1) + e2 sin(theta2)) p_r,    tau_i = e_i cos(theta_i) p_t
 
-    The horizontal part of gravity, p g, has the components p_r along the arm and p_t across it. K = S g p, with S the
-    first moment of arm and rods about the axis, which also depends on a counterweight and is therefore fitted.
+    The horizontal part of gravity, p g, has the component p_r along the arm and p_t across it. K = S g p, where S is
+    the first moment of arm and rods about the axis. S also depends on a counterweight, so K is fitted. K_t is the
+    component of K across the arm.
     """
     sin0, cos0 = sincos(motion.theta0)
     radial, tangential = along_rad * cos0 + across_rad * sin0, across_rad * cos0 - along_rad * sin0

@@ -11,13 +11,13 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def play(angle: float, held: float, play_rad: float) -> float:
-    """Angle held by the encoder, which follows the joint once it has crossed the backlash, rad."""
+    """Angle that the encoder holds, rad; it follows the joint after the joint has crossed the backlash."""
     half = 0.5 * abs(play_rad)
     return min(max(held, angle - half), angle + half)
 
 
 class Motor(NamedTuple):
-    """Motor behind the backlash of a gear, as seen at the arm."""
+    """State of a motor behind the backlash of a gear, expressed at the arm."""
 
     angle: float
     """Angle, rad."""
@@ -42,10 +42,21 @@ def geared_motor(
     play_rad: float,
     motor_share: float,
 ) -> Motor:
-    """Motor after the time `elapsed`, s, under its torque, N m: J dw/dt = torque - friction w, solved exactly.
+    """Motion of the motor after the time `elapsed`: J dw/dt = torque - friction w inside the backlash, solved exactly.
 
-    At an end of the backlash it takes the speed of the arm. `angle` and `speed` are those of the arm then, `held` and
-    `turning` those of the motor before, rad and rad/s; `inertia` and `friction` are those of arm and motor together.
+    At an end of the backlash the motor takes the speed of the arm.
+
+    Args:
+        angle: angle of the arm at the end of the time, rad
+        speed: speed of the arm at the end of the time, rad/s
+        held: angle of the motor at the start, rad
+        turning: speed of the motor at the start, rad/s
+        elapsed: time, s
+        torque: torque of the motor, N m
+        inertia: moment of inertia of arm and motor together, kg m^2
+        friction: viscous friction coefficient of arm and motor together, N m s/rad
+        play_rad: width of the backlash, rad
+        motor_share: share of the motor in the inertia
     """
     motor_inertia = min(max(motor_share, 1e-6), 0.9) * inertia
     rate = max(friction / motor_inertia, 1e-3)
@@ -63,7 +74,10 @@ def _hidden(params: Params) -> float:
 
 
 def _longest_step(params: Params, *, longest_s: float = 1.25e-3) -> float:
-    """The drive is constant in a step, and a light motor inside the backlash follows each change of it."""
+    """Longest integration step, s.
+
+    The drive torque is constant in a step, but a light motor inside the backlash follows each change of it.
+    """
     return longest_s
 
 

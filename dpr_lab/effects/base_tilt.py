@@ -1,4 +1,4 @@
-"""Base tilt in the plane of the swing."""
+"""Base tilt: the base leans in the plane of the swing."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def tilted(motion: Motion, base: BaseParameters, tilt_rad: float) -> Terms:
-    """Change of the gravity torques e1 sin(theta1) and e2 sin(theta2) by the tilt."""
+    """Change of the gravity torques e1 sin(theta1) and e2 sin(theta2) by the tilt, N m."""
     lean, cosine = sincos(tilt_rad)
     rise = cosine - 1.0
     torque1 = base.e1 * (motion.sin1 * rise + motion.cos1 * lean)

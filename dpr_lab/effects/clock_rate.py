@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def fast(t: float, excess: float) -> float:
-    """True time minus device time at the device time t, s, for a clock that is too fast by the excess."""
+    """True time minus device time, s, at the device time t, for a clock that is too fast by the relative `excess`."""
     return t / (1.0 + excess) - t
 
 

@@ -1,7 +1,8 @@
-r"""Offset of the centre of mass from the axis of a rod: a bent rod, a screw on one side.
+"""Offset of the centre of mass from the axis of a rod: a bent rod, a screw on one side.
 
-The centre of mass lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot. For the outer rod, with p = m2 L1 y and
-the difference angle D = t1 - t2, the kinetic energy gains p sin(D) w1 w2 and (m2 y^2 / 2) w2^2.
+The centre of mass lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot, where t is the angle of the rod. For the
+outer rod, with p = m2 L1 y and the difference angle D = t1 - t2, the kinetic energy increases by p sin(D) w1 w2 and (m2
+y^2 / 2) w2^2.
 """
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
@@ -11,14 +12,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """tau1 = m1 g y cos(theta1), and m1 y^2 of additional inertia; y is the offset."""
+    """Gravity torque m1 g y cos(theta1) and additional inertia m1 y^2 of the inner rod, for the offset y."""
     moment = constants.m1 * offset_m
     return Terms(moment * offset_m, 0.0, 0.0, moment * constants.g * motion.cos1, 0.0)
 
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """Gravity, coupling inertia and centrifugal torque of the outer rod's centre of mass."""
+    """Gravity torque, coupling inertia and centrifugal torques due to the offset of the outer rod's centre of mass."""
     moment = constants.m2 * offset_m
     sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2
     cos12 = motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def dry(joint: Joint, torque_Nm: float) -> float:
-    """Torque -F sgn(u) on the rod beyond the joint, N m."""
+    """Friction torque -F sgn(u) on the rod beyond the joint, N m."""
     return -torque_Nm * joint.direction
 
 

@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def swallowed(torque: float, width_Nm: float) -> float:
-    """Torque to be added to the known one, N m: its negative inside the zone, minus the width outside."""
+    """Change of the known torque by the dead zone, N m: minus the torque inside the zone, minus the width outside."""
     return -min(max(torque, -width_Nm), width_Nm)
 
 

@@ -11,7 +11,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_Nm: float, order: float) -> float:
-    """Torque on the rod after the joint, N m: two harmonics of the order."""
+    """Cogging torque on the rod after the joint, N m: two harmonics of the order."""
     phase = order * joint.angle
     sin, cos = sincos(phase)
     first = cos1_Nm * cos + sin1_Nm * sin
@@ -19,7 +19,10 @@ def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_N
 
 
 def harmonics(params: Params) -> Words:
-    """A cos(N q) + B sin(N q) = sqrt(A^2 + B^2) sin(N q + atan2(A, B)), of both harmonics."""
+    """Amplitude, order and phase of both harmonics.
+
+    A cos(N q) + B sin(N q) = sqrt(A^2 + B^2) sin(N q + atan2(A, B))
+    """
     waves = [(k, params.get(f"cos{k}_Nm", 0.0), params.get(f"sin{k}_Nm", 0.0)) for k in (1, 2)]
     return {"cogging": [(math.hypot(A, B), k * params["order"], math.atan2(A, B)) for k, A, B in waves if A or B]}
 
@@ -59,10 +62,10 @@ DETENT_JOINT1 = replace(
         for parameter in _JOINT1.parameters
     ),
 )
-"""Orders of the scan.
+"""Cogging torque of joint 1, with a scan of the orders from two on.
 
-At order one its sine is gravity and its cosine is an offset of the centre of mass of the inner rod, so the scan starts
-at order two.
+A torque of order one at joint 1 is indistinguishable from other effects: its sine acts like gravity, and its cosine
+like an offset of the centre of mass of the inner rod.
 """
 
 DETENT_JOINT0 = at_arm(

@@ -1,4 +1,4 @@
-"""Gain of a drive with unknown constants: part of every model of its recordings, and not a fault."""
+"""Gain error of a drive with unknown constants: part of every model of its recordings, and not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def regained(torque: float, excess: float) -> float:
-    """Torque in addition to the assumed one, N m."""
+    """Torque in addition to that of the assumed gain, N m."""
     return excess * torque
 
 

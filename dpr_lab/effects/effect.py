@@ -12,28 +12,28 @@ from dpr_lab.effects.stages import StageName
 Site = Literal["joint torque", "geometry", "base", "sensor", "timing", "drive"]
 
 Params = Mapping[str, float]
-"""Parameters of one effect by name, SI."""
+"""Parameters of one effect, SI, by their names."""
 
 Shape = tuple[tuple[int, float], ...]
-"""Shape parameters as (index in the flat vector, value)."""
+"""Values of shape parameters, each as (index in the flat vector, value)."""
 
 
 class JointIndex(NamedTuple):
-    """Indices among `Effect.joints` and the axes of a recording."""
+    """Indices of the joints in `Effect.joints` and of the axes of a recording."""
 
     inner: int = 0
     outer: int = 1
     arm: int = -1
-    """Joint 0, which is read last."""
+    """Joint 0, the joint of the arm, which comes last."""
 
 
 ARM = JointIndex().arm
 
 LEVERS = ("friction_radius_m", "offset_m")
-"""Lengths that convert a force, known from the masses in the rig file, to a torque: they scale like torques."""
+"""Lengths that convert a force, known from the masses in the rig file, to a torque; they scale like torques."""
 
 _UNIT_SUFFIX = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
-"""Unit at the end of a parameter's name."""
+"""Pattern of the unit at the end of a parameter's name."""
 
 _RATIO_UNITS = {
     "N m": "1/s^2",
@@ -45,7 +45,7 @@ _RATIO_UNITS = {
     "m": "1/(kg m)",
     "1/kg": "m^2",
 }
-"""Unit of an amplitude -> unit of its ratio to b^k."""
+"""Unit of an amplitude -> unit of the ratio of the amplitude to b^k, k the `scale_power`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,20 +61,18 @@ class EffectParameter:
     typical: float
     """Typical size on a laboratory rig, in `unit`."""
     sign: Literal["any", "positive"] = "any"
-    """Physically possible values."""
+    """Whether only positive values are physically possible."""
     role: Literal["amplitude", "shape"] = "amplitude"
     default: float = 0.0
     """Default of a shape parameter; zero for an amplitude."""
     scan: tuple[float, ...] = ()
-    """Values of a shape parameter to try before it is refined; empty: those of the recording (runs, instants)."""
+    """Values of a shape parameter to try before it is refined; empty: the recordings define them (runs, instants)."""
     draw: tuple[float, float] | None = None
-    """Range of a shape parameter in blind trials; None: from a third of its default to three times it."""
+    """Range from which blind trials draw a shape parameter; None: from a third of the default to three times it."""
     whole: bool = False
     """Whether only integers are physical; the absolute value of an amplitude is then at least one."""
     one_way: bool = False
-    """Whether blind trials draw this amplitude positive although both signs are physical, because a negative one
-    would drive the rods.
-    """
+    """Whether blind trials draw this amplitude positive only, because a negative value would drive the rods."""
     continuous: bool = False
     """Whether a shape parameter is refined after its scan; false for orders and instants."""
     negative: str = ""
@@ -82,13 +80,11 @@ class EffectParameter:
     label: str = ""
     """Name in tables and sentences; empty: `name` without its unit."""
     most: float = math.inf
-    """Maximum size of an amplitude on any rig, in `unit`; inf: relative to the rig, by `limit`."""
+    """Maximum absolute value of an amplitude on any rig, in `unit`; inf: only the relative maximum `limit` applies."""
     limit: str = ""
-    """Key of `dpr_lab.effects.limits.LIMITS`; empty: the unit is the key."""
+    """Key of the relative maximum in `dpr_lab.effects.limits.LIMITS`; empty: the unit is the key."""
     plausible: float | None = None
-    """Scale of the prior of an amplitude, in `unit`: larger sizes are rare (`dpr_lab.effects.plausibility`). None:
-    three times the typical size.
-    """
+    """Scale of the prior of an amplitude, in `unit`; None: three times the typical size. Larger sizes are rare."""
 
     @property
     def words(self) -> str:
@@ -97,14 +93,15 @@ class EffectParameter:
 
     @property
     def prior_scale(self) -> float:
-        """Scale of the prior of an amplitude, in `unit`."""
+        """Scale of the prior of an amplitude, in `unit`; three times the typical size unless `plausible` is set."""
         return 3.0 * self.typical if self.plausible is None else self.plausible
 
     @property
     def scale_power(self) -> int:
-        """Power k of the common scale of torques and inertias: a free swing determines its ratio to b^k.
+        """Power k of the common scale b of torques and inertias in this parameter.
 
-        1 for a torque or an inertia, -1 for 1/kg, 0 for angles, times and shapes.
+        A free swing determines the ratio of the parameter to b^k. k is 1 for a torque or an inertia, -1 for 1/kg, and 0
+        for angles, times and shapes.
         """
         if self.role == "shape":
             return 0
@@ -114,7 +111,7 @@ class EffectParameter:
 
     @property
     def ratio_unit(self) -> str:
-        """Unit of its ratio to b^k; empty if k is 0. A unit that is not simplified here is divided by that of b^k."""
+        """Unit of the ratio of this parameter to b^k; empty if k is 0."""
         if not self.scale_power:
             return ""
         return _RATIO_UNITS.get(self.unit, f"{self.unit} / (kg m^2)" + ("" if self.scale_power == 1 else "^-1"))
@@ -156,132 +153,140 @@ class BenchQuantity:
     """Quantity of an effect that can be measured on the bench."""
 
     words: str
-    """Name of the quantity: `extra friction at rest`."""
+    """Name of the quantity, for example `extra friction at rest`."""
     symbol: str
     """Symbol in the equation of the effect."""
     parameters: tuple[str, ...]
-    """Measured amplitude; for several amplitudes the root of the sum of their squares (cosine and sine: the peak)."""
+    """Measured amplitude; for several amplitudes, such as cosine and sine, the root of the sum of their squares."""
     definition: str = ""
-    """Exact definition if the name is ambiguous."""
+    """Exact definition of the quantity, if the name is ambiguous."""
 
 
 @dataclass(frozen=True, slots=True)
 class InternalState:
-    """Internal state of an effect, which depends on the previous motion."""
+    """Internal state of an effect: a quantity that depends on the previous motion."""
 
     name: str
-    """Kernel argument for its value at the start of the step."""
+    """Name of the state, and of the kernel argument that takes its value at the start of the step."""
     unit: str
     at_release: float = 0.0
     after: Callable[..., float] | None = None
-    """Transition over a displacement of the effect's joint in one direction: a kernel with the arguments state,
-    `displacement` (rad) and parameters. None if the stage defines it: backlash is its own transition, and an arm
-    moves by the equation of the whole rig.
+    """Kernel of the transition over a displacement of the joint in one direction: (state, `displacement`, parameters).
+
+    None: the stage defines the transition. A backlash is its own transition, and an arm moves by the equation of the
+    rig.
     """
     sliding: Callable[[float], float] | None = None
-    """Kernel for its value at the start of a run that begins after the release, from the speed of the joint, rad/s.
-    None: as at the release.
-    """
+    """Kernel (speed of the joint, rad/s) -> state at the start of a run after the release; None: as at the release."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Candidates from the recordings for shape parameters without a grid."""
+    """Information from the recordings that proposes values of shape parameters without a grid."""
 
     arm_moves: tuple[bool | None, ...]
     """For each run: whether encoder 0 detected a motion of the arm; None if it was not measured."""
     steps: Callable[[], list[tuple[int, int, float]]]
-    """Joint (0 or 1), run and instant (s) of apparent steps in the readings, best first."""
+    """Function that returns joint (0 or 1), run and instant (s) of apparent steps in the readings, best first."""
 
 
 Words = Mapping[str, Any]
-"""An effect as elements that rigid-body programs share; each refers to the effect's joint or rod, SI.
+"""Description of an effect by elements that rigid-body programs share.
+
+Each element refers to the effect's joint or rod; all values are SI.
 
     friction                 Coulomb friction, N m
     stiffness, rest_angle    a linear spring, N m/rad, and its rest angle, rad from hanging
     armature                 inertia that turns with the joint, kg m^2
     cogging                  (amplitude N m, poles, phase rad) of each torque amplitude sin(poles q + phase)
     presliding               (torque N m, length rad) of friction that is elastic before sliding
-    offset                   of the rod's centre of mass across the rod, m
+    offset                   offset of the rod's centre of mass across the rod, m
     added_length             length error of the inner rod, m
-    tilt                     of gravity in the plane of the rods, rad
+    tilt                     tilt of gravity in the plane of the rods, rad
     arm                      True: the arm is free with the constants of `arm_model`
-    encoder_offset, encoder_scale    offset of the joint's encoder, rad, and its relative scale error
+    encoder_offset           offset of the joint's encoder, rad
+    encoder_scale            relative scale error of the joint's encoder
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """One physical effect."""
+    """One physical effect: its description, its parameters and the kernel that computes it."""
 
     name: str
     words: str
-    """Title: `Coulomb friction, joint 1`."""
+    """Title for readers, for example `Coulomb friction, joint 1`."""
     equation: str
-    """Contribution with the symbols of docs/theory.md: torques on theta1, theta2, or changes of the readings."""
+    """Equation with the symbols of docs/theory.md: torques on theta1 and theta2, or changes of the readings."""
     parameters: tuple[EffectParameter, ...]
     site: Site
     stage: StageName
     kernel: Callable[..., Any]
     bench_check: str
-    """Check on the rig that confirms it, or distinguishes it from its twins."""
+    """Check on the rig that confirms the effect, or distinguishes it from its twins."""
     source: str
     symptom: str = ""
-    """Symptom at the rig or in a recording; required for effects of the library."""
+    """Symptom of the effect at the rig or in a recording; required for effects of the library."""
     joints: tuple[int, ...] = (0, 1)
-    """The joints (0, 1, `ARM`) whose angle and speed it may depend on; both joints of the rods if it belongs to
-    none.
-    """
+    """Joints (0, 1 or `ARM`) on whose angle and speed the effect may depend; both rod joints if it belongs to none."""
     internal: tuple[InternalState, ...] = ()
     dissipative: bool = False
-    """Whether it can only dissipate energy of the rods (presliding returns at most the stored energy)."""
+    """Whether the effect can only dissipate energy of the rods (presliding returns at most the stored energy)."""
     dry: bool = False
-    """Whether it is Coulomb friction: proportional to `Joint.direction` apart from its dependence on speed. At rest
-    it transmits the torque that keeps the joint at rest, up to its torque at zero speed.
+    """Whether the effect is Coulomb friction, proportional to `Joint.direction` apart from a dependence on the speed.
+
+    At rest it transmits the torque that keeps the joint at rest, up to its torque at zero speed.
     """
     potential: bool = False
-    """Whether its torque is a function of the joint's angle alone."""
+    """Whether the torque of the effect is a function of the joint's angle alone."""
     presumes_still_arm: bool = False
-    """Whether it describes only rigs whose arm does not move."""
+    """Whether the effect describes only rigs whose arm does not move."""
     event: bool = False
-    """Whether it occurs once in one recording and is not a property of the rig."""
+    """Whether the effect occurs once, in one recording, and is not a property of the rig."""
     twins: tuple[str, ...] = ()
-    """Effects that are indistinguishable from this one by free swings, or nearly so."""
+    """Effects that free swings cannot distinguish from this one, or hardly."""
     nested: tuple[str, ...] = ()
-    """Simpler effects, preferred if they explain the recordings equally well."""
+    """Simpler effects, which are preferred if they explain the recordings equally well."""
     adds: str = ""
-    """Amplitude that the simpler effects lack, if it can be measured."""
+    """Name of the amplitude that the simpler effects lack; empty if it cannot be measured."""
     quantities: tuple[BenchQuantity, ...] = ()
-    """Measurable quantities: the first for the effect itself; for `adds` the one with this amplitude. None: the
-    amplitudes, by their names.
+    """Measurable quantities, the first one of the effect itself; empty: the amplitudes, by their names.
+
+    The quantity with the amplitude `adds` distinguishes the effect from its simpler forms.
     """
     absorbed_by: tuple[str, ...] = ()
-    """Base parameters that absorb this effect completely, so that a free swing cannot show it."""
+    """Base parameters that absorb the effect completely, so that a free swing cannot show it."""
     corrects: str = ""
-    """Number of the description that it corrects: a key of the rig file, or `t`, the times of the readings. Always
-    fitted if the rig file states its uncertainty (`Rig.unsure`).
+    """Key of the rig file whose number the effect corrects, or `t` for the times of the readings.
+
+    The effect is always fitted if the rig file states the uncertainty of this number (`Rig.unsure`).
     """
     universal: bool = False
-    """Whether every rig has it to some degree, so that it needs no other explanation."""
+    """Whether every rig has the effect to some degree, so that its presence needs no further explanation."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
-    """Shape parameters to try on these recordings, by name; []: none; None: the grid of `scan`."""
+    """Function that returns the shape parameters to try on the recordings, by name; []: none.
+
+    None: the grid of `scan`.
+    """
     longest_step: Callable[[Params], float] | None = None
-    """Longest integration step, s; None: as for the rods."""
+    """Function that returns the longest integration step, s; None: the step of the rods."""
     hides_step: Callable[[Params], float] | None = None
-    """Largest step of its joint's readings, rad, that it explains; None: it explains none."""
+    """Function that returns the largest step in its joint's readings that the effect explains, rad; None: no step."""
     possible: Callable[[Params], bool] = lambda sizes: True
-    """Whether its sizes, each within its limit, can occur together."""
+    """Function that returns whether the sizes, each within its limit, can occur together."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
-    """Correction of the rig, its file or its readings, from parameters, rig and joint (0, 1); None: it is not a
-    fault, and a simulator must include it.
+    """Function (parameters, rig, joint 0 or 1) -> correction of the rig, its file or its readings, in words.
+
+    None: the effect is not a fault, and a simulator must include it.
     """
     implied: Callable[[Params], Params] | None = None
-    """Derived quantities that are reported with its parameters, by name; {} if there are none."""
+    """Function that returns derived quantities by name, reported with the parameters; {} if there are none."""
     derived: tuple[EffectParameter, ...] = ()
-    """Their units."""
+    """Descriptions of the derived quantities, with their units."""
     exported: Callable[[Params], Words] | None = None
-    """Function that returns the effect as such elements; None, or {} if there are no such elements for these
-    parameters: other programs then call its kernel or omit it.
+    """Function that describes the effect by the elements of `Words`; None or {}: no elements describe it.
+
+    Other programs then call the kernel of the effect or omit it.
     """
 
     @property
@@ -290,7 +295,7 @@ class Effect:
         return tuple(parameter for parameter in self.parameters if parameter.role == "amplitude")
 
     def bench_quantity(self, parameter: str) -> BenchQuantity:
-        """Measured quantity that contains an amplitude."""
+        """Measurable quantity that contains an amplitude."""
         containing = (quantity for quantity in self.quantities if parameter in quantity.parameters)
         return next(containing, BenchQuantity(parameter, parameter, (parameter,)))
 
@@ -358,17 +363,17 @@ ARM_STAGES: dict[StageName, StageName] = {
     "encoder": "encoder0",
     "timing": "timing0",
 }
-"""Stage of an effect at a rod's joint -> that of the same effect at the arm."""
+"""Stage of an effect at the joint of a rod -> stage of the same effect at the arm."""
 
 
 def at_arm(effect: Effect, *, bench_check: str, symptom: str = "", equation: str = "", **fields: Any) -> Effect:
     """Copy of an effect of a rod for joint 0, the joint of a free or driven arm.
 
     Args:
-        effect: at joint 1 or 2
-        bench_check: the check at the arm
-        symptom: the symptom at the arm
-        equation: None: that of the other joint with another number
+        effect: effect at joint 1 or 2
+        bench_check: check at the arm
+        symptom: symptom at the arm
+        equation: equation at the arm; empty: the equation of the other joint with another number
         fields: other fields of `Effect` that differ
     """
     (joint,) = effect.joints

@@ -1,7 +1,7 @@
-"""All effects as compiled functions of one rig, one for each stage, generated from `dpr_lab.effects.stages.STAGES`.
+"""All effects as compiled functions of one rig, one function for each stage of `dpr_lab.effects.stages.STAGES`.
 
-`params` is the flat vector (SIZE,), `active` the mask of the active effects from `active_effects`, (effects,), and
-`internal` the internal states that move with a joint, in the order of `STEPPED`.
+`params` is the flat vector (SIZE,), and `active` the mask (effects,) from `active_effects`. `internal` contains the
+internal states that move with a joint, in the order of `STEPPED`.
 """
 
 import math
@@ -22,15 +22,15 @@ _AMPLITUDES = [param_index(effect.name, p.name) for effect in _ALL for p in effe
 _FIRST_AMPLITUDES = np.cumsum([0, *(len(effect.amplitudes) for effect in _ALL[:-1])])
 
 EFFECT_OF = np.repeat(np.arange(len(_ALL)), [len(effect.parameters) for effect in _ALL])
-"""(SIZE,) index of the effect of each parameter."""
+"""(SIZE,) index of the effect to which each parameter belongs."""
 
 _STATES = [(effect, state) for effect in _ALL for state in effect.internal]
 
 INTERNAL = tuple(f"{effect.name}.{state.name}" for effect, state in _STATES)
-"""Order of all internal states, as `effect.state`."""
+"""Names of all internal states in their order, as `effect.state`."""
 
 AT_RELEASE = np.array([state.at_release for _, state in _STATES])
-"""(internal,) values until the release."""
+"""(internal,) values of the internal states until the release."""
 
 STEPPED = tuple(i for i, (_, state) in enumerate(_STATES) if state.after is not None)
 """Indices in `INTERNAL` of the states that move with a joint."""
@@ -39,16 +39,18 @@ LAG0, LAG1, LAG2 = (
     next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == stage), len(INTERNAL))
     for stage in ("play0", "play1", "play")
 )
-"""Indices of the backlash states of the arm, joint 1 and joint 2: angle held by the encoder minus that of its joint,
-rad. That of the arm is followed by the speed of its motor relative to the arm, rad/s.
+"""Indices of the backlash states of the arm, joint 1 and joint 2.
+
+Each state is the angle held by the encoder minus the angle of its joint, rad. The state of the arm is followed by the
+speed of its motor relative to the arm, rad/s.
 """
 
 ARM = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "arm"), len(INTERNAL))
-"""Index of the arm's angle; the next one is its speed."""
+"""Index of the state that is the arm's angle; the next state is the arm's speed."""
 
 
 def stepped_states() -> Iterator[tuple[Effect, InternalState]]:
-    """Effect and state for all internal states that move with a joint."""
+    """Pairs of effect and state, for all internal states that move with a joint."""
     return (_STATES[i] for i in STEPPED)
 
 
@@ -60,16 +62,16 @@ class Contribution(NamedTuple):
     kernel: Callable[..., float]
     effect: Effect
     joint: int
-    """0, 1 or 2."""
+    """Number of the joint: 0, 1 or 2."""
     state: int = 0
-    """Index in `STEPPED` of the internal state that it updates, in the stage `transition`."""
+    """Index in `STEPPED` of the internal state that the call updates; used in the stage `transition` only."""
 
     def guard(self) -> str:
-        """Line that encloses the statements: the effect is active."""
+        """Line of source that encloses the statements: a condition that the effect is active."""
         return f"if active[{_ALL.index(self.effect)}]:"
 
     def statements(self, stage: str, notation: Mapping[str, str]) -> list[str]:
-        """Source that calls the kernel and combines its value, with names in this notation."""
+        """Source that calls the kernel and combines its value with the others, with the names of `notation`."""
         row, wanted, start = STAGES[stage], arguments(self.kernel), SLICES[self.effect.name].start
         states = {s.name: f"{{{row.states}_{i}}}" for i, (e, s) in enumerate(stepped_states()) if e is self.effect}
         params = {p.name: f"{{params_{start + i}}}" for i, p in enumerate(self.effect.parameters)}
@@ -78,7 +80,7 @@ class Contribution(NamedTuple):
 
 
 def contributions(stage: str) -> list[Contribution]:
-    """Calls of a stage in the order of the library."""
+    """Kernel calls of a stage, in the order of the library."""
     if stage == "transition":
         return [
             Contribution(f"after{i}", state.after, effect, effect.joints[0] + 1, i)
@@ -99,7 +101,7 @@ def contributions(stage: str) -> list[Contribution]:
 
 
 class _ScalarNotation(dict[str, str]):
-    """Notation of the scalar version: a name is an argument or a local variable; `params_3` is `params[3]`."""
+    """Notation of the scalar version: a name is an argument or a local variable; `params_3` stands for `params[3]`."""
 
     def __missing__(self, name: str) -> str:
         array, _, index = name.rpartition("_")
@@ -110,7 +112,7 @@ _NOTATION = _ScalarNotation(joint0="joint0(motion)", joint1="joint1(motion)", jo
 
 
 def scalar_stage(stage: str) -> Any:
-    """Compiled scalar version of a stage: (its arguments, params, active) -> its results."""
+    """Compiled scalar version of a stage: (arguments of the stage, params, active) -> results of the stage."""
     row, calls = STAGES[stage], contributions(stage)
     states = range(len(STEPPED)) if stage == "transition" else range(1)
     results = {
@@ -142,41 +144,46 @@ effect_torques = scalar_stage("torque")
 """(motion, base, constants, internal, params, active) -> Terms of the equation of motion."""
 
 load_torques = scalar_stage("load")
-"""(motion, base, constants, internal, params, active) -> Terms of load-dependent friction, with known joint forces."""
+"""(motion, base, constants, internal, params, active) -> Terms of load-dependent friction, for known joint forces."""
 
 dry_limits = scalar_stage("dry")
-"""(motion, push1, push2, params, active) -> limits of Coulomb friction under these torques, N m."""
+"""(motion, push1, push2, params, active) -> limits of the Coulomb friction torques under the torques `push`, N m."""
 
 arm_model = scalar_stage("arm")
-"""(constants, arm, params, active) -> ArmModel: inertia, friction and stiffness of the arm; `arm` without effects."""
+"""(constants, arm, params, active) -> ArmModel: inertia, friction and stiffness of the arm.
+
+`arm` is the model without effects.
+"""
 
 free_arm_model = scalar_stage("free_arm")
-"""(constants, arm, params, active) -> ArmModel of a free or driven arm; `arm` without effects."""
+"""(constants, arm, params, active) -> ArmModel of a free or driven arm; `arm` is the model without effects."""
 
 arm_torques = scalar_stage("torque0")
-"""(motion, torque0, internal, params, active) -> torque on the arm, N m; `torque0` without effects."""
+"""(motion, torque0, internal, params, active) -> torque on the arm, N m; `torque0` is the torque without effects."""
 
 arm_drives = scalar_stage("drive0")
-"""(motion, torque0, params, active) -> torque of the arm's drive, N m: its effects in sequence, the gain first, each on
-the torque that those before it leave; `torque0`, the known one, without effects.
+"""(motion, torque0, params, active) -> torque of the arm's drive, N m; `torque0` is the known torque without effects.
+
+The effects act in sequence, the gain first. Each acts on the torque that the preceding ones return.
 """
 
 whole_torques = scalar_stage("whole0")
-"""(motion, base, constants, torque0, params, active) -> torque on the arm, `torque0` without effects, and on theta1 and
-theta2, N m.
+"""(motion, base, constants, torque0, params, active) -> torques on the arm, on theta1 and on theta2, N m.
+
+`torque0` is the torque on the arm without effects.
 """
 
 dry_limit0 = scalar_stage("dry0")
-"""(motion, push0, params, active) -> limit, N m, up to which Coulomb friction holds the arm against a torque."""
+"""(motion, push0, params, active) -> largest torque, N m, against which Coulomb friction holds the arm."""
 
 arm_delay = scalar_stage("timing0")
-"""(late0, params, active) -> time by which the arm is read before joint 1, s; `late0` without effects."""
+"""(late0, params, active) -> time by which the arm is read before joint 1, s; `late0` is this time without effects."""
 
 arm_encoder_error = scalar_stage("encoder0")
-"""(angle0, t, run, constants, params, active) -> rad added to the reading of the arm's encoder."""
+"""(angle0, t, run, constants, params, active) -> error of the reading of the arm's encoder, rad."""
 
 reading_shifts = scalar_stage("timing")
-"""(t, params, active) -> shifts of the reading instants of joints 1 and 2, s."""
+"""(t, params, active) -> shifts of the instants at which joints 1 and 2 are read, s."""
 
 encoder_errors = scalar_stage("encoder")
 """(angle1, angle2, t, run, constants, params, active) -> errors of the encoder readings of joints 1 and 2, rad."""
@@ -185,7 +192,7 @@ held_angle = scalar_stage("play")
 """(angle2, hold2, params, active) -> angle held by the encoder of joint 2 after its joint has reached `angle2`, rad."""
 
 held_angle1 = scalar_stage("play1")
-"""(angle1, hold1, params, active) -> the same of joint 1."""
+"""(angle1, hold1, params, active) -> angle held by the encoder of joint 1 after its joint has reached `angle1`, rad."""
 
 geared_motor0 = scalar_stage("play0")
 """(angle0, speed0, hold0, motor_speed0, elapsed0, motor_torque0, geared_inertia, geared_friction, params, active) ->
@@ -193,15 +200,16 @@ fields of `dpr_lab.effects.backlash.Motor`.
 """
 
 input_delay = scalar_stage("input")
-"""(late, params, active) -> delay of the known torques, s; `late` without effects."""
+"""(late, params, active) -> delay of the known torques, s; `late` is the delay without effects."""
 
 internal_after = scalar_stage("transition")
-"""(old_internal, displacement0, displacement1, displacement2, params, active) -> internal states after displacements of
-the joints, rad.
+"""Internal states after displacements of the joints, rad.
+
+(old_internal, displacement0, displacement1, displacement2, params, active) -> states.
 """
 
 internal_sliding = _sliding()
-"""(speed0, speed1, speed2) -> internal states of joints that have slid for a long time, rad/s."""
+"""(speed0, speed1, speed2) -> internal states of joints that have slid for a long time; speeds in rad/s."""
 
 
 _REQUIRED_BY: dict[str, Callable[[Effect], bool]] = {
@@ -213,7 +221,7 @@ _REQUIRED_BY: dict[str, Callable[[Effect], bool]] = {
     "dry1": lambda effect: effect.dry and 0 in effect.joints,
     "dry2": lambda effect: effect.dry and 1 in effect.joints,
 }
-"""Fields of `Requirements` that are not stages -> whether an effect requires them."""
+"""Field of `Requirements` that is not a stage -> function that returns whether an effect requires it."""
 
 _REQUIREMENTS = np.array(
     [
@@ -225,7 +233,7 @@ _REQUIREMENTS = np.array(
 
 
 def active_effects(params: Array) -> Flags:
-    """(..., effects) mask of the active effects of (..., SIZE): those with a non-zero amplitude."""
+    """Mask (..., effects) of the active effects in parameters (..., SIZE): those with a non-zero amplitude."""
     return np.logical_or.reduceat(params[..., _AMPLITUDES] != 0.0, _FIRST_AMPLITUDES, axis=-1)
 
 

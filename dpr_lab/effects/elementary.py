@@ -1,9 +1,8 @@
-r"""Elementary functions without branches or calls, so that a loop over lanes becomes vector instructions.
+"""Elementary functions without branches or calls, so that a compiler turns a loop over lanes into vector instructions.
 
-The argument is reduced to a small remainder, for which a polynomial is exact to rounding, and the result is
+The argument is reduced to a small remainder, for which a polynomial is exact to rounding. The result is then
 reconstructed: e^x = 2^n e^r with |r| <= ln(2) / 2, and sines by quadrant. The error is below 3 units in the last place.
-
-Source: W. J. Cody & W. Waite (1980), Software Manual for the Elementary Functions (reduction in two parts); the
+Source: W. J. Cody & W. Waite (1980), Software Manual for the Elementary Functions (reduction in two parts). The
 coefficients of sine and cosine are those of fdlibm (Sun Microsystems, 1993), of the exponential those of its series.
 """
 
@@ -16,7 +15,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _expm1_parts(x: float) -> tuple[float, float]:
-    """2^n and e^r - 1 of x = n ln(2) + r, for |x| <= 700."""
+    """Parts 2^n and e^r - 1 of the exponential of x = n ln(2) + r, for |x| <= 700."""
     # Adding 1.5 * 2^52 rounds to an integer in the low bits.
     shifted = x * 1.4426950408889634 + 6755399441055744.0
     n = shifted - 6755399441055744.0
@@ -38,7 +37,7 @@ def _expm1_parts(x: float) -> tuple[float, float]:
 
 @inlined
 def exp(x: float) -> float:
-    """e^x; beyond +-700 the value at the bound."""
+    """Exponential function e^x; an argument beyond +-700 is replaced by the bound."""
     scale, rest = _expm1_parts(min(max(x, -700.0), 700.0))
     return scale + scale * rest
 

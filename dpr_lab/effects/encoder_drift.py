@@ -5,12 +5,15 @@ from dpr_lab.effects.quantities import EncoderReading
 from dpr_lab.kernels import inlined
 
 LARGEST_RAD_PER_S = 5e-3
-"""Largest rate of a zero, 0.3 degrees per second: a faster drift is visible while the rods hang."""
+"""Largest drift rate of an encoder's zero, rad/s: 0.3 degrees per second.
+
+A faster drift is visible while the rods hang.
+"""
 
 
 @inlined
 def drifting(encoder: EncoderReading, offset_rad: float, rate_rad_per_s: float) -> float:
-    """Error of the reading, rad."""
+    """Error of the reading, rad: the offset at the release plus the drift since then."""
     return offset_rad + rate_rad_per_s * max(encoder.t, 0.0)
 
 

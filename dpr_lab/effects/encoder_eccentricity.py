@@ -1,4 +1,4 @@
-"""Encoder eccentricity: a disc or magnet that is not centred or is tilted, with an error that repeats every turn."""
+"""Encoder eccentricity: a disc or magnet that is not centred or is tilted causes an error that repeats every turn."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.effects.elementary import sincos
@@ -22,7 +22,7 @@ def eccentric(
     cos6_rad: float,
     sin6_rad: float,
 ) -> float:
-    """Sum over k of A_k cos(k q) + B_k sin(k q), rad."""
+    """Error of the reading, rad: the sum over k of A_k cos(k q) + B_k sin(k q)."""
     sin, cos = sincos(encoder.angle)
     cos_k, sin_k, error = 1.0, 0.0, 0.0
     for A, B in (
@@ -39,8 +39,9 @@ def eccentric(
 
 
 LARGEST_RAD = 0.03
-"""Largest first amplitude, for a disc with an offset of 3 % of its radius; that of the k-th harmonic is a k-th of
-it.
+"""Largest amplitude of the first harmonic, rad, for a disc with an offset of 3 % of its radius.
+
+The largest amplitude of the k-th harmonic is a k-th of this value.
 """
 
 ENCODER_ECCENTRICITY = pair(

@@ -7,12 +7,12 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_rad: float) -> float:
-    """Error of the reading, rad."""
+    """Error of the reading, rad: the constant offset."""
     return offset_rad
 
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
-    """Correction of the zero."""
+    """Text that describes how to correct the zero of an encoder."""
     offset = f"{1e3 * params['offset_rad']:.3g} mrad"
     return (
         f"set the zero of encoder {joint + 1} again while the rods hang at rest, or subtract {offset} from its readings"

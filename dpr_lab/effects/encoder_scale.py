@@ -13,15 +13,15 @@ USUAL_LINES = (
 
 @inlined
 def stretched(encoder: EncoderReading, excess: float) -> float:
-    """Error of the reading, x times the angle from hanging, rad."""
+    """Error of the reading, rad: `excess` times the angle from hanging."""
     return excess * (encoder.angle - encoder.hanging)
 
 
 def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -> str:
-    """Correction of the counts per turn.
+    """Text that describes how to correct the counts per turn of an encoder.
 
     A relative error above `exact` is too large for a tolerance. The text then names the common encoder with the
-    corrected number; if there is none, it doubts that the encoder is the cause.
+    corrected number. If there is none, the text doubts that the encoder is the cause.
     """
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])
@@ -35,7 +35,7 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
 
 
 def usual_counts(counts: float, near: float = 2e-3) -> int | None:
-    """Counts per turn of the nearest common encoder, within a relative distance; None if there is none."""
+    """Counts per turn of the nearest common encoder; None if its relative distance is `near` or more."""
     nearest = min((4 * lines for lines in USUAL_LINES), key=lambda usual: abs(usual / counts - 1.0))
     return nearest if abs(nearest / counts - 1.0) < near else None
 

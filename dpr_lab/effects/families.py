@@ -11,18 +11,18 @@ class Family:
     name: str
     words: str
     joint: int
-    """Its joint, 1 or 2."""
+    """Joint of the component, 1 or 2."""
     parts: tuple[str, ...]
-    """Effects that it can cause."""
+    """Effects that the component can cause."""
     marks: tuple[str, ...]
-    """Effects that are specific to it."""
+    """Effects that are specific to the component."""
     expected: tuple[str, ...]
-    """Effects that it always causes, of any size, and that a free swing can show."""
+    """Effects that the component always causes, of any size, and that a free swing can show."""
 
     def among(self, effects: Collection[str]) -> tuple[str, ...]:
         """The given effects that belong to this family.
 
-        Empty unless there are at least two, of which one is specific.
+        The result is empty unless at least two effects belong to the family and one of them is specific to it.
         """
         parts = tuple(name for name in effects if name in self.parts)
         return parts if len(parts) > 1 and set(parts) & set(self.marks) else ()
@@ -32,17 +32,19 @@ def _drive(j: int) -> Family:
     marks = [f"rotor_inertia_joint{j}", f"load_friction_joint{j}", f"detent_joint{j}", f"backlash_joint{j}"]
     friction = (f"{law}_joint{j}" for law in ("coulomb", "stribeck", "friction_curve", "hysteresis"))
     expected = [f"coulomb_joint{j}", f"load_friction_joint{j}"]
-    expected += ["rotor_inertia_joint2"] if j == 2 else []  # the inertia of the rotor of joint 1 is part of a
+    expected += (
+        ["rotor_inertia_joint2"] if j == 2 else []
+    )  # the parameter a contains the inertia of the rotor of joint 1
     return Family(f"drive_joint{j}", f"geared drive, joint {j}", j, (*marks, *friction), tuple(marks), tuple(expected))
 
 
 FAMILIES = (_drive(1), _drive(2))
-"""Rotor, friction of bearing and gear, load-dependent friction, cogging, backlash.
+"""Geared drives of joints 1 and 2: rotor, friction of bearing and gear, load-dependent friction, cogging, backlash.
 
 Source: Spong, Hutchinson & Vidyasagar (2006), Robot Modeling and Control, ch. 7.
 """
 
 
 def expected_of(geared: Iterable[int]) -> tuple[str, ...]:
-    """Effects that geared drives on joints 1 or 2 always cause."""
+    """Effects that geared drives on the given joints (1 or 2) always cause."""
     return tuple(name for joint in geared for name in FAMILIES[joint - 1].expected)

@@ -1,4 +1,4 @@
-"""Generated source: all effects of a stage in one compiled function, for any set of active effects."""
+"""Generation of source code: all effects of a stage in one compiled function, for any set of active effects."""
 
 import inspect
 import linecache
@@ -10,7 +10,7 @@ from dpr_lab.kernels import subroutine
 
 
 def slices(effects: Iterable[Effect]) -> dict[str, slice]:
-    """Slice of the flat vector for the parameters of each effect, in the order of `effects`."""
+    """Slice of the flat vector that contains the parameters of each effect, in the order of `effects`."""
     blocks: dict[str, slice] = {}
     start = 0
     for effect in effects:
@@ -25,7 +25,7 @@ def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
-    """Source of a kernel call: for each argument the first expression available under its name."""
+    """Source of a kernel call; each argument gets the first expression that is available under its name."""
     values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
     return f"{kernel}({', '.join(values)})"
 
@@ -33,12 +33,13 @@ def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str
 def compiled(lines: Iterable[str], names: Mapping[str, Any]) -> Any:
     """Compile a function from source lines.
 
-    It is one explicit function, because a chain of closures takes ten times as long if all effects are off. The disk
-    cache cannot identify it; the kernels that call it are cached with its code. `inspect` finds its source.
+    The result is one explicit function, because a chain of closures takes ten times as long if all effects are off. The
+    disk cache cannot identify the function, but kernels that call it are cached together with its code. `inspect` can
+    show its source.
 
     Args:
-        lines: source, the first line with `def name(...)`
-        names: names used in the source
+        lines: source, with `def name(...)` in the first line
+        names: objects by the names that the source uses
     """
     scope, source = dict(names), "\n".join(lines)
     name = source[len("def ") : source.index("(")]

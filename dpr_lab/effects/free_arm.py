@@ -1,4 +1,4 @@
-"""The arm itself, of a rig whose arm is free or driven: part of every model of such recordings, and not a fault."""
+"""The arm of a rig whose arm is free or driven: part of every model of such recordings, and not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import ArmModel, RigConstants
@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def arm(constants: RigConstants, inertia_kgm2: float, viscous_Nms: float) -> ArmModel:
-    """Total inertia about the arm's axis and viscous friction, with L0 / g."""
+    """Model of the arm: total inertia about its axis, L0 / g, viscous friction, and no stiffness."""
     return ArmModel(inertia_kgm2, constants.L0 / constants.g, viscous_Nms, 0.0)
 
 

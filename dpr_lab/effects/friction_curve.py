@@ -1,6 +1,6 @@
-"""Free-form friction curve that increases with speed: non-negative increments between fixed speeds.
+"""Free-form friction curve: friction that increases with speed, by non-negative increments between fixed speeds.
 
-At rest it may differ between the two directions, as for a skewed seal or a preloaded bearing.
+The friction at rest may differ between the two directions, as for a skewed seal or a preloaded bearing.
 """
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
@@ -32,9 +32,9 @@ def curve(
     rise3_Nm: float,
     rise4_Nm: float,
 ) -> float:
-    """Torque on the rod after the joint, N m: a step at rest, then one ramp between two successive speeds.
+    """Friction torque on the rod after the joint, N m: a step at rest, then one ramp between successive speeds.
 
-    Fast swings reach the last speed, rad/s; above it only viscous friction increases.
+    Fast swings reach the last speed, 8 rad/s. Above it only viscous friction increases.
     """
     speed = joint.speed * joint.direction
     size = forward_Nm if joint.direction > 0.0 else backward_Nm

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def drifting(joint: Joint, rate_Nm_per_rad: float) -> float:
-    """Torque -r t u on the rod after the joint, N m; t is the time since the release."""
+    """Torque -r t u on the rod after the joint, N m; t is the time since the release, u the speed of the joint."""
     return -rate_Nm_per_rad * joint.t * joint.speed
 
 

@@ -1,4 +1,4 @@
-"""Hard stop of the arm: a cable at its end or an end stop is reached."""
+"""Hard stop of the arm: the arm reaches an end stop or the end of its cable."""
 
 import math
 
@@ -9,13 +9,16 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stopped(joint: Joint, stiffness_Nm_per_rad: float, range_rad: float) -> float:
-    """Torque of a stiff spring beyond the range, on either side, N m."""
+    """Torque of a stiff spring that acts beyond the range on either side, N m."""
     beyond = max(joint.angle - range_rad, 0.0) + min(joint.angle + range_rad, 0.0)
     return -stiffness_Nm_per_rad * beyond
 
 
 def within_turns(params: Params, *, most_rad: float = 3 * math.pi) -> bool:
-    """Whether the range ends within one and a half turns; a torque that begins after many turns follows another law."""
+    """Whether the range ends within one and a half turns.
+
+    A torque that starts after many turns follows another law.
+    """
     return params.get("range_rad", 0.0) <= most_rad
 
 

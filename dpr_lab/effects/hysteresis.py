@@ -23,7 +23,7 @@ def deflected(presliding: float, displacement: float, length_rad: float) -> floa
 
 @inlined
 def dahl(joint: Joint, presliding: float, torque_Nm: float, length_rad: float) -> float:
-    """Torque -F z on the rod after the joint, N m."""
+    """Friction torque -F z on the rod after the joint, N m, with the presliding state z after the displacement."""
     return -torque_Nm * deflected(presliding, joint.displacement, length_rad)
 
 

@@ -26,13 +26,14 @@ QUANTITIES: dict[str, Any] = {
     "constants": _filled(RigConstants),
     "encoder": EncoderReading(1, 0.1, 0.0, 4096.0, 0.1, 0),
 }
-"""Argument of a kernel -> an example; all others are numbers."""
+"""Example of each kernel argument that is a tuple; all other arguments are numbers."""
 
 
 def compile_errors(effect: Effect) -> Iterator[str]:
-    """One sentence for each kernel that cannot be compiled or returns another type; compiled kernels are remembered.
+    """One sentence for each kernel that cannot be compiled or returns a wrong type.
 
-    A kernel returns a number; at the stages `torque` and `load`, without the argument `joint`, it returns `Terms`.
+    A kernel returns a number. A kernel of the stages `torque` and `load` without the argument `joint` returns `Terms`.
+    Effects whose kernels compile are remembered on disk.
     """
     mark = CACHE / f"checked-{effect.name}" if CACHE is not None else None
     if mark is not None and mark.exists():
@@ -63,7 +64,7 @@ def _error(kernel: Callable[..., Any], effect: Effect) -> str:
 
 
 def _place(kernel: Callable[..., Any], message: str) -> str:
-    """File and line of an error, or of the kernel."""
+    """Place of an error as file and line; without one in the message, the place of the kernel."""
     code = kernel.__code__
     lines = re.findall(r'File "([^"]+)", line (\d+)', message) or [(code.co_filename, str(code.co_firstlineno))]
     return f"{lines[-1][0].rpartition('/')[2]}, line {lines[-1][1]}: "

@@ -1,8 +1,8 @@
 """Maximum sizes of effects on a rig, relative to its gravity torques, inertias, lengths and encoders.
 
 For example, a swinging rod has less Coulomb friction than its gravity torque. A larger fitted size has another cause.
-The limits depend only on the best known values of the rig file. They bound every fit and every score test, and a third
-of a limit is the standard deviation of a normal prior of the size.
+The limits depend only on the best known values of the rig file. They bound every fit and every score test. A third of a
+limit is the standard deviation of a normal prior of the size.
 """
 
 import math
@@ -18,7 +18,7 @@ from dpr_lab.effects.rig_scales import LIMITS, RigScales, scales
 
 
 def limit_words(parameter: EffectParameter) -> str:
-    """Limit of an amplitude in words."""
+    """Limit of an amplitude in words, for readers."""
     if math.isfinite(parameter.most):
         return f"{parameter.most:.3g} {parameter.unit}".removesuffix(" 1")
     return LIMITS[parameter.limit or parameter.unit][0]
@@ -30,7 +30,7 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, Ri
 
 
 def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
-    """(SIZE,) maximum size of each amplitude on a rig, in its own unit; inf for shape parameters.
+    """(SIZE,) maximum absolute size of each amplitude on a rig, in the unit of the amplitude; inf for shape parameters.
 
     Args:
         base: base parameters of the whole rig from the rig file, SI
@@ -44,15 +44,15 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
 
 
 def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
-    """Effects with sizes that no rig has, which indicates another cause: near a limit, or impossible together.
+    """Effects whose fitted sizes occur on no rig: near a limit, or impossible together. Another cause is then probable.
 
-    A limit of the equation itself, within the scale of the prior, is not evidence of another cause: a saturated drive
-    has a share of 1.
+    A limit of the equation itself, within the scale of the prior, is not evidence of another cause. An example is the
+    share 1 of a saturated drive.
 
     Args:
-        params: (SIZE,) all effects
+        params: (SIZE,) parameters of all effects
         limits: (SIZE,) maximum sizes; None: no limits
-        share: of a limit that counts as reached
+        share: fraction of a limit above which the limit counts as reached
     """
     reached = np.zeros(SIZE, dtype=bool) if limits is None else np.abs(params) >= share * limits
     return tuple(

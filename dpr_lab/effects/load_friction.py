@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def loaded(joint: Joint, friction_radius_m: float) -> float:
-    """Torque -mu r |N| sgn(u) on the rod after the joint, N m; |N| is the joint force."""
+    """Friction torque -mu r |N| sgn(u) on the rod after the joint, N m; |N| is the joint force."""
     return -friction_radius_m * joint.force * joint.direction
 
 

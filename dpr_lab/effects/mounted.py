@@ -1,6 +1,7 @@
 """Effects in a run in which joint 2 cannot turn, the arm cannot move, or nothing drives the joints.
 
-Joint 2 is then held by dry friction without a limit, a clamped arm has no effects, and drives are off.
+A held joint 2 is modelled by dry friction without a limit. The effects of a clamped arm and of unused drives are
+switched off.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from dpr_lab.effects.coulomb import COULOMB
 from dpr_lab.setup import Setup
 
 UNYIELDING_NM = 1e6
-"""Torque sufficient to hold a joint of any rig, N m."""
+"""Torque that suffices to hold a joint of any rig, N m."""
 
 _HOLDS = param_index(COULOMB[1].name, COULOMB[1].amplitudes[0].name)
 _OF_JOINT2 = np.array(
@@ -45,7 +46,7 @@ _OF_ARM = np.array(
 
 
 def differ(params: Array, setups: Sequence[Setup]) -> bool:
-    """Whether the effects (..., SIZE) of any run differ from those on the whole rig."""
+    """Whether the effects (..., SIZE) in any of the runs differ from the effects on the whole rig."""
     return any(setup.held or _undriven(params, setup) or _still(params, setup) for setup in setups)
 
 
@@ -58,7 +59,7 @@ def _still(params: Array, setup: Setup) -> bool:
 
 
 def effects_of_run(params: Array, setup: Setup) -> Array:
-    """(..., SIZE) effects for the mounting of a run, from those on the whole rig."""
+    """(..., SIZE) parameters of the effects in one run, from those on the whole rig and the mounting of the run."""
     undriven, still = _undriven(params, setup), _still(params, setup)
     if not (setup.held or undriven or still):
         return params

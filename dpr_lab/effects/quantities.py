@@ -6,11 +6,14 @@ from typing import NamedTuple
 from dpr_lab.kernels import inlined
 
 SMOOTHING = 0.02
-"""Minimum speed of a sliding joint if the law does not define one, rad/s; it is far below the speeds of any swing."""
+"""Speed scale of the transition to sliding, rad/s, if the friction law does not define one.
+
+The value is far below the speeds of any swing.
+"""
 
 
 class RigConstants(NamedTuple):
-    """Measured constants of a rig: lengths m, gravity m/s^2, masses kg; counts per turn; reading of joint 2.
+    """Measured constants of a rig: lengths, m, gravity, m/s^2, masses, kg, and counts per turn.
 
     An unknown length or mass is nan, and so is every result that depends on it.
     """
@@ -31,7 +34,7 @@ class RigConstants(NamedTuple):
 
 
 class BaseParameters(NamedTuple):
-    """Base parameters and e2 = d g / L1, absolute SI: kg m^2, N m, N m s/rad."""
+    """Absolute base parameters and e2 = d g / L1: kg m^2 for a, b, d; N m for e1, e2; N m s/rad for c1, c2."""
 
     a: float
     b: float
@@ -43,7 +46,11 @@ class BaseParameters(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """State of motion: t since the release (s), absolute angles (rad, 0 = upright), speeds (rad/s), sines, cosines."""
+    """State of motion at the time t since the release, s.
+
+    Angles are absolute, rad, with 0 = upright; speeds are in rad/s. The sines and cosines are those of theta1 and
+    theta2.
+    """
 
     t: float
     theta0: float
@@ -63,8 +70,9 @@ class Motion(NamedTuple):
     """Force on joint 1, N; 0 outside the stage `load`."""
     force2: float
     direction1: float
-    """Direction in which joint 1 slides, 1 or -1; 0 if Coulomb friction holds it at rest, nan without Coulomb
-    friction.
+    """Direction in which joint 1 slides, 1 or -1.
+
+    0: Coulomb friction holds the joint at rest. nan: the joint has no Coulomb friction.
     """
     direction2: float
     displacement0: float
@@ -73,7 +81,7 @@ class Motion(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """One joint: time s, angle rad (0 = hanging), speed rad/s; further fields as in `Motion`."""
+    """One joint: time, s, angle, rad (0 = hanging), and speed, rad/s; the further fields are as in `Motion`."""
 
     t: float
     angle: float
@@ -84,14 +92,14 @@ class Joint(NamedTuple):
 
 
 class EncoderReading(NamedTuple):
-    """One encoder reading before its errors."""
+    """One encoder reading before the encoder errors are added."""
 
     number: int
     """Number of the encoder and of its joint: 0, 1 or 2."""
     angle: float
     """Reading without errors, rad."""
     hanging: float
-    """Reading with the rods hanging, rad."""
+    """Reading while the rods hang, rad."""
     counts_per_rev: float
     t: float
     """Device time since the release, s."""
@@ -100,7 +108,7 @@ class EncoderReading(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Contribution of an effect to equation (1): to the mass matrix, kg m^2, and to its right-hand side, N m."""
+    """Contribution of an effect to equation (1): kg m^2 to the mass matrix and N m to the right-hand side."""
 
     a: float
     b: float
@@ -113,7 +121,11 @@ NOTHING = Terms(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class ArmModel(NamedTuple):
-    """The arm: inertia with all rods at its tip kg m^2, L0 / g s^2, friction N m s/rad, spring N m/rad."""
+    """Constants of the arm.
+
+    `inertia` is the inertia about the arm's axis with the masses of the rods at the arm's tip, kg m^2. `reach` is L0 /
+    g, s^2. `friction` is in N m s/rad and `stiffness` in N m/rad.
+    """
 
     inertia: float
     reach: float
@@ -122,12 +134,12 @@ class ArmModel(NamedTuple):
 
 
 HELD_ARM = ArmModel(math.inf, 0.0, 0.0, 0.0)
-"""Arm that does not move."""
+"""Model of an arm that does not move."""
 
 
 @inlined
 def joint0(motion: Motion) -> Joint:
-    """The arm's joint in a motion of the rig; its force is not computed."""
+    """Joint of the arm in a motion of the rig; its force is not computed."""
     return Joint(motion.t, motion.theta0, motion.omega0, motion.displacement0, 0.0, motion.direction0)
 
 
@@ -147,25 +159,25 @@ def joint2(motion: Motion) -> Joint:
 
 @inlined
 def yielding(joint: Joint, push: float) -> Joint:
-    """Joint at rest that starts to slide in the direction of a torque."""
+    """The joint at rest, with the direction in which the torque `push` would make it slide."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
 
 
 @inlined
 def encoder0(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """The encoder of the arm."""
+    """Encoder of the arm at the angle of the arm, rad."""
     return EncoderReading(0, angle, 0.0, constants.counts_per_rev0, t, run)
 
 
 @inlined
 def encoder1(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Encoder of joint 1 at an absolute angle."""
+    """Encoder of joint 1 at an absolute angle, rad."""
     return EncoderReading(1, angle, math.pi, constants.counts_per_rev1, t, run)
 
 
 @inlined
 def encoder2(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Encoder of joint 2 at its own angle."""
+    """Encoder of joint 2 at its own angle, rad."""
     return EncoderReading(2, angle, (1.0 - constants.relative2) * math.pi, constants.counts_per_rev2, t, run)
 
 
@@ -177,5 +189,5 @@ def torques(torque1: float, torque2: float) -> Terms:
 
 @inlined
 def plus(x: Terms, y: Terms) -> Terms:
-    """Sum of two contributions."""
+    """Sum of two contributions to equation (1)."""
     return Terms(x.a + y.a, x.b + y.b, x.coupling + y.coupling, x.torque1 + y.torque1, x.torque2 + y.torque2)

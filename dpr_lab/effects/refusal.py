@@ -1,4 +1,4 @@
-"""Reasons to refuse an effect of a plugin: arguments and results of its kernel, units, names."""
+"""Reasons to refuse an effect of a plugin: wrong arguments or results of its kernel, wrong units or names."""
 
 import math
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from dpr_lab.effects.stages import STAGES, StageName
 
 
 def refusal(effect: Effect) -> str:
-    """Reasons in words; empty: it can be used."""
+    """Reasons to refuse an effect, in words; empty if the effect can be used."""
     return "; ".join(list(_reasons(effect)) or compile_errors(effect))
 
 

@@ -8,7 +8,7 @@ from dpr_lab.effects.quantities import BaseParameters, RigConstants
 
 
 class RigScales(NamedTuple):
-    """Reference values for sizes at one joint."""
+    """Reference values of one joint, to which the sizes of effects are compared."""
 
     gravity: float
     """Largest gravity torque about the joint, N m."""
@@ -21,11 +21,14 @@ class RigScales(NamedTuple):
     g: float
     """Gravity, m/s^2."""
     counts_per_rev: float
-    """Counts of the finer encoder per turn."""
+    """Counts per turn of the encoder with the finer resolution."""
 
 
 def scales(base: BaseParameters, constants: RigConstants, joint: int) -> RigScales:
-    """The scales of a rig at joint 0 or 1 of the rods, or at the arm (-1): ten times those of joint 1."""
+    """Reference values of a rig at joint 0 or 1 of the rods, or at the arm (-1).
+
+    The reference gravity torque of the arm is ten times that of joint 1.
+    """
     inertia = base.b if joint == 1 else base.a + base.b + 2.0 * base.d
     return RigScales(
         gravity=base.e2 if joint == 1 else (base.e1 + base.e2) * (10.0 if joint < 0 else 1.0),
@@ -57,4 +60,4 @@ LIMITS: Mapping[str, tuple[str, Callable[[RigScales], float]]] = {
     "1": ("0.5", lambda rig: 0.5),
     "counts": ("one turn", lambda rig: rig.counts_per_rev),
 }
-"""Unit of an amplitude, or its own `limit` -> the limit in words, and as a function of the rig."""
+"""Limit for each unit of an amplitude, or for each `limit` of a parameter: in words, and as a function of the rig."""

@@ -1,4 +1,4 @@
-"""Unlogged saturation of a drive: the command exceeds the maximum torque."""
+"""Saturation of a drive that is not logged: the command exceeds the maximum torque."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, shape
 from dpr_lab.kernels import inlined
@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def clipped(torque: float, share: float, limit_Nm: float) -> float:
-    """Torque to be added to the known torque, N m: the negative of a share of the excess over the limit."""
+    """Change of the known torque, N m: minus a share of the excess over the limit."""
     return share * (min(max(torque, -limit_Nm), limit_Nm) - torque)
 
 

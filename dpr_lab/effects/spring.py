@@ -1,4 +1,4 @@
-"""Cable spring: a cable or hose across a joint, with its own rest angle."""
+"""Cable spring: a cable or hose across a joint, with a rest angle of its own."""
 
 import math
 
@@ -11,16 +11,16 @@ from dpr_lab.kernels import inlined
 def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float, constant_Nm: float) -> float:
     """Torque C - k q - k3 q^3 on the rod after the joint, N m.
 
-    A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3; its remaining term 3 K3
-    q0 q^2 is neglected, so that all amplitudes stay linear. A twisted hose has C only.
+    A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3. Its remaining term 3 K3
+    q0 q^2 is neglected, so that the torque is linear in all amplitudes. A twisted hose has C only.
     """
     return constant_Nm - (stiffness_Nm_per_rad + cubic_Nm_per_rad3 * joint.angle * joint.angle) * joint.angle
 
 
 def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 20) -> Params:
-    """Angle, rad from hanging, at which the torque of the spring is zero; None beyond half a turn.
+    """Angle, rad from hanging, at which the torque of the spring is zero; {} if the angle is beyond half a turn.
 
-    It is found by Newton's method from C / k; farther away the torque is practically constant.
+    Newton's method starts from C / k. If the angle is farther away, the torque is practically constant.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     q = constant / k if k > 0.0 else math.inf
@@ -31,12 +31,13 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
 
 
 def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5) -> bool:
-    """Whether these sizes are possible for a single spring; a constant torque with only a hardening term is not.
+    """Whether a single spring can have these sizes.
 
-    C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below
-    the fraction `tolerance` of this bound is rejected; the tolerance allows for the neglected term and the error of the
-    fit. A softening spring must still attract at deflections up to `small_rad`; without stiffness it would repel. A
-    softening term below a tenth of the constant torque counts as an error of the fit.
+    C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below the fraction
+    `tolerance` of this bound is rejected, for example a constant torque with only a hardening term. The tolerance
+    allows for the neglected term and the error of the fit. A softening spring must still attract at deflections up to
+    `small_rad`; without stiffness it would repel. A softening term below a tenth of the constant torque counts as an
+    error of the fit.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     least = tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)
@@ -45,9 +46,9 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
 
 
 def linear(params: Params, negligible: float = 1e-3) -> Words:
-    """Stiffness and rest angle of a spring without a cubic term; {} if it has no rest angle.
+    """Stiffness and rest angle of a linear spring; {} if it has no rest angle or its cubic term is not negligible.
 
-    A cubic term below the fraction `negligible` of the linear torque at half a turn counts as none.
+    A cubic term is negligible below the fraction `negligible` of the linear torque at half a turn.
     """
     rest, stiffness = rest_angle(params), params.get("stiffness_Nm_per_rad", 0.0)
     if abs(params.get("cubic_Nm_per_rad3", 0.0)) * math.pi**2 > negligible * stiffness or not rest:

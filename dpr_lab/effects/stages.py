@@ -4,33 +4,34 @@ Scalar code (`dpr_lab.effects.effect_kernels`, one rig) and lane code (`dpr_lab.
 side by side) are both generated from these rows. They differ only in their notation of names: the scalar version uses
 an argument or a local variable, the lane version a row of the workspace.
 
-    stage       quantities of a kernel               returns
+    stage       quantities of a kernel             returns
     torque      joint                              torque of its joint on the following rod, N m
                 motion, base, constants            Terms
-    load        the same, joint forces known       the same: load-dependent friction
+    load        the same, with known joint forces  the same, of load-dependent friction
     drive       joint, torque                      N m added to the known torque of its joint
     dry         joint                              torque of Coulomb friction of a joint that starts to slide, N m
-    arm         constants                          ArmModel: inertia, friction and stiffness of an arm that is held
-    free_arm    constants                          the same of an arm that is free or driven
+    arm         constants                          ArmModel: inertia, friction and stiffness of a held arm
+    free_arm    constants                          ArmModel of a free or driven arm
     torque0     joint                              torque on a free or driven arm, N m
-    drive0      joint, torque                      N m added to the torque on the arm by the effects of the drive so far
+    drive0      joint, torque                      N m added to the torque on the arm after the previous effects
     whole0      motion, base, constants            torques on theta0, theta1, theta2 of a rig with such an arm, N m
-    dry0        joint                              torque of dry friction of an arm that just begins to slide, N m
+    dry0        joint                              torque of dry friction of an arm that starts to slide, N m
     timing      t                                  s added to the instant at which each of `joints` is read
     timing0                                        s by which the arm is read earlier than joint 1
     encoder     encoder                            rad added to the reading of the encoder of each of `joints`
-    encoder0    encoder                            the same of the arm's encoder
+    encoder0    encoder                            rad added to the reading of the arm's encoder
     play        angle, held                        angle that the encoder of joint 2 holds, rad
-    play1       angle, held                        the same of joint 1
+    play1       angle, held                        angle that the encoder of joint 1 holds, rad
     play0       angle, speed, held, turning,       Motor behind the backlash of the arm's gear
                 elapsed, torque, inertia, friction
     input                                          delay of the known torques, s
     transition  state, displacement                internal state after a displacement of the joint
 
-The quantities are those of `dpr_lab.effects.quantities`. After them a kernel takes internal states and parameters of
-its effect, each by its name. It is called only while one of the effect's amplitudes is not zero. `dry` and `dry0`
-repeat kernels of other stages, `transition` calls those of internal states; the others are values of `Effect.stage`.
-Stages of the arm have rows of their own, so that a rig whose arm is clamped does not compute them.
+The quantities are those of `dpr_lab.effects.quantities`. The next arguments of a kernel are internal states and
+parameters of its effect, by their names. A kernel is called only while one of the effect's amplitudes is not zero.
+`dry` and `dry0` call kernels of other stages again, and `transition` calls the kernels of internal states. All other
+stages are values of `Effect.stage`. The arm has separate stages, so that a rig with a clamped arm does not compute
+them.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -41,7 +42,7 @@ StageName = Literal[
     "torque", "load", "arm", "free_arm", "torque0", "whole0", "timing", "timing0", "encoder", "encoder0", "play",
     "play1", "play0", "drive", "drive0", "input",
 ]  # fmt: skip
-"""Stage at which the kernel of an effect is called."""
+"""Name of the stage at which the kernel of an effect is called."""
 
 Combine = Callable[[int, Collection[str]], tuple[str, ...]]
 """(number of the joint, arguments of the kernel) -> statements that combine the kernel's value `x` with the results."""
@@ -49,27 +50,31 @@ Combine = Callable[[int, Collection[str]], tuple[str, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Quantities of the effects of one stage, and the combination of their contributions.
+    """Quantities that the effects of one stage receive, and the combination of their contributions.
 
     Expressions contain names in braces, which each version replaces by its own notation. `#` is replaced by the number
-    of the joint and `@` by the index of the internal state; `name_3` is element 3 of an array.
+    of the joint and `@` by the index of the internal state. `name_3` is element 3 of an array.
     """
 
     arguments: str
     """Arguments of the scalar version, before `params` and `active`."""
     quantities: Mapping[str, str]
-    """Argument of a kernel -> its expression."""
+    """Argument of a kernel -> expression of its value."""
     results: Mapping[str, str]
-    """Result -> its value without effects. The caller of the lane version sets the rows of results to this value."""
+    """Result -> its value without effects; the caller of the lane version fills the rows of results with it."""
     combine: Combine
     returns: str = ""
     """Expression returned by the scalar version; empty: all results."""
     states: str = "internal"
-    """Array of the internal states."""
+    """Name of the array of internal states."""
 
 
 def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...]:
-    """A torque of joint 1 acts on the inner rod; one of joint 2 on the outer rod, with reaction on the inner."""
+    """Statements that add a torque x of one joint to the torques on both rods.
+
+    A torque of joint 1 acts on the inner rod. A torque of joint 2 acts on the outer rod, with its reaction on the inner
+    rod.
+    """
     return ("{torque1} += x",) if joint == 1 else ("{torque1} -= x", "{torque2} += x")
 
 
@@ -100,7 +105,7 @@ _TERMS = Stage(
 
 
 def _held_arm() -> Stage:
-    """The arm's inertia, friction and stiffness, which an effect replaces."""
+    """Stage at which an effect replaces the inertia, friction and stiffness of the arm."""
     return Stage(
         arguments="constants, arm",
         quantities={"constants": "{constants}"},
@@ -111,7 +116,7 @@ def _held_arm() -> Stage:
 
 
 def _play(joint: int) -> Stage:
-    """The angle at which the encoder of a joint stays inside its backlash."""
+    """Stage of the backlash of a joint's encoder, which returns the angle that the encoder holds."""
     angle, hold = f"angle{joint}", f"hold{joint}"
     return Stage(
         arguments=f"{angle}, {hold}",
@@ -225,16 +230,16 @@ STAGES: dict[str, Stage] = {
         states="old_internal",
     ),
 }
-"""Name -> stage."""
+"""Name of each stage -> its definition."""
 
 PER_JOINT = ("timing", "encoder")
-"""Stages whose kernels are called for each joint of an effect; the others are called only for the first."""
+"""Stages whose kernels are called for each joint of an effect; all others are called for the first joint only."""
 
 
 class Requirements(NamedTuple):
-    """Quantities that a step must compute for the active effects; bools, or arrays of bools.
+    """Quantities that a step must compute for the active effects, each a bool or an array of bools.
 
-    A field that is named after a stage states whether an effect of this stage is active.
+    A field with the name of a stage states whether an effect of this stage is active.
     """
 
     torque: Any
@@ -253,11 +258,11 @@ class Requirements(NamedTuple):
     drive0: Any
     whole0: Any
     prescribed: Any
-    """Whether the arm has a prescribed motion; set by the setup of a run, not by an effect."""
+    """Whether the arm has a prescribed motion; the setup of a run determines this, not an effect."""
     stepped: Any
-    """Whether an internal state moves with a joint."""
+    """Whether an internal state that moves with a joint is active."""
     internal: Any
-    """Whether there is an internal state."""
+    """Whether any internal state is active."""
     dry1: Any
     """Whether Coulomb friction can hold joint 1 at rest."""
     dry2: Any

@@ -1,4 +1,4 @@
-"""Stribeck friction: larger near standstill than in motion."""
+"""Stribeck friction: Coulomb friction that is larger near standstill than in motion."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair, shape
 from dpr_lab.effects.elementary import exp
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stribeck(joint: Joint, torque_Nm: float, extra_at_rest_Nm: float, speed_rad_per_s: float) -> float:
-    """Torque -(F + S exp(-(u / u_s)^2)) sgn(u) on the rod after the joint, N m."""
+    """Friction torque -(F + S exp(-(u / u_s)^2)) sgn(u) on the rod after the joint, N m."""
     ratio = joint.speed / speed_rad_per_s
     return -(torque_Nm + extra_at_rest_Nm * exp(-ratio * ratio)) * joint.direction
 

@@ -1,4 +1,4 @@
-"""Torque offset: the known torque is not zero if the drive exerts none."""
+"""Torque offset: the torque of a drive differs from the known torque by a constant, also at zero command."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.kernels import inlined
@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_Nm: float) -> float:
-    """Torque in addition to the known one, N m."""
+    """Torque in addition to the known one, N m: the constant offset."""
     return offset_Nm
 
 

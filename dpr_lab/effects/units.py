@@ -29,14 +29,14 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "1": {"%": 1e-2, "ppm": 1e-6, "1": 1.0},
     "counts": {"counts": 1.0, "count": 1.0},
 }
-"""Unit of a parameter -> accepted unit, without spaces and signs -> factor to the unit of the parameter."""
+"""Unit of a parameter -> accepted unit, without spaces and signs -> conversion factor to the unit of the parameter."""
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf(?:inity)?)\b)(.*)", re.IGNORECASE)
 _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "°": "deg", "*": "", "·": "", "⋅": "", "^": ""})
 
 
 def split_quantity(text: str) -> tuple[float, str]:
-    """Split a text into number and unit: `6.1mN m` -> 6.1, `mN m`.
+    """Split a text into number and unit, for example `6.1mN m` into 6.1 and `mN m`.
 
     Raises:
         ValueError: the text does not start with a number.
@@ -50,12 +50,12 @@ def split_quantity(text: str) -> tuple[float, str]:
 
 
 def read_quantity(text: str, unit: str, example: str) -> float:
-    """Convert a number with its unit, `6.1 mN m` or `6.1mN*m`, to the unit of the library.
+    """Convert a number with its unit, for example `6.1 mN m` or `6.1mN*m`, to the unit of the library.
 
     Args:
         text: number and unit
         unit: unit of the library, a key of `UNITS`
-        example: an accepted number with its unit, for the message
+        example: accepted number with its unit, for the message
 
     Raises:
         ValueError: no number, no unit, or a unit of another quantity; the message lists the accepted units.
@@ -70,5 +70,5 @@ def read_quantity(text: str, unit: str, example: str) -> float:
 
 
 def _normal(unit: str) -> str:
-    """Unit without spaces, multiplication signs and powers."""
+    """Unit in the spelling of `UNITS`: without spaces, multiplication signs and powers."""
     return "".join(unit.translate(_SPELLINGS).split())

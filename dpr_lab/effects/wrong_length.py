@@ -7,7 +7,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def longer(motion: Motion, base: BaseParameters, constants: RigConstants, added_m: float) -> Terms:
-    """e2 = d g / (L1 + x) instead of d g / L1. The base parameters absorb all other effects of x."""
+    """Change of the gravity torque of the outer rod, N m, because e2 is d g / (L1 + x) instead of d g / L1.
+
+    The base parameters absorb all other consequences of the length error x.
+    """
     return torques(0.0, base.e2 * (constants.L1 / (constants.L1 + added_m) - 1.0) * motion.sin2)
 
 

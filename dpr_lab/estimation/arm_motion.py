@@ -9,28 +9,35 @@ from dpr_lab.rig import Rig
 from dpr_lab.setup import ArmMotion
 
 FEWEST = 5
-"""Minimum number of readings for a smoothing spline."""
+"""Minimum number of readings that a smoothing spline needs."""
 
 
 def prescribed_arm(t: Array, theta0: Array, rig: Rig, name: str) -> ArmMotion:
-    """Motion of a prescribed arm, whose length the rig file must give; arguments and errors as for `arm_motion`."""
+    """Motion of a prescribed arm, whose length the rig file must state; arguments and errors as for `arm_motion`."""
     if "L0" not in rig.rig.model_fields_set:
         raise RunError(f"{name}: a moving arm needs its length L0 in [rig]")
     return arm_motion(t, theta0, name)
 
 
 def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
-    """Motion of the inner rod of a run whose joint 1 is prescribed; arguments and errors as of `arm_motion`."""
+    """Motion of the inner rod of a run with prescribed joint 1; arguments and errors as for `arm_motion`."""
     if not np.ptp(theta1) > 0.0:
         raise RunError(f"{name}: joint 1 is prescribed, but stands still: an outer rod alone is --rods outer")
     return arm_motion(t, theta1, name, "theta1")
 
 
 def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> ArmMotion:
-    """Motion of the arm, or of another prescribed joint, from readings (n,) of its `angle` at the instants t (n,).
+    """Motion of the arm, or of another prescribed joint, from its readings.
 
-    The spline minimises squared errors and the squared second derivative, weighted by generalised cross-validation
-    (Woltring 1986, A Fortran package for generalized, cross-validatory spline smoothing and differentiation).
+    The spline minimises squared errors plus the squared second derivative, with a weight by generalised
+    cross-validation (Woltring 1986, A Fortran package for generalized, cross-validatory spline smoothing and
+    differentiation).
+
+    Args:
+        t: (n,) instants, s
+        theta0: (n,) readings, rad
+        name: name of the recording for messages
+        angle: name of the angle for messages
 
     Raises:
         RunError: too few readings, or an angle that was not measured.
@@ -51,7 +58,7 @@ def refuse_still_arm(theta0: Array, mode: str, path: object, least_rad: float = 
     """Check that a free or driven arm moved.
 
     Raises:
-        RunError: its angle does not change.
+        RunError: the angle of the arm does not change.
     """
     if np.ptp(theta0) < least_rad:
         raise RunError(

@@ -1,4 +1,4 @@
-"""Chain of integrators driven by white noise: a motion model of one rod that needs no knowledge of the rig."""
+"""Chain of integrators driven by white noise: a motion model of one rod that requires no knowledge of the rig."""
 
 import math
 
@@ -7,19 +7,19 @@ from dpr_lab.estimation.live_velocity import CHAIN
 from dpr_lab.kernels import njit
 
 SAME_INTERVAL = 1e-8
-"""Relative difference of two intervals within rounding: instants are sums of floating-point periods."""
+"""Relative difference up to which two intervals count as equal; instants are sums of floating-point periods."""
 
 
 @njit
 def fill_chain(interval: float, f: Array, q: Array) -> None:
-    r"""Exact transition and process noise over an interval, at unit strength, in place.
+    """Exact transition matrix and process noise over an interval, for unit strength of the noise, in place.
 
         f_ij = h^(j-i) / (j-i)!,    q_ij = h^(l+r+1) / (l! r! (l+r+1)),    l = CHAIN-1-i,  r = CHAIN-1-j
 
     Args:
         interval: h
-        f: (CHAIN, CHAIN) with zeros below its diagonal
-        q: (CHAIN, CHAIN)
+        f: (CHAIN, CHAIN) transition matrix; zeros below the diagonal
+        q: (CHAIN, CHAIN) covariance of the process noise
     """
     for i in range(CHAIN):
         for j in range(CHAIN):

@@ -1,14 +1,13 @@
 """Rows that a logger sends whenever an encoder counts: each row gives the instant at which a rod passes an edge.
 
-An encoder counts at the edge between two counts n and n + 1. The row is sent with the new count, so the rod is then at
-the lower end of count n + 1 if it moves up, and at the upper end of count n if it moves down:
+An encoder counts at the edge between two counts n and n + 1. The row is sent with the new count. At this instant the
+rod is at the lower end of count n + 1 if it moves up, and at the upper end of count n if it moves down:
 
     theta = (theta_before + theta_read) / 2
 
 with theta_before the reading of the previous row. The angle of an edge has no rounding error. The count itself would
-have an error of half a count that changes sign with the direction of motion, like the torque of dry friction.
-
-The other encoders of such a row are within their counts, and are not changed by the mean.
+have an error of half a count that changes sign with the direction of motion, like the torque of dry friction. The other
+encoders of such a row are within their counts, and the mean does not change them.
 """
 
 from dataclasses import dataclass
@@ -20,23 +19,26 @@ from dpr_lab.arrays import Array, Integers
 
 @dataclass(frozen=True, slots=True)
 class CountedRowSettings:
-    """Limits for rows that are sent at each count."""
+    """Limits for the detection of rows that are sent at each count."""
 
     fewest: int = 8
     """Minimum number of changes from row to row."""
     others: float = 0.01
-    """Maximum fraction of rows that do not differ by one count from the row before, because rows were lost."""
+    """Maximum fraction of rows that do not differ by one count from the previous row; such rows follow lost rows."""
     exact: float = 1e-4
-    """Change, relative to the largest, up to which an encoder did not count: differences of angles are rounded."""
+    """Maximum relative change of a reading for which its encoder did not count, relative to the largest change.
+
+    The change is not exactly zero, because differences of angles are rounded.
+    """
     on_grid: float = 0.02
-    """Maximum deviation of a change from whole counts, in counts."""
+    """Maximum deviation of a change from an integer number of counts, in counts."""
 
 
 SETTINGS = CountedRowSettings()
 
 
 def edge_rows(angles: Array) -> Integers | None:
-    """Indices of the rows at an edge next to the row before; None if the rows are not sent at each count.
+    """Indices of the rows at an edge, one count after the previous row; None if rows are not sent at each count.
 
     Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. Two kinds
     of rows are left out: the first row, and a row that differs by more than one count and therefore follows a lost row.
@@ -52,7 +54,7 @@ def edge_rows(angles: Array) -> Integers | None:
 
 
 def whole_changes(angles: Array) -> Integers | None:
-    """(n - 1, m) changes from row to row in units of the smallest one; None if they are not whole.
+    """(n - 1, m) changes from row to row, in units of the smallest change; None if they are not integers.
 
     Args:
         angles: (n, m) readings of the encoders, in any unit

@@ -1,4 +1,4 @@
-"""Detection of held rods: intervals of a recording at rest in which a free rod would move."""
+"""Detection of held rods: intervals of a recording in which the rods rest although free rods would move."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,58 +19,67 @@ class HeldSettings:
     """Thresholds for held rods."""
 
     still_rad: float = 0.02
-    """Maximum excursion of a rod at rest within an interval, rad. A hand trembles by a few mrad; a free rod 0.1 rad
-    away from its unstable equilibrium leaves this band within 0.1 s.
+    """Maximum excursion of a rod at rest within an interval, rad.
+
+    A hand trembles by a few mrad. A free rod 0.1 rad away from its unstable equilibrium leaves this band within 0.1 s.
     """
     of_motion: float = 0.02
-    """Maximum excursion of a rod at rest relative to the largest excursion in the recording, so that small swings do
-    not count as rest.
+    """Maximum excursion of a rod at rest, relative to the largest excursion in the recording.
+
+    The limit ensures that small swings do not count as rest.
     """
     noise: float = 10.0
-    """Minimum width of the band in standard deviations of the readings: the range of a thousand values of white
-    noise.
+    """Minimum width of the band of rest, in standard deviations of the readings.
+
+    The value is the range of a thousand values of white noise.
     """
     swing: float = 1.5
-    """Minimum excursion of a swing in widths of the band."""
+    """Minimum excursion of a swing, in widths of the band of rest."""
     restart: float = 5.0
-    """Minimum excursion after a rest in widths of the band; a decaying swing has a smaller one."""
+    """Minimum excursion of a new swing after a rest, in widths of the band; that of a decaying swing is smaller."""
     interval_s: float = 0.4
-    """Minimum duration of a held interval, s. At a turning point both rods of 0.4 m are in the band for less than
-    0.2 s.
+    """Minimum duration of a held interval, s.
+
+    At a turning point both rods of 0.4 m are in the band for less than 0.2 s.
     """
     hanging_rad: float = 0.2
-    """Distance from hanging within which free rods may rest, rad; stiction causes a smaller offset."""
+    """Maximum distance from hanging at which free rods may rest, rad; the offset caused by stiction is smaller."""
     shortest_rest_s: float = 0.03
-    """Minimum duration of a removed rest before the release that is shorter than an interval, s."""
+    """Minimum duration of a short rest before the release that is removed, s; short means shorter than `interval_s`."""
     trembles: float = 8.0
-    """Maximum excursion within such a short rest in standard deviations of the readings; a turning point has more."""
+    """Maximum excursion within a short rest, in standard deviations of the readings.
+
+    A turning point has a larger one.
+    """
     fewest: int = 4
-    """Minimum number of removed samples of rest, and of samples of a swing."""
+    """Minimum number of samples of a removed rest, and of a swing."""
     sure: float = 0.3
-    """Minimum duration of a short rest relative to the time from the release until the fall is visible. The limit is
-    three standard deviations of the estimated release.
+    """Minimum duration of a short rest, relative to the time from the release until the fall is visible.
+
+    The limit is three standard deviations of the estimated instant of the release.
     """
     onset: float = 4.0
-    """Maximum excursion of a rod from its mean position at rest, in standard deviations."""
+    """Maximum excursion of a rod at rest from its mean position, in standard deviations of the readings."""
     own_zero_s: float = 0.05
-    """Maximum time from t = 0 of a table to the first visible motion for which t = 0 counts as the release, s. The
-    start of a slow fall becomes visible late.
+    """Maximum time from t = 0 of a table to the first visible motion for which t = 0 counts as the release, s.
+
+    The start of a slow fall becomes visible late.
     """
     driven_share: float = 0.02
-    """Torques below this fraction of the largest torque of the recording count as zero."""
+    """Fraction of the largest torque of the recording below which a torque counts as zero."""
     unclear: float = 0.25
-    """Maximum width of the band, relative to the excursion, for which rest and motion are distinguishable. The band is
-    wider with too much noise or too few readings.
+    """Maximum width of the band, relative to the excursion, for which rest and motion are distinguishable.
+
+    Too much noise or too few readings make the band wider.
     """
     restless: float = 3.0
-    """The rods tremble if the standard deviation of a rest exceeds the standard deviation of its white noise by this
-    factor.
-    """
+    """Maximum ratio of the standard deviation of a rest to that of its white noise; above it the rods tremble."""
     readings: int = 20_000
-    """Maximum number of readings for the noise estimate."""
+    """Maximum number of readings used for the noise estimate."""
     bent: float = 5.0
-    """Minimum significance of a turning point within a band as wide as the noise: curvature of the readings in its
-    standard deviations.
+    """Minimum significance of a turning point within a band as wide as the noise.
+
+    The significance is the curvature of the readings divided by its standard deviation.
     """
 
 
@@ -88,36 +97,36 @@ class RodMotion:
     torques: Array | None = None
     """(n, 2) known torques, N m; None for a free swing."""
     arm: Array | None = None
-    """(n,) angle of an arm with prescribed motion, rad; None for a clamped one."""
+    """(n,) angle of an arm with prescribed motion, rad; None for a clamped arm."""
     origin: float | None = None
     """Time to which the option --start-s refers; None: the first sample."""
 
 
 @dataclass(frozen=True, slots=True)
 class FreePart:
-    """Part of a recording in which the rods are free, as indices of its samples."""
+    """Part of a recording in which the rods are free, given by indices of samples."""
 
     rest: int
-    """First sample of the rest before the release; equal to `start` without a rest."""
+    """Index of the first sample of the rest before the release; equal to `start` without a rest."""
     start: int
-    """First sample of the motion: the release."""
+    """Index of the first sample of the motion, at the release."""
     stop: int
-    """Index after the last sample before the rods are held again; the number of samples if they are not."""
+    """Index after the last sample before the rods are held again; the number of samples if they are not held again."""
 
 
 def free_part(motion: RodMotion, name: str) -> FreePart:
-    """Part of a recording in which the rods swing freely.
+    """Find the part of a recording in which the rods swing freely.
 
     Rods are held if both are at rest and then move without a known torque, or if they are at rest away from hanging.
     Driven rods that hang before their torque starts are free.
 
     Args:
-        motion: the recording
+        motion: motion of the rods in the recording
         name: name of the recording for messages
 
     Raises:
         RunError: the rods are at rest throughout, or are held between several swings; the message names the options
-        that select a part.
+            that select a part.
     """
     t, n = motion.t, len(motion.t)
     if n < 2:
@@ -149,16 +158,16 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
 
 
 def free_part_of(run: Run) -> FreePart:
-    """Part of a run in which the rods swing freely; errors as for `free_part`."""
+    """Find the part of a run in which the rods swing freely; errors as for `free_part`."""
     arm = run.theta[:, 0] if run.arm_mode != "clamped" else None
     return free_part(RodMotion(run.t, run.theta[:, 1:], run.torques, arm), str(run.file or run.name))
 
 
 def refuse_held(runs: Sequence[Run]) -> None:
-    """Check that no imported table contains rods held within its swing.
+    """Check that no imported table contains rods that are held within its swing.
 
     Raises:
-        RunError: the rods of one are at rest throughout, or are held between several swings.
+        RunError: in a table the rods are at rest throughout, or are held between several swings.
     """
     for run in runs:
         if run.keep_rest is False:
@@ -166,7 +175,7 @@ def refuse_held(runs: Sequence[Run]) -> None:
 
 
 def rest_fault(motion: RodMotion, part: FreePart) -> str:
-    """Reason why the rest before the release does not determine the noise of the readings; empty if it does."""
+    """Reason why the rest before the release does not determine the noise of the readings; empty if there is none."""
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < HELD.fewest:
         return "too short"
@@ -179,20 +188,20 @@ def rest_fault(motion: RodMotion, part: FreePart) -> str:
 
 
 def still_band(motion: RodMotion) -> float:
-    """Excursion within which rods count as at rest, rad."""
+    """Width of the band of rest, rad: the maximum excursion of rods that count as at rest."""
     excursion = float(np.ptp(motion.rods, axis=0).max()) if len(motion.t) else 0.0
     noise = float(_noise(motion).max())
     return max(min(HELD.still_rad, HELD.of_motion * excursion), HELD.noise * noise)
 
 
 def _noise(motion: RodMotion) -> Array:
-    """(2,) standard deviation of the readings, rad."""
+    """(2,) standard deviation of the readings of both rods, rad."""
     samples = slice(HELD.readings)
     return difference_std(motion.t[samples], motion.rods[samples]) if len(motion.t) > ORDER else np.zeros(2)
 
 
 def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
-    """First sample, and index after the last, of each interval in which the rods are held."""
+    """Intervals in which the rods are held, each as first sample and index after the last."""
     return [
         (first, stop)
         for first, stop in _still_intervals(motion, band)
@@ -203,7 +212,10 @@ def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 
 
 def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """(n - width + 1, ...) maxima over windows of `width` rows of (n, ...), combined from those of half the width."""
+    """(n - width + 1, ...) maxima over windows of `width` rows of (n, ...).
+
+    They are combined recursively from the maxima over windows of half the width.
+    """
     if width == 1:
         return values
     half = -(-width // 2)
@@ -225,10 +237,10 @@ def _still_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 
 
 def _turns(motion: RodMotion, first: int, stop: int) -> bool:
-    """Whether an interval contains a turning point of a swing: a significant parabola that accelerates towards hanging.
+    """Whether an interval contains a turning point of a swing.
 
-    Near a turning point, the noisy readings of a slow rod, for example from a video, stay within the band for a long
-    time, like those of a rod at rest.
+    The criterion is a significant parabola that accelerates towards hanging. Near a turning point, the noisy readings
+    of a slow rod, for example from a video, stay within the band for a long time, like those of a rod at rest.
     """
     t, rods = motion.t[first:stop], motion.rods[first:stop]
     if not _free(motion) or len(t) < HELD.fewest:
@@ -241,9 +253,9 @@ def _turns(motion: RodMotion, first: int, stop: int) -> bool:
 
 
 def _fall(t: Array, rods: Array) -> int:
-    """First sample of a fall from rest, if it describes readings better than one parabola; otherwise 0.
+    """First sample of a fall from rest, if a fall describes the readings better than one parabola; otherwise 0.
 
-    The fall is alpha (t - t0)^2 / 2 after t0, and rest before it.
+    The model of a fall is rest until t0, and alpha (t - t0)^2 / 2 after it.
     """
     tried = range(HELD.fewest, len(t) - HELD.fewest)
     if not tried:
@@ -255,7 +267,7 @@ def _fall(t: Array, rods: Array) -> int:
 
 
 def _restarts(motion: RodMotion, stop: int, band: float) -> bool:
-    """Whether rods that hang at rest swing later, which is impossible for a decaying swing."""
+    """Whether rods that hang at rest swing again later, which is impossible for a decaying swing."""
     later = motion.rods[stop:]
     return bool(len(later)) and float(np.ptp(later, axis=0).max()) > HELD.restart * band
 
@@ -270,7 +282,7 @@ def _hangs(rods: Array) -> bool:
 
 
 def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
-    """Whether a known torque acts in an interval, or its arm moves."""
+    """Whether the motion in an interval has a known input: a known torque acts, or the prescribed arm moves."""
     pushed = False
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
@@ -289,7 +301,7 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 
 
 def _short_rest(motion: RodMotion, band: float) -> int:
-    """Number of samples of a rest at the beginning that is too short for a held interval.
+    """Number of samples of a rest at the beginning that is shorter than a held interval; 0 without such a rest.
 
     Rods that are released at t0 fall by alpha (t - t0)^2 / 2. The times t1 and t2 at which they have fallen by d and 4
     d give t0 = 2 t1 - t2.
@@ -320,7 +332,7 @@ def _short_rest(motion: RodMotion, band: float) -> int:
 
 
 def _onset(motion: RodMotion, rest: int, first: int) -> int:
-    """First sample of the motion, if the rods rest from sample `rest` on and have moved at sample `first`."""
+    """First sample of the motion of rods that rest from sample `rest` on and have moved at sample `first`."""
     t, rods = motion.t, motion.rods
     if first - rest < HELD.fewest:
         return first

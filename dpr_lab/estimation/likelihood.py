@@ -1,4 +1,4 @@
-"""Log-likelihood of one rod's angles under a chain of integrators driven by white noise: a compiled scalar filter."""
+"""Log-likelihood of the angles of one rod under a chain of integrators driven by white noise, by a compiled filter."""
 
 import math
 
@@ -11,7 +11,7 @@ from dpr_lab.kernels import njit, subroutine
 
 @njit
 def log_likelihood(t: Array, theta: Array, snap: float, prior: Array) -> float:
-    """Log-likelihood of the innovations, up to a constant, in filter units (noise of a reading = 1).
+    """Log-likelihood of the innovations, up to a constant, in filter units (the noise of a reading is 1).
 
         -1/2 sum_k (log S_k + y_k^2 / S_k)
 
@@ -20,7 +20,7 @@ def log_likelihood(t: Array, theta: Array, snap: float, prior: Array) -> float:
     Args:
         t: (n,) increasing instants
         theta: (n,) angles
-        snap: process noise
+        snap: strength of the process noise
         prior: (CHAIN,) variance of the state at the first reading
     """
     x, P = np.zeros(CHAIN), np.diag(prior)
@@ -50,7 +50,7 @@ def _predict(
     Q: Array,
     work: Array,
 ) -> None:
-    """Advance x = f x and P = f P f^T + Q, in place; f is upper triangular."""
+    """Advance the state, x = f x, and its covariance, P = f P f^T + Q, in place; f is upper triangular."""
     for i in range(CHAIN):
         ahead = 0.0
         for m in range(i, CHAIN):

@@ -1,7 +1,7 @@
-r"""Angular velocities of both rods during a recording: a Kalman filter for one sample at a time.
+"""Angular velocities of both rods during a recording: a Kalman filter for one sample at a time.
 
 The motion model is that of `dpr_lab.estimation.velocity`: a chain of integrators driven by white noise in the fourth
-derivative of the angle. Internally, angles are in units of the noise and time in units of the filter's memory
+derivative of the angle. Internally, angles are in units of the noise and times in units of the filter's memory
 (`FilterUnits`).
 """
 
@@ -15,21 +15,23 @@ from numpy.typing import ArrayLike
 from dpr_lab.arrays import Array
 
 CHAIN = 4
-"""States of one rod: theta, omega, alpha, jerk."""
+"""Number of states of one rod: theta, omega, alpha, jerk."""
 
 
 @dataclass(frozen=True, slots=True)
 class LiveFilterSettings:
-    """Motion model of a live filter."""
+    """Settings of the motion model of a live filter."""
 
     snap: float = 1e8
-    """Process noise without data, rad^2/s^7; suitable for rods of about 0.4 m."""
+    """Default strength of the process noise, rad^2/s^7; suitable for rods of about 0.4 m."""
     prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
-    """Variance of the first state in filter units: the angle is as accurate as the first reading, and the other states
-    are unknown."""
+    """Variance of the first state in filter units.
+
+    The angle is as accurate as the first reading, and the other states are unknown.
+    """
 
     most_hz: float = 200.0
-    """Maximum rate of filtered samples during a recording, Hz: an update takes a few tenths of a millisecond."""
+    """Maximum rate of filtered samples during a recording, Hz; an update takes a few tenths of a millisecond."""
 
 
 LIVE = LiveFilterSettings()
@@ -37,16 +39,16 @@ LIVE = LiveFilterSettings()
 
 @dataclass(frozen=True, slots=True)
 class FilterUnits:
-    """Units in which all states of a filter are of similar size, and the noise in these units."""
+    """Units in which all states of a filter have similar sizes, and the noise in these units."""
 
     time: float
-    """Unit of time: the memory of the filter, or the sampling period if it is longer, s."""
+    """Unit of time, s: the memory of the filter, or the sampling period if this is longer."""
     angle: Array
-    """(2,) unit of angle of each rod: the standard deviation of a reading, rad."""
+    """(2,) unit of angle of each rod, rad: the standard deviation of a reading."""
     noise: Array
-    """(2, 2) covariance of a reading."""
+    """(2, 2) covariance of a reading, in units of `angle`."""
     snap: Array
-    """(2,) process noise of each rod."""
+    """(2,) strength of the process noise of each rod, in these units."""
 
     @classmethod
     def of(cls, period: float, covariance: Array, snap: ArrayLike) -> "FilterUnits":
@@ -65,19 +67,19 @@ class FilterUnits:
         return cls(time, angle, covariance / np.outer(angle, angle), scaled)
 
     def scaled(self, snap: Array) -> Array:
-        """(..., 2) other process noises in these units."""
+        """(..., 2) other strengths of process noise, rad^2/s^7, converted to these units."""
         return snap * self.time ** (2 * CHAIN - 1) / self.angle**2
 
 
 class VelocityFilter:
     """Live Kalman filter for the speeds of both rods; `update` takes each sample as it arrives.
 
-    Creating a filter imports filterpy, which takes up to seconds: create it in advance.
+    The creation of a filter imports filterpy, which takes up to seconds, so a filter should be created in advance.
 
     Args:
         covariance: (2, 2) noise of (theta1, theta2), rad^2
         rate_hz: nominal sample rate, which only scales the internal units; `update` gets the true instants
-        snap: process noise of each rod, rad^2/s^7
+        snap: strength of the process noise of each rod, rad^2/s^7
     """
 
     def __init__(self, covariance: ArrayLike, rate_hz: float, snap: ArrayLike = LIVE.snap) -> None:

@@ -1,4 +1,4 @@
-"""Minimum content of a recording: samples, duration and motion of both joints."""
+"""Minimum content of a recording: number of samples, duration, and motion of both joints."""
 
 from dataclasses import dataclass
 
@@ -13,26 +13,31 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
-    """Minimum content of a recording."""
+    """Limits of the minimum content of a recording."""
 
     samples: int = 16
     """Minimum number of samples after the release: two segments of eight, one to fit and one to validate."""
     duration_s: float = 0.35
-    """Minimum duration after the release, s. A segment takes 0.25 s, the initial state of a free run 0.3 s; the
-    remainder is compared.
+    """Minimum duration after the release, s.
+
+    A segment takes 0.25 s and the initial state of a free run 0.3 s. The remainder is compared.
     """
     turn_rad: float = 0.01
-    """Minimum range of an angle of a swinging rod, rad: a hanging rod that is touched moves by some milliradians."""
+    """Minimum range of an angle of a swinging rod, rad; a hanging rod that is touched moves by some milliradians."""
     above_noise: float = 10.0
-    """Minimum range of an angle of a swinging rod in standard deviations of a reading. Noise alone has a range of about
-    five, shuffled rows of three. Late time stamps of camera frames increase it to sixteen.
+    """Minimum range of an angle of a swinging rod, in standard deviations of a reading.
+
+    Noise alone has a range of about five, and shuffled rows have a range of three. Late time stamps of camera frames
+    increase the range to sixteen.
     """
     elbow: float = 0.02
-    """Minimum ratio of the range of joint 2 to the range of joint 1 for which the elbow turns. A free elbow turns by a
-    fifth of joint 1 even in the slow mode, in which both rods swing together; a clamp has a play of at most 0.1 rad.
+    """Minimum ratio of the range of joint 2 to the range of joint 1 for an elbow that turns.
+
+    A free elbow turns by a fifth of joint 1 even in the slow mode, in which both rods swing together. A clamp has a
+    play of at most 0.1 rad.
     """
     tail: float = 0.01
-    """Share of the readings that is ignored at each end of a range, because they may be single faults."""
+    """Fraction of the readings that is ignored at each end of a range, because these readings may be single faults."""
 
 
 SETTINGS = MotionSettings()
@@ -95,5 +100,5 @@ def _refuse_still(name: str, run: Run, rods: Array) -> None:
 
 
 def _ranges(values: Array) -> Array:
-    """Range of each column without its tails."""
+    """Range of each column without the fraction `tail` of its values at either end."""
     return np.ptp(np.quantile(values, [SETTINGS.tail, 1 - SETTINGS.tail], axis=0), axis=0)

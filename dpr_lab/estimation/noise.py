@@ -1,4 +1,4 @@
-"""Noise floor of recorded angles, below which a difference from a model is not significant."""
+"""Noise floor of recorded angles: a smaller difference from a model is not significant."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ NORMAL_Q90 = 1.6448536269514722
 """90 % quantile of the absolute value of a standard normal variable."""
 
 ORDER = 6
-"""Order of the differences: a 5 Hz swing sampled at 200 Hz then contributes less than 1e-6 rad."""
+"""Order of the differences; a 5 Hz swing sampled at 200 Hz then contributes less than 1e-6 rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,20 +26,25 @@ class NoiseSettings:
     """Settings of the noise estimate."""
 
     rest_samples: int = 100
-    """Minimum number of samples of rest, which give the standard deviation to 7 %."""
+    """Minimum number of samples of a rest; they determine the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
-    """Maximum deviation for which a table of angles has no noise, only rounding, rad."""
+    """Maximum standard deviation at which a table of angles has no noise but only rounding, rad."""
     correlated: float = 4.0
-    """Minimum significant autocorrelation of readings at rest, in standard errors."""
+    """Minimum autocorrelation of readings at rest that counts as significant, in standard errors."""
     most_alike: float = 0.98
-    """Maximum autocorrelation of reading noise: a larger one is the tremble of a hand that holds a rod."""
+    """Maximum autocorrelation of the noise of readings; a larger value is the tremble of a hand that holds a rod."""
     wild: float = 8.0
-    """Maximum deviation of a reading at rest, in units of the 90 % quantile; a larger one is a fault of the logger."""
+    """Maximum deviation of a reading at rest, in standard deviations; a larger one is a fault of the logger.
+
+    The standard deviation follows from the 90 % quantile of the absolute deviations.
+    """
     on_grid: float = 0.7
-    """Minimum mean of exp(2 pi i change / step) for the readings of a table to be multiples of a step; it is zero for
-    readings without one."""
+    """Minimum absolute mean of exp(2 pi i change / step) for a table whose readings are multiples of a step.
+
+    The mean is zero for readings without a step.
+    """
     still_s: float = 0.1
-    """Minimum time within one step for rounding errors to be dependent, s; a swing reverses faster."""
+    """Minimum time within one step for which rounding errors are dependent, s; a swing reverses faster."""
 
 
 NOISE = NoiseSettings()
@@ -50,37 +55,40 @@ class NoiseFloor:
     """Standard deviation of the encoder readings of the two rods."""
 
     std_joint: Array
-    """(2,) joint 1 and joint 2 as read by its encoder (relative to rod 1, or absolute), rad."""
+    """(2,) standard deviation of joint 1, and of joint 2 as read by its encoder (relative or absolute), rad."""
     source: Literal["rest", "differences", "quantisation", "film"]
-    """Source: the rest before the release, the swing, the size of a count, or the lengths of the rods in a video."""
+    """Source of the estimate: rest before the release, swing, size of a count, or lengths of filmed rods."""
     joints: JointAngles
     """Mounting of the encoder of joint 2."""
 
     @property
     def covariance(self) -> Array:
-        """(2, 2) of (theta1, theta2), J diag(std_joint^2) J^T with J from joint to absolute angles, rad^2.
+        """(2, 2) covariance of (theta1, theta2), rad^2: J diag(std_joint^2) J^T with J from joint to absolute angles.
 
-        With a relative encoder of joint 2 both angles are correlated.
+        With a relative encoder of joint 2 the errors of both angles are correlated.
         """
         J = self.joints.to_rods_matrix
         return J @ np.diag(self.std_joint**2) @ J.T
 
     @property
     def whitening(self) -> Array:
-        """(2, 2) W with W^T W the inverse covariance: W times an angle error has unit variance, 1/rad."""
+        """(2, 2) whitening matrix W, 1/rad: W times an error of (theta1, theta2) has unit variance.
+
+        W^T W is the inverse covariance.
+        """
         return np.linalg.inv(np.linalg.cholesky(self.covariance)).astype(np.float64)
 
 
 def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
-    """Noise of a recording.
+    """Estimate the noise of a recording.
 
-    Estimated from the rest before the release if it is long enough, otherwise from high-order differences of the swing;
-    at least the rounding of the readings (`rounding_std`), and at least the noise of a video.
+    The estimate uses the rest before the release if it is long enough, and otherwise high-order differences of the
+    swing. It is at least the rounding of the readings (`rounding_std`), and at least the noise of a video.
 
     Args:
         run: the recording
-        rig: its rig
-        still: whether readings that stay within one step increase it; not needed with `same_rounding`
+        rig: rig of the recording
+        still: whether readings that stay within one step increase the estimate; not needed with `same_rounding`
 
     Raises:
         RunError: too few samples.
@@ -92,7 +100,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
     else:
         source, std = "differences", difference_std(run.t, joints.of_rods(run.theta[:, 1:]))
     floor = _rounding(run, joints.of_rods(run.swing.theta[:, 1:]), rig.radians_per_count[1:], std, still)
-    if run.at_edges and run.setup.alone:  # if only one of two encoders counts, the other one is between its edges
+    if run.at_edges and run.setup.alone:  # with two encoders, the one that does not count is between its edges
         floor[0] = 0.0
     std_joint = np.maximum(std, floor)
     if run.film_noise is not None:
@@ -102,14 +110,14 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
 
 
 def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
-    """(2,) standard deviation of the joint angles of a video, rad; for a single rod both are equal."""
+    """(2,) standard deviation of the joint angles of a video, rad; both are equal for a single rod."""
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
     return np.sqrt(to_joints**2 @ rods**2)
 
 
 def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
-    """Standard deviation of a reading of the arm's encoder, rad: from the rest if recorded, else from differences."""
+    """Standard deviation of a reading of the arm's encoder, rad, from the rest if recorded, else from differences."""
     rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= NOISE.rest_samples
     std = np.std(rest, keepdims=True) if quiet else difference_std(swing.t, swing.theta[:, :1])
@@ -117,15 +125,15 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
 
 
 def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:
-    """Readings that stay within one step, and the number of readings that share the rounding error of each.
+    """Readings that stay within one step, and the number of readings that share each rounding error.
 
-    A rod that a controller balances within one step is read as the same value for many samples, with the same error of
-    up to half a step. Together they contain the information of one reading.
+    A rod that a controller balances within one step is read as the same value for many samples. All of them have the
+    same error of up to half a step, so together they contain the information of one reading.
 
     Args:
         run: the recording
-        readings: (n, m) of its swing, rad
-        counts: (m,) of their encoders in the rig file, rad
+        readings: (n, m) readings of its swing, rad
+        counts: (m,) counts of the encoders in the rig file, rad
 
     Returns:
         (n, m) whether a reading stays within one step; (n, m) length of the sequence of equal readings there, else 1
@@ -146,15 +154,15 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 
 def _still_window(run: Run) -> int:
-    """Number of samples within one step from which rounding errors are not independent."""
+    """Minimum number of samples within one step for which rounding errors are not independent."""
     return max(2, round(NOISE.still_s * run.rate_hz))
 
 
 def _still(readings: Array, steps: Array, window: int) -> Flags:
-    """(n - window + 1, m) whether `window` readings (n, m) from each on stay within one step."""
+    """(n - window + 1, m) whether `window` successive readings, of (n, m), stay within one step."""
     least = most = readings
     covered = 1
-    while covered < window:  # extremes of twice as many readings follow from those of two neighbouring halves
+    while covered < window:  # the extremes over a window follow from those over two neighbouring halves
         shift = min(covered, window - covered)
         least, most = np.minimum(least[:-shift], least[shift:]), np.maximum(most[:-shift], most[shift:])
         covered += shift
@@ -164,8 +172,8 @@ def _still(readings: Array, steps: Array, window: int) -> Flags:
 def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool) -> Array:
     """(m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
 
-    A table of angles may come from other encoders than those of the rig file: unless it has no noise at all, it is
-    rounded only if its own readings show a step.
+    A table of angles may come from other encoders than those of the rig file. Unless it has no noise at all, it counts
+    as rounded only if its own readings show a step.
     """
     steps = counts = np.abs(counts)
     if run.counts is None:
@@ -174,7 +182,10 @@ def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool)
 
 
 def _steps(readings: Array, counts: Array) -> Array:
-    """(m,) step whose multiples are the changes of the readings: a count of the rig or the smallest change; else 0."""
+    """(m,) step of which the changes of the readings are multiples; 0 if there is none.
+
+    The step is a count of the rig or the smallest change.
+    """
     steps = np.zeros(readings.shape[1])
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
         moved = changes[changes > NOISE.rounding_rad]
@@ -188,11 +199,11 @@ def _steps(readings: Array, counts: Array) -> Array:
 
 
 def rounding_std(readings: Array, steps: Array, window: int) -> Array:
-    """(m,) standard deviation of the rounding errors of readings (n, m) to multiples of `steps` (m,).
+    """(m,) standard deviation of the rounding errors of readings (n, m) that are multiples of `steps` (m,).
 
-    step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent. A reading
-    that stays within one step for `window` samples, such as the reading of a rod balanced by a controller, may be near
-    the edge between two values, with errors of up to step / 2.
+    It is step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent. A
+    reading that stays within one step for `window` samples may be near the edge between two values, with errors of up
+    to step / 2. An example is the reading of a rod balanced by a controller.
     """
     if len(readings) < window:
         return steps / math.sqrt(12)
@@ -203,18 +214,18 @@ def rounding_std(readings: Array, steps: Array, window: int) -> Array:
 def difference_std(t: Array, values: Array) -> Array:
     """Standard deviation of white noise on a smooth signal at uneven instants, robust to jumps.
 
-    Divided differences over seven neighbours cancel any polynomial of degree five. At unit gain on white noise,
+    Divided differences over seven neighbours cancel any polynomial of degree five. At unit gain on white noise they are
 
-        r = sum_j w_j x_j / sqrt(sum_j w_j^2),    w_j = 1 / prod_{i != j} (t_j - t_i),
+        r = sum_j w_j x_j / sqrt(sum_j w_j^2),    w_j = 1 / prod_{i != j} (t_j - t_i).
 
-    their median absolute value gives the deviation. Windows with a gap are excluded.
+    The median of |r| gives the standard deviation. Windows with a gap are excluded.
 
     Args:
         t: (n,) increasing instants, s
         values: (n, m) signals
 
     Returns:
-        (m,)
+        (m,) standard deviations in the unit of the signals
 
     Raises:
         RunError: fewer than seven samples without a gap.
@@ -231,7 +242,7 @@ def difference_std(t: Array, values: Array) -> Array:
 
 
 def difference_weights(windows: Array, period: float) -> Array:
-    """(windows, 7) weights of sixth divided differences, at unit gain on white noise.
+    """(windows, 7) weights of divided differences of sixth order, with unit gain on white noise.
 
     Args:
         windows: (windows, 7) increasing instants, s
@@ -248,10 +259,10 @@ def difference_weights(windows: Array, period: float) -> Array:
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
-    """(2,) autocorrelation of the errors of joint 1 and 2 at rest, at a lag in samples; 0 if it is not significant.
+    """(2,) autocorrelation of the errors of joints 1 and 2 at rest, at a lag in samples; 0 if it is not significant.
 
-    For white noise it is 0 +- 1 / sqrt(n); a tracker or a filter causes a larger one. For a video it is that of the
-    lengths of the rods, a process of first order.
+    For white noise the estimate is 0 +- 1 / sqrt(n). A tracker or a filter causes a larger value. For a video the value
+    is the autocorrelation of the lengths of the rods, modelled as a process of first order.
     """
     if run.film_noise is not None:
         return np.full(2, run.film_noise.correlation**apart)
@@ -265,7 +276,7 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
 
 
 def _rest_std(t: Array, joints: Array) -> Array:
-    """Standard deviation about a straight line, because a hand-held rod drifts; single outliers are excluded."""
+    """Standard deviation of each joint about a straight line, because a hand-held rod drifts; outliers are excluded."""
     line = np.vander(t - t.mean(), 2)
     return np.array([_about(line, joint) for joint in joints.T])
 

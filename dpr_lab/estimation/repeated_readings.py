@@ -2,10 +2,10 @@
 
 Two kinds of loggers write most readings several times:
 
-    held     rows at an even rate, each with the last reading, which a camera or a bus renews every few rows
+    held     rows at an even rate, each with the last reading; a camera or a bus renews the reading every few rows
     bursts   several rows within a moment, then none until the next burst
 
-In both cases a reading counts once. A fine encoder that moves slowly repeats its readings as well; the changes before
+In both cases a reading counts once. A fine encoder that moves slowly repeats its readings as well. The changes before
 and after such rows are then of the order of a count.
 """
 
@@ -22,21 +22,26 @@ from dpr_lab.shown import percent
 
 @dataclass(frozen=True, slots=True)
 class RepeatSettings:
-    """Limits for rows to count as repeated readings."""
+    """Limits for the detection of rows that repeat a reading."""
 
     counts: float = 6.0
-    """Minimum sum of the changes before and after equal rows, in units of the smallest change, for a held reading. If
-    an encoder turns by less than a count per row, its readings change by at most three counts.
+    """Minimum sum of the changes before and after equal rows of a held reading, in units of the smallest change.
+
+    If an encoder turns by less than a count per row, its readings change by at most three counts.
     """
     share: float = 0.2
-    """Minimum share of such rows for all equal rows to be removed; a smaller share is detected by the diagnosis."""
+    """Minimum share of rows with held readings for which all equal rows are removed.
+
+    A smaller share is detected by the diagnosis.
+    """
     apart: float = 10.0
-    """Minimum ratio of the time between bursts to that between the rows of a burst."""
+    """Minimum ratio of the time between bursts to the time between the rows of a burst."""
     even: float = 0.2
     """Maximum relative deviation of the times between bursts from their median, at both quartiles."""
     lasting: float = 0.2
-    """Maximum median duration of a burst, in units of the time between bursts. Longer bursts consist of new
-    readings, recorded by a logger that pauses regularly.
+    """Maximum median duration of a burst, in units of the time between bursts.
+
+    Longer bursts consist of new readings, recorded by a logger that pauses regularly.
     """
     rows: float = 2.0
     """Minimum mean number of rows of a burst."""
@@ -48,7 +53,7 @@ SETTINGS = RepeatSettings()
 
 
 def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], str]:
-    """Indices of the rows with a new reading, and a note if there are others.
+    """Indices of the rows with a new reading, and a note about the other rows; the note is empty if there are none.
 
     Args:
         t: (n,) increasing times, s
@@ -88,7 +93,10 @@ def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
 
 
 def _held(again: Flags, columns: Sequence[Array]) -> bool:
-    """Whether most equal rows are held readings: the next reading is far away, in the direction of the motion."""
+    """Whether most equal rows are held readings.
+
+    After a held reading the next reading is far away, in the direction of the motion.
+    """
     starts = np.flatnonzero(np.diff(again.astype(int), prepend=0) == 1) - 1
     ends = np.flatnonzero(np.diff(again.astype(int), append=0) == -1)
     inside = (starts > 0) & (ends < len(again) - 1)

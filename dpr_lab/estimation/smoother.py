@@ -1,16 +1,16 @@
-r"""Compiled Kalman filter and Rauch-Tung-Striebel smoother for the chains of both rods.
+"""Compiled Kalman filter and Rauch-Tung-Striebel smoother for the chains of both rods.
 
-The state x consists of the chains of rod 1 and rod 2. With F and Q of `dpr_lab.estimation.chain` on the diagonal,
-H selecting the two angles and R their noise, the forward pass is
+The state x consists of the chains of rod 1 and rod 2. With F and Q of `dpr_lab.estimation.chain` on the diagonal, H
+selecting the two angles, R their noise and y the innovation, the forward pass is
 
     x- = F x,   P- = F P F^T + Q,    S = H P- H^T + R,   K = P- H^T S^-1,    x = x- + K y,   P = P- - K H P-
 
-with the innovation y, and the backward pass, from the last sample but one to the first,
+The backward pass, from the last sample but one to the first, is
 
     C = P F^T (P-)^-1,    x_s = x + C (x_s' - x-'),    P_s = P + C (P_s' - P-') C^T
 
 where ' denotes the next sample. P- is factored by Cholesky. Every inner loop runs along a row of `STATES` numbers, and
-no sum changes its order, so the compiler can use vector registers in strict arithmetic.
+no sum changes its order. The compiler can therefore use vector registers in strict arithmetic.
 
 Source: H. E. Rauch, F. Tung & C. T. Striebel (1965), AIAA Journal 3(8), 1445-1450.
 """
@@ -41,11 +41,11 @@ def smooth_chains(
         t: (n,) increasing instants
         theta: (n, 2) angles
         noise: (2, 2) covariance of a reading
-        snap: (n, 2) process noise of each rod before each sample; the first is not used
+        snap: (n, 2) process noise of each rod before each sample; the first row is not used
         prior: (CHAIN,) variance of each rod's state at the first reading, whose angle is that of the reading
 
     Returns:
-        (n, STATES) states, (n, STATES, STATES) their covariances, and (n,) normalised innovation squared
+        (n, STATES) states, (n, STATES, STATES) covariances of the states, and (n,) normalised innovation squared
     """
     n = len(t)
     x, P, nis = np.empty((n, STATES)), np.empty((n, STATES, STATES)), np.empty(n)
@@ -76,7 +76,7 @@ def smooth_chains(
 
 @subroutine
 def _set_interval(interval: float, before: float, f: Array, q: Array) -> float:
-    """Interval for which f and q are valid after the call; they are recomputed only if it changes."""
+    """Interval for which f and q are valid after the call; they are recomputed only if the interval changes."""
     if abs(interval - before) <= SAME_INTERVAL * before:
         return before
     fill_chain(interval, f, q)
@@ -94,7 +94,7 @@ def _predict(
     P_ahead: Array,
     G: Array,
 ) -> None:
-    """Compute F x, F P F^T + Q and G = F P, stored in the last three arguments."""
+    """Compute x_ahead = F x, P_ahead = F P F^T + Q and G = F P, stored in the last three arguments."""
     for i in range(STATES):
         x_ahead[i] = 0.0
         for m in range(i % CHAIN, CHAIN):
@@ -112,7 +112,7 @@ def _predict(
 
 @subroutine
 def _multiply(f: Array, A: Array, product: Array) -> None:
-    """F A, where F is block diagonal with the upper triangular f twice."""
+    """Compute the product F A, where F is block diagonal with the upper triangular f twice."""
     for i in range(STATES):
         first = i - i % CHAIN
         for j in range(STATES):
@@ -124,7 +124,7 @@ def _multiply(f: Array, A: Array, product: Array) -> None:
 
 @subroutine
 def _update(x: Array, P: Array, theta: Array, noise: Array) -> float:
-    """Update the state with a reading, in place; returns its normalised innovation squared."""
+    """Update the state with a reading, in place; return the normalised innovation squared of the reading."""
     s11, s12, s22 = P[0, 0] + noise[0, 0], P[0, CHAIN] + noise[0, 1], P[CHAIN, CHAIN] + noise[1, 1]
     scale = 1.0 / (s11 * s22 - s12 * s12)
     i11, i12, i22 = s22 * scale, -s12 * scale, s11 * scale
@@ -140,7 +140,10 @@ def _update(x: Array, P: Array, theta: Array, noise: Array) -> float:
 
 @subroutine
 def _solve(A: Array, B: Array) -> None:
-    """B = A^-1 B for a symmetric positive A, which is overwritten by its Cholesky factor L, A = L L^T."""
+    """Compute B = A^-1 B in place for a symmetric positive definite A.
+
+    A is overwritten by its Cholesky factor L, A = L L^T.
+    """
     for i in range(STATES):
         for m in range(i):
             for j in range(i, STATES):
@@ -171,7 +174,7 @@ def _smooth(
     P_moved: Array,
     work: Array,
 ) -> None:
-    """X + C^T x_moved and P + C^T P_moved C, in place; C is the transposed gain."""
+    """Compute x + C^T x_moved and P + C^T P_moved C in place, where C is the transposed smoother gain."""
     for i in range(STATES):
         for j in range(STATES):
             x[j] += C[i, j] * x_moved[i]

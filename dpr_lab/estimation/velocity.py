@@ -1,17 +1,17 @@
-r"""Angular velocities of a recorded swing by a Kalman smoother.
+"""Angular velocities of a recorded swing by a Kalman smoother.
 
 Each rod is a chain of integrators driven by white noise in the fourth derivative of its angle,
 
-    d/dt (theta, omega, alpha, jerk) = (omega, alpha, jerk, w),    E[w(t) w(s)] = snap delta(t - s),
+    d/dt (theta, omega, alpha, jerk) = (omega, alpha, jerk, w),    E[w(t) w(s)] = snap delta(t - s).
 
-which requires no knowledge of the rig. Both rods share one state, because their measurement noise is correlated with a
-relative encoder at joint 2. Transition and process noise are exact for any interval, so uneven instants and gaps need
-no resampling. Accelerations vary within a swing and decay; offline, the strength `snap` is therefore estimated by
+This model requires no knowledge of the rig. Both rods share one state, because their measurement noise is correlated if
+the encoder of joint 2 is relative. Transition and process noise are exact for any interval, so uneven instants and gaps
+need no resampling. Accelerations vary within a swing and decay. Offline, the strength `snap` is therefore estimated by
 maximum likelihood, section by section (`tuned_snap`).
 
-Noise of standard deviation sigma at intervals h against such a motion gives the filter a memory of about
-T = (sigma^2 h / snap)^(1/8). Internally, angles are in units of sigma and time in units of T, or of h if it is longer,
-so that all states are of similar size; in other units rounding destroys the covariance of the backward pass.
+The filter has a memory of about T = (sigma^2 h / snap)^(1/8), with sigma the standard deviation of the noise and h the
+sampling interval. Internally, angles are in units of sigma and times in units of T, or of h if this is longer. All
+states then have similar sizes; in other units rounding destroys the covariance of the backward pass.
 """
 
 import math
@@ -35,14 +35,16 @@ class FilterSettings:
     """Settings for the estimate of the process noise."""
 
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
-    """Grid of memories, log10 of samples: first, last, step. It covers fast swings at 30 Hz up to slow ones at 10
-    kHz."""
+    """Grid of memories, log10 of samples: first, last, step.
+
+    The grid covers fast swings at 30 Hz up to slow ones at 10 kHz.
+    """
     section_s: float = 0.4
-    """Length of a section with constant process noise, s: slightly less than half a swing of a 0.4 m rod."""
+    """Length of a section with constant process noise, s: slightly less than half a period of a 0.4 m rod."""
     section_samples: int = 100
-    """Minimum number of samples of a section; they determine memories of up to ten samples."""
+    """Minimum number of samples of a section; such a section determines memories of up to ten samples."""
     memories_per_section: int = 10
-    """Maximum memory that a section determines, relative to its length."""
+    """Minimum ratio of the length of a section to a memory that the section determines."""
 
 
 SETTINGS = FilterSettings()
@@ -59,11 +61,11 @@ class Smoothed:
     omega: Array
     """(n, 2) speeds of the rods, rad/s."""
     covariance: Array
-    """(n, 4, 4) of (theta1, theta2, omega1, omega2), SI."""
+    """(n, 4, 4) covariance of (theta1, theta2, omega1, omega2), SI."""
     nis: Array
-    """(n,) normalised innovation squared of the forward pass; its mean is 2 if the noise model is correct."""
+    """(n,) normalised innovation squared of the forward pass; the mean is 2 if the noise model is correct."""
     snap: Array
-    """(n, 2) process noise used for each rod, rad^2/s^7."""
+    """(n, 2) strength of the process noise used for each rod, rad^2/s^7."""
 
     @property
     def states(self) -> Array:
@@ -76,8 +78,8 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
 
     Args:
         run: the run; only t >= 0 is used, because the release is not a smooth motion
-        noise: from `dpr_lab.estimation.noise.noise_floor`
-        snap: process noise, rad^2/s^7: one, (2,) or (n, 2); None: `tuned_snap` of this run
+        noise: noise floor from `dpr_lab.estimation.noise.noise_floor`
+        snap: strength of the process noise, rad^2/s^7, as one number, (2,) or (n, 2); None: `tuned_snap` of this run
 
     Raises:
         RunError: fewer than two samples of swing.
@@ -97,18 +99,17 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
 
 
 def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
-    """Maximum-likelihood process noise of each rod by section.
+    """Maximum-likelihood strength of the process noise of each rod, section by section.
 
-    The likelihood of each section is computed for each memory of a grid, and its maximum refined by a parabola through
-    the neighbours. Between the centres of sections the logarithm is interpolated. The noise of each rod is its marginal
-    noise.
+    The likelihood of each section is computed for each memory of a grid. A parabola through the neighbours refines its
+    maximum. Between the centres of sections the logarithm is interpolated. The noise of each rod is its marginal noise.
 
     Args:
         run: the run; only t >= 0 is used
-        noise: from `dpr_lab.estimation.noise.noise_floor`
+        noise: noise floor from `dpr_lab.estimation.noise.noise_floor`
 
     Returns:
-        (n, 2) for each sample of the swing and rod, rad^2/s^7
+        (n, 2) strengths for each sample of the swing and each rod, rad^2/s^7
 
     Raises:
         RunError: fewer than two samples of swing.
@@ -136,7 +137,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
 
 
 def _swing(run: Run) -> tuple[Array, Array, float]:
-    """Instants, angles of the rods and median interval from the release on."""
+    """Instants, s, angles of the rods, rad, and median sampling interval, s, from the release on."""
     swing = run.swing
     if len(swing.t) < 2:
         raise RunError(f"{run.name}: {len(swing.t)} samples after the release; at least 2 are needed for a velocity")
@@ -150,7 +151,7 @@ def _sections(samples: int, period: float) -> list[slice]:
 
 
 def _peaks(grid: Array, values: Array) -> Array:
-    """Position on an even grid (k,) at which the values (k, ...) are highest, by a parabola through three points."""
+    """Positions of the maxima of values (k, ...) on an even grid (k,), by a parabola through three points."""
     middle = values.argmax(axis=0)
     inner = np.clip(middle, 1, len(grid) - 2)
     left, top, right = (np.take_along_axis(values, (inner + side)[None], axis=0)[0] for side in (-1, 0, 1))

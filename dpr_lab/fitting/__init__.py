@@ -1,1 +1,1 @@
-"""Multiple shooting: segments with free initial states, fitted by Gauss-Newton."""
+"""Multiple shooting: segments with free initial states, fitted by the Gauss-Newton method."""

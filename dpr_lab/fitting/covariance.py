@@ -10,11 +10,11 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Array:
-    """Consider covariance of a fit's values.
+    """Consider covariance of the fitted values of a fit.
 
         f V + sum over changes c of s_c s_c^T,    V = (A^T A + f P)^-1,    s_c = V A^T c
 
-    with P the inverse covariance of the prior.
+    P is the inverse covariance of the prior.
 
     Args:
         fit: the fit
@@ -22,7 +22,7 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
         changes: (segments, m) whitened changes of the readings, one standard deviation each
 
     Returns:
-        (free, free); zero for values at their bound
+        (free, free) covariance; zero for values at their bound
     """
     A = fit.linear.A[:, :, fit.inside]
     inner = _inner(fit, inflation)
@@ -36,14 +36,14 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 
 
 def shifted(fit: Fit, change: Array) -> Array:
-    """(free,) change of the fitted values if the model's readings change by (segments, m) whitened."""
+    """(free,) change of the fitted values if the predicted readings change by `change`, (segments, m) whitened."""
     A, change_of_all = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
     change_of_all[fit.inside] = -_shift(_inner(fit, 1.0), A, change)
     return change_of_all
 
 
 def _inner(fit: Fit, inflation: float) -> Array:
-    """(inside, inside) covariance divided by the inflation."""
+    """(inside, inside) covariance of the values inside their bounds, divided by the inflation."""
     space = ColumnSpace.of(fit.linear.A[:, :, fit.inside], fit.linear.e)
     rows = inflation**0.5 * fit.prior[:, fit.inside]
     return space.with_prior(rows, np.zeros(len(rows))).covariance()

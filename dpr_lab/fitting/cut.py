@@ -1,7 +1,7 @@
 """Division of samples into segments with free initial states, so that chaos does not dominate a fit.
 
-After a release from near upright an initial error grows by 2e4 within 5 s. Over a segment of 0.25 to 2 s the growth is
-small, and the initial state is estimated with the parameters (multiple shooting).
+After a release from near upright an initial error grows by a factor of 2e4 within 5 s. Over a segment of 0.25 to 2 s
+the growth is small, and the initial state is estimated together with the parameters (multiple shooting).
 """
 
 from itertools import pairwise
@@ -14,12 +14,14 @@ from dpr_lab.errors import RunError
 from dpr_lab.run import Run
 
 MIN_SAMPLES = 8
-"""Minimum number of samples of a segment: twice the number of initial values; fewer samples contain no information
-about a model."""
+"""Minimum number of samples of a segment: twice the number of initial values.
+
+Fewer samples contain no information about a model.
+"""
 
 
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
-    """Segments of about equal length that cover the samples between breaks, omitting those too short for a fit.
+    """Segments of about equal length that cover the samples between breaks; those too short for a fit are omitted.
 
     With sparse samples, segments are longer than requested.
 
@@ -40,11 +42,11 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
 
 
 def partition(run: Run, length: float) -> list[slice]:
-    """Segments of about equal length that cover a run from the release on; gaps are kept.
+    """Segments of about equal length that cover a run from the release on; a segment may contain gaps.
 
     Args:
         run: the run from the release on
-        length: nominal length, s
+        length: nominal length of a segment, s
 
     Raises:
         RunError: fewer than `MIN_SAMPLES` samples.
@@ -60,16 +62,16 @@ def partition(run: Run, length: float) -> list[slice]:
 
 
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
-    """Initial states of one division into segments, transferred to segments of another with equal starts.
+    """Initial states for another division into segments, taken from segments with equal starts.
 
     Args:
-        source: the first division
-        states: (segments, 4) its initial states
-        other: the other division of the same samples
-        otherwise: (segments, 4) initial states for the other segments
+        source: first division of the samples
+        states: (segments, 4) initial states of the first division
+        other: other division of the same samples
+        otherwise: (segments, 4) initial states for those segments of `other` that start elsewhere
 
     Returns:
-        (segments, 4) for the other division
+        (segments, 4) initial states for the other division
     """
     begins = {key: state for key, state in zip(_begins(source), states, strict=True)}
     return np.array([begins.get(key, start) for key, start in zip(_begins(other), otherwise, strict=True)])

@@ -3,7 +3,7 @@
 An error v of a torque reading that holds for h is an impulse v h that did not act on the rods. For white v this is
 white noise of intensity std^2 h, propagated along the swing like any torque (`dpr_lab.fitting.response`). The same
 applies to the noise of a prescribed angle, whose second derivative drives the rods. The simulated inner rod follows its
-own readings, so that their noise appears in those of joint 2 alone.
+own readings. Their noise therefore appears in the readings of joint 2 alone.
 """
 
 from collections.abc import Callable
@@ -28,17 +28,20 @@ from dpr_lab.fitting.whitening import Disturbance
 from dpr_lab.setup import PRESCRIBED, ArmMotion, Setup, Torques
 
 ORDERS = range(1, 7)
-"""Orders of differences: the first is insensitive to the steps of a held command, the sixth to any smooth signal."""
+"""Orders of differences for the noise estimate.
+
+The first order is insensitive to the steps of a held command, the sixth to any smooth signal.
+"""
 
 ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
-"""Torques on theta1, theta2 from those of joint 1 and joint 2."""
+"""Matrix that converts torques of joints 1 and 2 to generalised torques on theta1 and theta2."""
 
 
 def torque_noise(torques: Torques) -> Array:
-    """(2,) standard deviation of the white noise of measured torques from the release on, N m; None for other torques.
+    """(2,) standard deviation of the white noise of measured torques from the release on, N m; zero for other torques.
 
-    Minimum over orders of differences, by their median absolute value: the torque signal itself can only increase the
-    estimate.
+    The estimate is the minimum over orders of differences, by their median absolute value: the torque signal itself can
+    only increase an estimate.
     """
     joints = torques.joints[torques.t >= 0.0]
     if torques.kind != "measured" or len(joints) <= max(ORDERS):
@@ -53,13 +56,13 @@ def disturbance(
     begins: Callable[[float], float] = segment_start,
     most_Nm: ArrayLike = np.inf,
 ) -> Disturbance | None:
-    """Effect of the process noise on the readings; None for free swings.
+    """Process noise of a problem in terms of the readings; None for free swings.
 
     Args:
-        problem: the segments
-        estimate: defines the trajectories
+        problem: segments with their inputs
+        estimate: estimate that defines the trajectories
         begins: as in `trajectory`
-        most_Nm: (2,) upper limit of the standard deviation of the measured torques
+        most_Nm: (2,) upper limit of the standard deviation of the measured torques, N m
     """
     setups = problem.segments.setups
     spread = np.array([_spread(setup, most_Nm) for setup in setups])
@@ -94,15 +97,15 @@ def most_noise(problem: Problem) -> Array:
 def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     """(2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
 
-    The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised, starting from
-    the upper limits `torque_noise`, by halving the variance of each joint. The torque of a controller varies from
-    sample to sample. An estimate from sample differences cannot distinguish this variation from noise.
+    The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised by halving the
+    variance of each joint, starting from the upper limits `torque_noise`. The torque of a controller varies from sample
+    to sample. An estimate from sample differences cannot distinguish this variation from noise.
 
     Args:
-        problem: the segments, of which some have measured torques
-        model: a fit to them
+        problem: segments, some of which have measured torques
+        model: fit to these segments
         halvings: maximum number of halvings of the variance; if the likelihood still increases, the noise is set to
-        zero
+            zero
     """
     upper = most_noise(problem)
     if not upper.any():
@@ -138,14 +141,14 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
 
 
 def _at(values: Array, place: Array) -> Array:
-    """Values (n, ...) on a grid, interpolated at positions (m,) in grid points."""
+    """Linear interpolation of values (n, ...) on a grid at positions (m,) in grid points."""
     lower = np.minimum(place.astype(np.int64), len(values) - 2)
     share = (place - lower).reshape(-1, *[1] * (values.ndim - 1))
     return (1 - share) * values[lower] + share * values[lower + 1]
 
 
 def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
-    """(n, 4) change of the initial state equivalent to a unit acceleration of the arm."""
+    """(n, 4) change of the initial state that is equivalent to a unit acceleration of the arm."""
     rig = problem.model.constants
     d, e1 = reference.bases[reference.motion.run][:, 2], reference.bases[reference.motion.run][:, 3]
     levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.motion.theta)
@@ -153,12 +156,12 @@ def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
 
 
 def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
-    """(n, 4) change of the initial state equivalent to a unit acceleration of the inner rod."""
+    """(n, 4) change of the initial state that is equivalent to a unit acceleration of the inner rod."""
     return PRESCRIBED.inertia * reference.into[:, :, 0]
 
 
 def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
-    """(n, 4) each: first and second time derivative of such a change.
+    """First and second time derivative, (n, 4) each, of the equivalent change of the initial state `push`.
 
     An error e of a prescribed angle acts through its second derivative. Integration by parts gives -out slope e in the
     readings at the same instant, and the integral of bend e afterwards.
@@ -171,12 +174,15 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
 
 
 def _of_motion(motion: ArmMotion | None) -> float:
-    """Square root of the intensity of the noise of a prescribed angle, rad s^(1/2)."""
+    """Square root of the intensity of the noise of a prescribed angle, rad s^(1/2).
+
+    Zero without a prescribed motion.
+    """
     return 0.0 if motion is None else motion.noise * float(np.median(np.diff(motion.t))) ** 0.5
 
 
 def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:
-    """(2, 2) root of the intensity of the noise on theta1, theta2, N m s^(1/2)."""
+    """(2, 2) square root of the intensity of the torque noise of joints 1 and 2 on theta1 and theta2, N m s^(1/2)."""
     if setup.torques is None:
         return np.zeros((2, 2))
     held = float(np.median(np.diff(setup.torques.t))) if len(setup.torques.t) > 1 else 0.0

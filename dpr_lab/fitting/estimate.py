@@ -16,42 +16,51 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.setup import Setup
 
 UNKNOWN_RATIOS = (*RATIOS, "b", "p/b")
-"""Order of `Estimate.ratios`: 1, 1, 1/s^2, 1/s, 1/s, kg m^2, 1."""
+"""Order of `Estimate.ratios`; units 1, 1, 1/s^2, 1/s, 1/s, kg m^2, 1."""
 
 SCALE, ON_ELBOW = UNKNOWN_RATIOS.index("b"), UNKNOWN_RATIOS.index("p/b")
-"""Indices of b, which is identifiable with a known mass, and of p / b, which is identifiable with the inner rod
-alone."""
+"""Indices of b and of p/b in `Estimate.ratios`.
+
+b is identifiable with a known mass, and p/b with a swing of the inner rod alone.
+"""
 
 EFFECTS_BEGIN, ZEROS_BEGIN = len(UNKNOWN_RATIOS), len(UNKNOWN_RATIOS) + SIZE
-"""Indices in `Estimate.vector` at which the blocks `effects` and `zeros` begin."""
+"""Indices in `Estimate.vector` of the first elements of the blocks `effects` and `zeros`."""
 
 FRICTION = tuple(i for i, name in enumerate(RATIOS) if name.startswith("c"))
-"""Indices of c1/b and c2/b, which cannot be negative."""
+"""Indices of c1/b and c2/b in `Estimate.ratios`; both are not negative."""
 
 
 STRAIGHT = 0.05
-"""Sine of an elbow's angle up to which the rods are treated as aligned, so that their gravity torques are parallel."""
+"""Maximum sine of an elbow's angle for which the rods count as aligned; their gravity torques are then parallel."""
 
 
 @dataclass(frozen=True, slots=True)
 class DifferenceSteps:
-    """Increments of forward differences: an error of a derivative of 1e-3 does not change the solution of a fit."""
+    """Increments of forward differences; an error of a derivative of 1e-3 does not change the solution of a fit."""
 
     ratio: float = 1e-5
     """Relative increment of a ratio."""
     amplitude: float = 1e-3
     """Increment of an amplitude, relative to its typical size."""
     dry_arm: float = 0.1
-    """Relative increment of the Coulomb friction of an arm. A smaller increment changes the swing less than the
-    division of the integration steps at changes of direction does.
+    """Relative increment of the Coulomb friction of an arm.
+
+    A smaller increment would change the swing less than the division of the integration steps at changes of direction
+    does.
     """
     geared: float = 1.0
-    """Relative increment of a backlash with a motor behind it; the motor would cross a smaller backlash within a
-    step."""
+    """Relative increment of a backlash with a motor behind it.
+
+    The motor would cross a smaller increment of the backlash within a step.
+    """
     shape: float = 1e-5
-    """Relative increment of a shape parameter: a frequency error of 1e-3 gives a phase error after ten seconds."""
+    """Relative increment of a shape parameter.
+
+    The value is small, because a relative frequency error of 1e-3 causes a phase error after ten seconds.
+    """
     least_ratio: float = 1e-2
-    """Minimum size of a ratio for its increment, in its own unit."""
+    """Lower limit of the size of a ratio in the computation of its increment, in the unit of the ratio."""
     least_shape: float = 0.2
     """Lower bound of a refined shape parameter, relative to the first value of its scan."""
 
@@ -60,10 +69,10 @@ DIFFERENCE_STEPS = DifferenceSteps()
 
 
 ZERO_SIZE = 0.02
-"""Typical zero offset caused by stiction of a hanging rod, rad."""
+"""Typical zero offset of a hanging rod that is caused by stiction, rad."""
 
 Block = Literal["ratios", "effects", "zeros"]
-"""Named blocks of `Estimate.vector` in order."""
+"""Names of the blocks of `Estimate.vector`, in their order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,13 +86,13 @@ class Estimate:
 
     @classmethod
     def of(cls, ratios: Array, params: Array, initial: Array, zeros: Array | None = None) -> "Estimate":
-        """Join the blocks; without `zeros`, no encoder is zeroed before each run.
+        """Estimate from its blocks; without `zeros`, the encoders are not zeroed before each run.
 
         Args:
-            ratios: (7,) see `ratios`
-            params: (SIZE,) see `params`
-            initial: (segments, 4)
-            zeros: (runs, 2) see `zeros`
+            ratios: (7,) as in the property `ratios`
+            params: (SIZE,) as in the property `params`
+            initial: (segments, 4) initial states
+            zeros: (runs, 2) as in the property `zeros`
 
         Raises:
             ValueError: a block of another length.
@@ -100,7 +109,7 @@ class Estimate:
         initial: Array | None = None,
         zeros: Array | None = None,
     ) -> "Estimate":
-        """Replace whole blocks."""
+        """Copy of the estimate with some blocks replaced."""
         return Estimate.of(
             self.ratios if ratios is None else ratios,
             self.params if params is None else params,
@@ -110,7 +119,7 @@ class Estimate:
 
     @property
     def ratios(self) -> Array:
-        """(7,) the five ratios, b, and p/b (nan if it is not needed), in the order of `UNKNOWN_RATIOS`."""
+        """(7,) the five ratios, b and p/b, in the order of `UNKNOWN_RATIOS`; p/b is nan if it is not needed."""
         return self.vector[:EFFECTS_BEGIN]
 
     @property
@@ -120,7 +129,7 @@ class Estimate:
 
     @property
     def zeros(self) -> Array:
-        """(runs, 2) zero offsets of encoders 1 and 2 in each run, rad; empty for fixed zeros."""
+        """(runs, 2) zero offsets of encoders 1 and 2 in each run, rad; empty if the zeros are fixed."""
         return self.vector[ZEROS_BEGIN:].reshape(-1, 2)
 
     @property
@@ -130,7 +139,7 @@ class Estimate:
 
     @property
     def whole(self) -> Array:
-        """(7,) base parameters of the whole rig, with p, SI."""
+        """(7,) base parameters of the whole rig, including p, SI."""
         return whole_of(self.ratios)
 
 
@@ -149,52 +158,55 @@ class FreeParameter:
     size: float = 1.0
     """Expected order of magnitude."""
     effect: str = ""
-    """Effect to which it belongs, in the block `effects`."""
+    """Effect to which the parameter belongs; empty outside the block `effects`."""
     overrides: tuple[tuple[int, float], ...] = ()
-    """Indices and values used only for the derivative with respect to this parameter: the shape of an effect that is
-    off.
+    """Indices and values of other entries, used only for the derivative with respect to this parameter.
+
+    They define the shape of an effect that is off.
     """
     amplitude: bool = True
-    """Whether it is an amplitude rather than a shape parameter."""
+    """Whether the parameter is an amplitude; otherwise it is a shape parameter."""
 
     def read(self, estimate: Estimate) -> float:
-        """Its value in an estimate."""
+        """Value of the parameter in an estimate."""
         return float(estimate.vector[self.place])
 
 
 def unknown_ratios(base: ArrayLike) -> Array:
-    """(7,) the five ratios, b, and p/b, from (7,) base parameters with p, or (6,) without."""
+    """(7,) the five ratios, b and p/b, from base parameters (7,) with p, or (6,) without p."""
     values = np.asarray(base, dtype=np.float64)
     b = values[BASE.index("b")]
     return np.append(base_ratios(values[: len(BASE)]), [b, values[-1] / b if len(values) > len(BASE) else np.nan])
 
 
 def with_scale(ratios: Array, b: float) -> Array:
-    """(7,) ratios for another scale of all torques, b in kg m^2."""
+    """(7,) ratios with another scale b of all torques, kg m^2."""
     ratios = ratios.copy()
     ratios[SCALE] = b
     return ratios
 
 
 def whole_of(ratios: Array) -> Array:
-    """(..., 7) base parameters of the whole rig from (..., 7) ratios, b and p/b, SI; p is nan without p/b."""
+    """(..., 7) base parameters of the whole rig, SI, from (..., 7) ratios, b and p/b; p is nan without p/b."""
     on_elbow = ratios[..., ON_ELBOW:] if ratios.shape[-1] > ON_ELBOW else np.full((*ratios.shape[:-1], 1), np.nan)
     unit = np.concatenate([base_from_ratios(ratios[..., : len(RATIOS)]), on_elbow], axis=-1)
     return ratios[..., SCALE, None] * unit
 
 
 def alone_share(ratios: Array) -> float:
-    """Inertia of the inner rod alone about joint 1 over b of the whole rig, from (7,) ratios, b and p/b."""
+    """Inertia of the inner rod alone about joint 1, divided by b of the whole rig, from (7,) ratios, b and p/b."""
     return float(ratios[RATIOS.index("a/b")] - ratios[ON_ELBOW])
 
 
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
-    """Indices of the unknowns that runs determine; the others keep their values.
+    """Indices of those unknowns in `Estimate.ratios` that runs determine; all others keep their values.
 
     Both rods free determine the five ratios, and the inner rod alone also p/b. With a prescribed joint 1 the outer rod
-    determines d/b and c2/b. Without a swing of both rods, other quantities are stored in these places: in e1/b and c1/b
-    the gravity and friction divided by the inertia of the swinging part, in d/b the outer rod's gravity if it does not
-    hang in line, and in a/b the value of a second mounting.
+    determines d/b and c2/b. Without a swing of both rods, some places store other quantities:
+
+        e1/b, c1/b    gravity and friction, divided by the inertia of the swinging part
+        d/b           gravity of the outer rod, if it does not hang in line with the inner rod
+        a/b           value of a second mounting
     """
     all_setups = list(setups)
     setups = [setup for setup in all_setups if setup.inner is None]
@@ -227,7 +239,7 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
 
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
-    """Zero offsets of the measured encoders, separate for each run."""
+    """Free parameters for the zero offsets of the measured encoders, separate for each run."""
     encoders = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
     names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in encoders]
     places = [ZEROS_BEGIN + 2 * run + joint for run, joint in encoders]
@@ -243,7 +255,7 @@ def effect_parameters(
     overrides: tuple[tuple[int, float], ...] = (),
     limits: Array | None = None,
 ) -> tuple[FreeParameter, ...]:
-    """Amplitudes of an effect; with `refined` also its continuous shape parameters.
+    """Free parameters for the amplitudes of an effect; with `refined` also for its continuous shape parameters.
 
     Args:
         effect: the effect
@@ -274,13 +286,13 @@ def effect_parameters(
 
 
 def moved(estimate: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
-    """Estimate after a step, with all parameters within their bounds.
+    """Estimate after a step, with all parameters kept within their bounds.
 
     Args:
         estimate: estimate before the step
-        free: the free parameters
-        step: (free,)
-        initial_step: (segments, 4)
+        free: free parameters
+        step: (free,) step of the free parameters
+        initial_step: (segments, 4) step of the initial states
     """
     vector = estimate.vector.copy()
     for parameter, change in zip(free, step.tolist(), strict=True):

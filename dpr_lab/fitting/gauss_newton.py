@@ -2,18 +2,18 @@
 
     minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2  +  prior of p
 
-The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude that the recordings cannot distinguish from the
-base parameters, the zeros, the initial states or the amplitudes before it is not a free parameter of a step.
+The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude is not a free parameter of a step if the
+recordings cannot distinguish it from the base parameters, the zeros, the initial states or the amplitudes before it.
 
 An iteration (`iterate`) solves the projected normal equations of `dpr_lab.fitting.linearise` for the parameters; the
 initial states follow from them. A step that does not reduce the cost is shortened. If only some segments get worse, the
-steps of their initial states are reduced first, because a swing that passes near the upright would otherwise slow down
-all others. A shorter step starts again from full steps of the initial states, which compensate for the change of the
+steps of their initial states are reduced first. Otherwise a swing that passes near the upright would slow down all
+others. A shorter step starts again from full steps of the initial states, which compensate for the change of the
 parameters. If no step length reduces the cost, the damping is increased. If the predicted reduction is below the
 tolerance, only the full step is tried. If a step reduces the cost as predicted, the Jacobian is frozen: the next
 iteration uses it again.
 
-A fit without free parameters moves the initial states only, as for a held-out run.
+A fit without free parameters changes the initial states only, as for a held-out run.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 class StopReason(Enum):
-    """Reason why an iteration ended."""
+    """Reason why the iteration ended."""
 
     CONVERGED = "the cost no longer decreases, or no reduction is predicted"
     NO_DESCENT = "no step of any length or damping reduces the cost"
@@ -42,41 +42,49 @@ class StopReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class GaussNewton:
-    """Tolerances and step control."""
+    """Tolerances and step control of the iteration."""
 
     converged: float = 1e-4
-    """Relative reduction of the cost by a full step that ends the iteration: a small part of the effect of noise."""
+    """Relative reduction of the cost by a full step at which the iteration ends.
+
+    The value is a small part of the effect of noise.
+    """
     linearity: float = 0.1
     """Maximum relative difference between actual and predicted reduction for which the Jacobian is frozen."""
     converged_frozen: float = 3e-6
-    """Relative reduction that ends the iteration with a frozen Jacobian; the limit is smaller because convergence is
-    then linear."""
+    """Relative reduction of the cost at which the iteration ends with a frozen Jacobian.
+
+    The limit is smaller than `converged`, because convergence is then linear.
+    """
     amplitude_change: float = 0.2
-    """Relative change of an amplitude beyond which the Jacobian of its effect's shape is recomputed at the end."""
+    """Relative change of an amplitude beyond which the derivative of its effect's shape is recomputed at the end."""
     tries: int = 6
-    """Number of step lengths before a step counts as failed: of 1817 steps of 15 diagnoses three needed more."""
+    """Number of step lengths before a step counts as failed; of 1817 steps of 15 diagnoses three needed more."""
     shorten: float = 0.3
-    """Factor of a step that did not reduce the cost."""
+    """Factor on the length of a step that did not reduce the cost."""
     shorten_segment: float = 0.1
-    """Factor on the initial-state steps of segments whose cost increases, if these are at most half of the segments."""
+    """Factor on the initial-state steps of segments whose cost increases, if these are at most half of all segments."""
     least_damping: float = 1e-9
-    """Initial damping, for columns of unit norm."""
+    """Initial damping, relative to columns of unit norm."""
     lower_damping: float = 0.1
-    """Factor after a successful step."""
+    """Factor on the damping after a successful step."""
     raise_damping: float = 1e3
-    """Factor after a failed step."""
+    """Factor on the damping after a failed step."""
     most_damping: float = 0.1
-    """Damping beyond which no step is expected to help."""
+    """Largest damping that is tried; with more damping no step is expected to reduce the cost."""
     same_step: float = 1e-3
-    """A step with more damping is not tried if its relative difference from the failed step is at most this value."""
+    """Maximum relative difference from the failed step for which a step with more damping is not tried."""
     preliminary: float = 0.0
-    """Relative reduction of the cost that ends the iteration far from the noise; 0: only `converged` ends it."""
+    """Relative reduction of the cost at which a fit far from the noise ends; 0: only `converged` ends it."""
     far: float = 20.0
-    """Maximum chi2 per reading of a fit that is near the noise."""
+    """Maximum chi2 per reading of a fit that counts as near the noise."""
     to_beat: float = np.inf
-    """chi2 of a better fit; the iteration ends if `exceeded` times the predicted reduction would not reach it."""
+    """chi2 of a better fit.
+
+    The iteration ends if a reduction of `exceeded` times the predicted one would not reach this value.
+    """
     exceeded: float = 2.0
-    """Largest expected ratio of the reduction by all further steps to the predicted one."""
+    """Largest expected ratio of the reduction by all further steps to the predicted reduction."""
 
 
 GAUSS_NEWTON = GaussNewton()
@@ -84,7 +92,7 @@ GAUSS_NEWTON = GaussNewton()
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fitted estimate with the linearisation at this estimate."""
+    """A fitted estimate with its linearisation."""
 
     estimate: Estimate
     free: tuple[FreeParameter, ...]
@@ -94,7 +102,7 @@ class Fit:
     prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """(n, free) rows of the prior for the free parameters; empty without a prior."""
     absorbed: tuple[int, ...] = ()
-    """Indices of amplitudes that are indistinguishable from earlier unknowns (`Prior.absorbed`)."""
+    """Indices of the amplitudes that are indistinguishable from earlier unknowns (`Prior.absorbed`)."""
 
     @property
     def converged(self) -> bool:
@@ -108,7 +116,7 @@ class Fit:
 
     @property
     def values(self) -> Array:
-        """(free,) fitted values."""
+        """(free,) fitted values of the free parameters."""
         return np.array([parameter.read(self.estimate) for parameter in self.free])
 
     @property
@@ -123,23 +131,23 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Iteration:
-    """State of the solver after one iteration."""
+    """State of the solver before or after an iteration."""
 
     estimate: Estimate
     predicted: Array | None
-    """(samples, 2) readings at the estimate; None if they were not computed separately from the linearisation."""
+    """(samples, 2) readings at the estimate, rad; None if they were not computed separately from the linearisation."""
     chi2: float
     linear: Linearisation
     """Residuals and Jacobian of the last step."""
     linearised_at: Estimate
-    """Estimate at which this Jacobian was computed."""
+    """Estimate at which the Jacobian of `linear` was computed."""
     current: bool
     """Whether the residuals of `linear` are those of the estimate."""
     damping: float
     frozen_jacobian: bool = False
     """Whether the last step was linear enough to use the Jacobian again."""
     failed: Array | None = None
-    """(free,) step from this estimate that failed: no length of it reduced the cost."""
+    """(free,) failed step from this estimate: no length of the step reduced the cost."""
     number: int = 0
     stop: StopReason | None = None
 
@@ -154,16 +162,16 @@ def fit(
     predicted: Array | None = None,
     settings: GaussNewton = GAUSS_NEWTON,
 ) -> Fit:
-    """Fit the free parameters and all initial states, and linearise the result.
+    """Fit the free parameters and all initial states, and linearise at the result.
 
     Args:
         problem: measured readings, weights and model
         start: initial estimate; parameters that are not free keep its values
-        free: free parameters besides the initial states
-        iterations: maximum number
+        free: free parameters in addition to the initial states
+        iterations: maximum number of iterations
         first: linearisation at `start`, if known
         predicted: (samples, 2) readings at `start`, if known
-        settings: tolerances
+        settings: tolerances and step control
     """
     free = problem.all_free(free)
     end = descend(problem, start, free, iterations=iterations, first=first, predicted=predicted, settings=settings)
@@ -182,25 +190,26 @@ def fit(
 
 @dataclass(frozen=True, slots=True)
 class RigPrior:
-    """Prior of the rig file: it adds |e - A step|^2 to the chi2 of a step."""
+    """Prior of the rig file for steps from an estimate; it adds |e - A step|^2 to the chi2 of a step."""
 
     problem: Problem
     estimate: Estimate
     free: tuple[FreeParameter, ...]
     A: Array
-    """(n, free) one row per free parameter, none without a prior; `A @ step` is the step in standard deviations of the
-    prior, times the square root of `weight`.
+    """(n, free) one row per free parameter; no rows without a prior.
+
+    `A @ step` is the step in standard deviations of the prior, times the square root of `weight`.
     """
     e: Array
-    """(n,) mean of the prior minus `estimate`, in the same units."""
+    """(n,) difference between the mean of the prior and `estimate`, in the units of `A @ step`."""
     weight: float
-    """Chi2 of one standard deviation of the prior."""
+    """Chi2 of a deviation by one standard deviation of the prior."""
 
     @classmethod
     def at(
         cls, problem: Problem, estimate: Estimate, free: tuple[FreeParameter, ...], linear: Linearisation
     ) -> "RigPrior":
-        """Prior for steps from an estimate, weighted by the residual there."""
+        """Prior for steps from an estimate, weighted by the residual at this estimate."""
         if problem.prior is None or not free:
             return cls(problem, estimate, free, np.zeros((0, len(free))), np.zeros(0), 1.0)
         A, e = problem.prior.rows(estimate, free)
@@ -208,18 +217,18 @@ class RigPrior:
         return cls(problem, estimate, free, weight**0.5 * A, weight**0.5 * e, weight)
 
     def cost(self, step: Array) -> float:
-        """Cost after a step."""
+        """Cost of the prior after a step."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def absorbed(self, space: ColumnSpace) -> Flags:
-        """(free,) amplitudes indistinguishable from the unknowns before them."""
+        """(free,) mask of the amplitudes that are indistinguishable from earlier unknowns."""
         if self.problem.prior is None:
             return np.zeros(len(self.free), dtype=np.bool_)
         return self.problem.prior.absorbed(space, self.estimate, self.free, (self.A, self.e))
 
 
 def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
-    """Whether an amplitude changed so much that the derivative of its shape is outdated."""
+    """Whether an amplitude changed so much that the derivative of its effect's shape is outdated."""
     shaped = {parameter.effect for parameter in free if not parameter.amplitude}
     amplitudes = [parameter for parameter in free if parameter.amplitude and parameter.effect in shaped]
     pairs = [(parameter.read(end.linearised_at), parameter.read(end.estimate)) for parameter in amplitudes]
@@ -236,7 +245,7 @@ def descend(
     predicted: Array | None = None,
     settings: GaussNewton = GAUSS_NEWTON,
 ) -> Iteration:
-    """Iterate as `fit` does, without the final linearisation; arguments as there."""
+    """Iterate as `fit` does, but without the final linearisation; arguments as for `fit`."""
     start, free = problem.with_zeros(start), problem.all_free(free)
     linear = first or linearise(problem, start, free, predicted)
     state = Iteration(start, predicted, linear.chi2, linear, start, True, settings.least_damping)
@@ -286,12 +295,10 @@ def iterate(
 
 
 def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, settings: GaussNewton) -> StopReason | None:
-    """Reason to stop after a successful step: its reduction is small.
+    """Reason to stop after a successful step with a small reduction of the cost; None: continue.
 
-    For a preliminary fit far above the noise, the limit is larger.
-
-    Far above the noise, the model error exceeds any small reduction. If a segment could not be followed before, chi2
-    cannot be compared.
+    A preliminary fit far above the noise stops at a larger reduction, because the model error exceeds any small
+    reduction. chi2 cannot be compared if a segment could not be followed before.
     """
     if not np.isfinite(chi2):
         return None
@@ -302,7 +309,7 @@ def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, sett
 
 
 def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration) -> Iteration:
-    """The state with residuals at its estimate, and a new Jacobian unless the frozen one may be used."""
+    """State with the residuals at its estimate, and with a new Jacobian unless the frozen one may be used."""
     if state.current:
         return state
     if state.frozen_jacobian and state.predicted is not None:
@@ -314,7 +321,7 @@ def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iterat
 
 
 def _step(state: Iteration, free: tuple[FreeParameter, ...], prior: RigPrior) -> Array:
-    """(free,) the damped step within the bounds; zero for absorbed amplitudes."""
+    """(free,) damped step within the bounds; zero for absorbed amplitudes."""
     if not free:
         return np.zeros(0)
     space = ColumnSpace.of(*state.linear.flat)
@@ -338,7 +345,7 @@ def _line_search(
     settings: GaussNewton,
     tries: int,
 ) -> tuple[Estimate, Array, float, float] | None:
-    """First estimate along the step that reduces the cost, with its readings, chi2 and cost of the prior.
+    """First estimate along the step that reduces the cost, with its readings, its chi2 and its cost of the prior.
 
     None if no step length reduces the cost.
     """

@@ -4,9 +4,9 @@ An initial state affects its own segment only. With B = dreadings/dx_s = Q R, we
 
     A = (I - Q Q^T) dreadings/dp,    e = (I - Q Q^T) residual
 
-give normal equations of the size of the free parameters p for any number of segments. They are stored by segment,
-because all later computations (predicted reduction by a further effect, prediction of a held-out run, similarity of
-effects, minimum detectable effects) are linear algebra on them.
+give normal equations of the size of the free parameters p for any number of segments. A and e are stored by segment,
+because all later computations are linear algebra on them: the predicted reduction by a further effect, the prediction
+of a held-out run, the similarity of effects, and minimum detectable effects.
 
 Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Pereyra (1973). docs/theory.md.
 """
@@ -22,30 +22,35 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.setup import Setup
 
 BLIND = 1e-12
-"""Minimum information of readings on an initial state, standard deviations per rad; smaller values are due to rounding.
+"""Minimum information of readings on an initial state, in standard deviations per rad.
+
+A smaller value is due to rounding.
 """
 
 
 UNKNOWN_STARTS = np.array([0.0, 0.0, 1.0, 1.0])
 UNREAD_STARTS = np.array([0.0, 1.0, 1.0, 1.0])
-"""Inverse prior standard deviation of the step of an initial state, 1/rad and s/rad.
+"""Inverse prior standard deviations of the step of an initial state, 1/rad and s/rad.
 
-The readings of a joint that is at rest from the first sample on contain no information on its initial speed: without
+The readings of a joint that is at rest from the first sample on contain no information on its initial speed. Without
 the prior, angle and speed would be indistinguishable. The same holds for the angle of an outer rod that is not mounted.
 """
 
 
 def slow_starts(setup: Setup, states: int = 4) -> Array:
-    """(states,) inverse prior standard deviations of the step of an initial state; that of a clamped arm is fixed."""
+    """(states,) inverse prior standard deviations of the step of an initial state.
+
+    The state of a clamped arm is fixed.
+    """
     rods = UNREAD_STARTS if setup.alone else UNKNOWN_STARTS
     return rods if states == len(rods) else np.append(rods, [0.0 if setup.arm_moves else 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Linearisation:
-    """Residuals and derivatives of all segments at one estimate.
+    """Whitened residuals and derivatives of all segments at one estimate.
 
-    They are whitened. Shorter segments are padded to m = 2 * samples of the longest one.
+    Shorter segments are padded to m = 2 * samples of the longest segment.
     """
 
     residual: Array
@@ -55,11 +60,11 @@ class Linearisation:
     A: Array
     """(segments, m, free) derivatives with the initial states projected out."""
     initial_state_coefficients: Array
-    """(segments, 4, free) Q^T dreadings/dp: the part of the derivatives that initial states can reproduce."""
+    """(segments, 4, free) Q^T dreadings/dp: the part of the derivatives that the initial states can reproduce."""
     Q: Array
-    """(segments, m, 4) Q of the QR decomposition of the derivatives by the initial states."""
+    """(segments, m, 4) factor Q of the QR decomposition of the derivatives with respect to the initial states."""
     R: Array
-    """(segments, 4, 4) R of this decomposition."""
+    """(segments, 4, 4) factor R of the QR decomposition."""
 
     @property
     def chi2_by_segment(self) -> Array:
@@ -69,13 +74,13 @@ class Linearisation:
 
     @property
     def chi2(self) -> float:
-        """Sum over all segments."""
+        """Sum of squared residuals of all segments."""
         with np.errstate(over="ignore"):
             return float(self.chi2_by_segment.sum())
 
     @property
     def flat(self) -> tuple[Array, Array]:
-        """(rows, free) A and (rows,) e of all segments."""
+        """(rows, free) A and (rows,) e, with all segments in sequence."""
         return self.A.reshape(self.e.size, self.A.shape[2]), self.e.ravel()
 
     def projected(self, columns: Array) -> Array:
@@ -84,7 +89,7 @@ class Linearisation:
         return np.subtract(columns, absorbed, out=absorbed)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """Copy with other predicted readings, (samples, 2), and these derivatives; None if a segment diverges."""
+        """Copy with these derivatives and other predicted readings, (samples, 2); None if a segment diverges."""
         residual = problem.whitened(problem.measured - predicted)
         if not (np.isfinite(self.residual).all() and np.isfinite(residual).all()):
             return None
@@ -114,10 +119,10 @@ def linearise(
     predicted: Array | None = None,
     slopes: Array | None = None,
 ) -> Linearisation:
-    """Residuals and their derivatives.
+    """Linearise a problem at an estimate.
 
     Args:
-        problem: the measurements
+        problem: measured readings, weights and model
         estimate: point of expansion
         free: unknowns in addition to the initial states
         predicted: readings at the estimate, (samples, 2), if known

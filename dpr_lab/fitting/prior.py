@@ -1,19 +1,19 @@
 """Prior information of the rig file: a normal prior of the ratios and b, and limits of the sizes of effects.
 
 The nine parameters have their best known values as means. The standard deviation of each is that of a uniform
-distribution between its bounds, or the standard uncertainty of a measured value, with a lower limit so that the prior
-stays weak. With J the derivative of the ratios, b and p/b with respect to the nine, their prior covariance is
+distribution between its bounds, or the standard uncertainty of a measured value. A lower limit keeps the prior weak.
+With J the derivative of the ratios, b and p/b with respect to the nine parameters, the prior covariance is
 
-    P = J diag(std^2) J^T + F,
+    P = J diag(std^2) J^T + F.
 
-where F widens the ratios of friction by a fixed damping ratio: bounds of friction are guesses. An amplitude of an
-effect is normal about zero with a third of its limit (`dpr_lab.effects.limits`) as standard deviation.
+F widens the ratios of friction by a fixed damping ratio, because bounds of friction are guesses. The amplitude of an
+effect has a normal prior about zero, with a third of its limit (`dpr_lab.effects.limits`) as standard deviation.
 
-Residuals larger than the noise are treated as noise of that size, so the cost of a fit is
+Residuals larger than the noise are treated as noise of their size. The cost of a fit is therefore
 
     chi2 + w (v - mean)^T P^-1 (v - mean),    w = max(1, chi2 / readings),
 
-with only the free unknowns v; the prior of the others is marginalised.
+with the free unknowns v; the prior of all other unknowns is marginalised.
 """
 
 from collections.abc import Sequence
@@ -40,22 +40,27 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class PriorStrength:
-    """Strength of the prior."""
+    """Strength of the prior of the rig file."""
 
     floor: float = 0.05
-    """Minimum relative standard deviation of a parameter, because an incomplete model needs other values than
-    measured.
+    """Minimum relative standard deviation of a parameter.
+
+    An incomplete model may need other values than the measured ones.
     """
     damping: float = 0.3
-    """Standard deviation of the damping ratio of a small swing, in addition to the bounds of friction."""
+    """Standard deviation of the damping ratio of a small swing.
+
+    It widens the prior in addition to the bounds of friction.
+    """
     amplitude: float = 1.0 / 3.0
     """Standard deviation of an amplitude relative to its limit."""
     absorbed: float = 2e-3
-    """Share of the norm of a column, with initial states projected out, that must remain after projection on earlier
-    columns.
+    """Minimum norm of a column after projection on earlier columns, relative to its norm before.
+
+    The initial states are projected out of both.
     """
     zeros: float = 10.0
-    """Standard deviation of an encoder zero that changes before each run, in typical sizes."""
+    """Standard deviation of an encoder zero that changes before each run, in units of the typical size `ZERO_SIZE`."""
 
 
 STRENGTH = PriorStrength()
@@ -68,14 +73,14 @@ class Prior:
     """Prior information of the rig file on the unknowns."""
 
     mean: Array
-    """(7,) ratios, b and p/b from the rig file."""
+    """(7,) prior means of the ratios, b and p/b."""
     covariance: Array
-    """(7, 7) prior covariance."""
+    """(7, 7) prior covariance of the ratios, b and p/b."""
     limits: Array
-    """(SIZE,) maximum sizes of amplitudes of effects."""
+    """(SIZE,) maximum sizes of the amplitudes of effects."""
 
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-        """(n, free) A and (n,) e of the prior's cost |e - A step|^2 of a step from an estimate."""
+        """(n, free) A and (n,) e of the cost |e - A step|^2 that the prior adds to a step from an estimate."""
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
         if of_ratios:
@@ -96,19 +101,20 @@ class Prior:
         free: Sequence[FreeParameter],
         rows: tuple[Array, Array],
     ) -> Flags:
-        """(free,) amplitudes that these recordings cannot distinguish from earlier unknowns.
+        """(free,) mask of the amplitudes that these recordings cannot distinguish from earlier unknowns.
 
-        The order is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if the recordings,
-        with the prior of the earlier unknowns, contain less information on it than its own prior. An amplitude of zero,
-        whose effect is not in the model yet, is also absorbed if its column is almost zero after the earlier columns
-        are projected out. (This does not apply to others, because a torque and the ratios may share only the unknown
-        scale.)
+        The order of the unknowns is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if
+        the recordings, with the prior of the earlier unknowns, contain less information on it than its own prior.
+
+        An amplitude of zero, whose effect is not in the model yet, is also absorbed if its column is almost zero after
+        the earlier columns are projected out. This rule does not apply to other amplitudes, because a torque and the
+        ratios may share only the unknown scale.
 
         Args:
-            space: inner products of the derivatives, initial states projected out
+            space: inner products of the derivatives, with initial states projected out
             estimate: estimate of the linearisation
             free: the free parameters
-            rows: (n, free) A and (n,) e of the prior there, `rows` times the root of w
+            rows: (n, free) A and (n,) e of the prior at the estimate: `rows` times the square root of w
         """
         amplitudes = np.array([p.block == "effects" and p.amplitude for p in free], dtype=np.bool_)
         if not amplitudes.any():
@@ -131,7 +137,7 @@ class Prior:
 
 
 def prior_of(rig: Rig) -> Prior:
-    """The prior of a rig file."""
+    """Prior of a rig file."""
     Z = rig.nominal
     whole = whole_parameters(Z, rig.L1, rig.g)
     mean = unknown_ratios(whole)
@@ -150,7 +156,7 @@ def prior_of(rig: Rig) -> Prior:
 
 
 def parameter_std(rig: Rig) -> Array:
-    """(9,) standard deviation of each parameter from the rig file: of its measurement, or of its bounds."""
+    """(9,) prior standard deviation of each parameter: of its measurement, or of its bounds."""
     lower, upper = rig.bounds
     measured = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS])
     return np.where(rig.searched, (upper - lower) / np.sqrt(12), measured)

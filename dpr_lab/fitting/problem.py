@@ -30,7 +30,7 @@ class OutputModel(Protocol):
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
-        """(samples, 2) joint 1 and joint 2 as read by its encoder, rad; not finite if the integration fails."""
+        """(samples, 2) readings of joint 1 and joint 2 by their encoders, rad; not finite if the integration fails."""
         ...
 
     def slopes(
@@ -40,37 +40,40 @@ class OutputModel(Protocol):
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """(samples, 2, free + 4) derivatives, the last four with respect to the initial state of the segment.
+        """(samples, 2, free + 4) derivatives; the last four are with respect to the initial state of the segment.
 
-        `predicted` are the readings at the estimate, if known: a model that computes derivatives less accurately
-        compares them with its own.
+        `predicted` are the readings at the estimate, if known. A model that computes derivatives less accurately
+        compares its own readings with them.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Segments of all runs.
+    """Fit problem: the segments of all runs, their readings and weights, and the model.
 
     Whitened values are padded to one length: row 2 k + j of a segment is its sample k of joint j + 1. If the arm of any
-    run moves, it is a third axis, and its angle and speed are components five and six of an initial state.
+    run moves, the arm is a third axis, and its angle and speed are components five and six of an initial state.
     """
 
     segments: Segments
     measured: Array
     """(samples, 2) encoder readings, rad."""
     weight: Array
-    """(samples, 2) reciprocal standard deviation, times the root of a robust weight, 1/rad."""
+    """(samples, 2) reciprocal standard deviation of each reading times the square root of a robust weight, 1/rad."""
     model: OutputModel
     masses_weighed: bool = False
-    """Whether the masses of the rig were weighed, so that load-dependent friction determines the scale of torques."""
+    """Whether the masses of the rig were weighed; load-dependent friction then determines the scale of torques."""
 
     always: tuple[str, ...] = ()
-    """Effects that are free in every fit, because the rig file states an uncertainty of the quantity they correct."""
+    """Effects that are free in every fit.
+
+    For each of them the rig file states an uncertainty of the quantity that the effect corrects.
+    """
     noise_correlation: float = 0.0
     """Correlation of the noise of neighbouring readings, due to a filter or a tracker."""
     rezeroed: bool = False
-    """Whether the encoders are zeroed before each run: every fit then estimates their zeros for each run."""
+    """Whether the encoders are zeroed before each run; every fit then estimates the zeros of each run."""
     prior: "Prior | None" = None
     """Prior information of the rig file; None for a fit to the readings alone."""
     disturbance: Disturbance | None = None
@@ -88,7 +91,7 @@ class Problem:
 
     @property
     def axes(self) -> int:
-        """Number of encoders: 2, or 3 with that of an arm that moves."""
+        """Number of encoders: 2, or 3 with the encoder of an arm that moves."""
         return self.measured.shape[1]
 
     @property
@@ -112,16 +115,19 @@ class Problem:
         return np.repeat(np.arange(len(self.segments)), np.diff(self.segments.offsets))
 
     def whitened(self, values: Array) -> Array:
-        """(segments, m) or (segments, m, k) from (samples, 2) or (samples, 2, k): weighted, padded with zeros.
+        """Weighted values of all segments, padded with zeros: (segments, m[, k]) from (samples, 2[, k]).
 
-        With process noise these are innovations: independent and of unit variance.
+        With process noise the result are innovations, which are independent and of unit variance.
         """
         columns = values.reshape(*self.weight.shape, -1)
         blocks = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
         return blocks.reshape(*blocks.shape[:2], *values.shape[2:])
 
     def decorrelated(self, weighed: Array) -> Array:
-        """(segments, m, k) whitened, from weighted and padded (segments, longest, 2, k), which is overwritten."""
+        """(segments, m, k) whitened values, from weighted and padded values (segments, longest, 2, k).
+
+        The input is overwritten.
+        """
         if (noise := self.disturbance) is not None:
             innovations(weighed, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
         return weighed.reshape(len(weighed), -1, weighed.shape[3])
@@ -135,13 +141,16 @@ class Problem:
         return innovations(zeros, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
 
     def by_sample(self, whitened: Array) -> Array:
-        """(samples, 2) from (segments, m)."""
+        """(samples, 2) values from whitened values (segments, m)."""
         owner = self.owner
         row = np.arange(len(owner)) - self.segments.offsets[owner]
         return whitened.reshape(len(whitened), -1, self.axes)[owner, row]
 
     def with_zeros(self, estimate: Estimate) -> Estimate:
-        """An estimate with encoder zeros for each run of these segments if they are free: its own, or zero."""
+        """Estimate that contains encoder zeros for each run of these segments if the zeros are free.
+
+        The zeros are those of the given estimate, or 0 if it has none for these runs.
+        """
         runs = len(self.segments.setups)
         return (
             estimate.changed(zeros=np.zeros((runs, 2))) if self.rezeroed and len(estimate.zeros) != runs else estimate
@@ -157,7 +166,7 @@ class Problem:
         return self.model.predict(self.segments, estimate) + self._zeros(estimate)
 
     def _zeros(self, estimate: Estimate) -> Array | float:
-        """(samples, 2) zeros of the encoders in the run of each sample, rad; 0 if none are free."""
+        """(samples, 2) encoder zeros in the run of each sample, rad; 0 if no zeros are free."""
         if not len(estimate.zeros):
             return 0.0
         zeros = np.zeros((len(estimate.zeros), self.axes))
@@ -165,7 +174,7 @@ class Problem:
         return zeros[self.segments.run[self.owner]]
 
     def slopes(self, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None) -> Array:
-        """(samples, 2, free + 4) derivatives of the predicted readings, the last four for the initial state.
+        """(samples, 2, free + 4) derivatives of the predicted readings; the last four are for the initial state.
 
         With `predicted`, (samples, 2), the model checks the accuracy of its derivatives (`OutputModel.slopes`).
         """
@@ -191,11 +200,14 @@ class Problem:
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
 
     def prior_weight(self, chi2_by_segment: Array) -> float:
-        """Weight of the prior: a residual above the noise is treated as noise of its size."""
+        """Weight of the prior: at least 1, and larger if the residual exceeds the noise.
+
+        A residual above the noise is treated as noise of its size.
+        """
         return max(1.0, float(chi2_by_segment[np.isfinite(chi2_by_segment)].sum()) / max(self.evidence, 1))
 
     def chi2(self, estimate: Estimate) -> float:
-        """Sum over all segments."""
+        """Sum of squared whitened residuals of all segments."""
         return float(self.chi2_by_segment(self.predict(estimate)).sum())
 
     def weighted(self, factor: Array) -> "Problem":

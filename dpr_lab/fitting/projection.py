@@ -1,9 +1,9 @@
-"""Columns of a linear least-squares problem: reduction of the residual by all, by one, and in addition to others.
+"""Columns of a linear least-squares problem: reduction of the residual by all, by one, or in addition to others.
 
     min_x  | e - A x |^2
 
-Columns are scaled to unit norm, so that units have no influence, and every normal matrix has the same ridge, so that
-collinear columns share the explanation instead of having large coefficients of opposite sign.
+Columns are scaled to unit norm, so that units have no influence. Every normal matrix has the same ridge. Collinear
+columns therefore share the explanation instead of having large coefficients of opposite sign.
 """
 
 from collections.abc import Sequence
@@ -25,18 +25,18 @@ TINY = 1e-140
 
 @dataclass(frozen=True, slots=True)
 class ColumnSpace:
-    """Columns A and a residual e, represented by their inner products."""
+    """Columns A and a residual e of a least-squares problem, represented by their inner products."""
 
     scale: Array
     """(k,) reciprocal norm of each column."""
     H: Array
     """(k, k) normal matrix of the columns at unit norm."""
     gradient: Array
-    """(k,) inner products with the residual."""
+    """(k,) inner products of the columns, at unit norm, with the residual."""
 
     @classmethod
     def of(cls, A: Array, e: Array) -> "ColumnSpace":
-        """From columns (..., k) and a residual (...)."""
+        """Column space of columns (..., k) and a residual (...)."""
         flat = A.reshape(e.size, A.shape[-1])
         H = flat.T @ flat
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
@@ -50,23 +50,23 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
-        """Copy of the problem with prior rows (n, k) A and (n,) e; columns have unit norm with these rows."""
+        """Copy of the problem with prior rows (n, k) A and (n,) e; the columns have unit norm including these rows."""
         H = self.H / self.scale[:, None] / self.scale + A.T @ A
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
 
     def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
-        """Columns and residual projected orthogonally to other columns, with unchanged scale."""
+        """Column space of some columns, projected orthogonally to the columns `held`, with unchanged scale."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
     def gains_given(self, across: Array, within: Array, gradient: Array, positive: bool) -> Array:
-        """(sets,) reduction of |e|^2 by each of many small sets of columns, fitted together with these columns.
+        """(sets,) reduction of |e|^2 by each of many small sets of columns, each fitted together with these columns.
 
         Args:
-            across: (k, sets, n) inner products of these columns with those of the sets
+            across: (k, sets, n) inner products of these columns with the columns of the sets
             within: (sets, n, n) inner products within each set
             gradient: (sets, n) inner products with the residual
             positive: whether x must not be negative for sets of one column
@@ -94,19 +94,19 @@ class ColumnSpace:
         return bounded_solution(H, self.gradient, *bounds / self.scale) * self.scale
 
     def reduction(self, x: Array) -> float:
-        """Reduction of |e|^2 by any x (k,)."""
+        """Reduction of |e|^2 by given coefficients x (k,)."""
         unit = x / self.scale
         return float(2 * unit @ self.gradient - unit @ _ridged(self.H) @ unit)
 
     def gain(self) -> float:
-        """Reduction of |e|^2 by the solution."""
+        """Reduction of |e|^2 by the unbounded solution."""
         return self.reduction(self.solution())
 
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
         """(k,) share of each column's squared norm that remains after projection on the earlier columns.
 
-        A column of which only rounding remains is not used in the projection of later ones. Without such columns,
-        these shares are the squared diagonal of the Cholesky factor.
+        A column is not used in the projection of later columns if only rounding errors of it remain. Without such
+        columns, the shares are the squared diagonal of the Cholesky factor.
         """
         H, remaining = self.H.copy(), np.zeros(len(self))
         with suppress(np.linalg.LinAlgError):
@@ -124,7 +124,7 @@ class ColumnSpace:
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:
-        """Cosine between the response to a direction (columns,) of some columns and its projection on others."""
+        """Cosine between the response to a direction of some columns and its projection on other columns."""
         x = direction / self.scale[columns]
         overlap = self.H[others][:, columns] @ x
         length = float(x @ self.H[columns][:, columns] @ x)
@@ -139,14 +139,15 @@ def _ridged(H: Array, ridge: float = RIDGE) -> Array:
 def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> Array:
     """Minimise x^T H x / 2 - gradient^T x over lower <= x <= upper.
 
-    Active set: coordinates that would cross a bound are fixed there; then the fixed coordinate that would reduce the
-    cost most by leaving its bound is released, until none would (Karush-Kuhn-Tucker).
+    The active-set method fixes coordinates that would cross a bound at this bound. It then releases the fixed
+    coordinate that would reduce the cost most by leaving its bound, until no release reduces the cost
+    (Karush-Kuhn-Tucker).
 
     Args:
         H: (k, k) symmetric positive definite
-        gradient: (k,)
-        lower: (k,) -inf without a bound
-        upper: (k,) inf without a bound
+        gradient: (k,) right-hand side
+        lower: (k,) lower bounds; -inf without a bound
+        upper: (k,) upper bounds; inf without a bound
     """
     free, x, fixed = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient)), np.zeros(len(gradient))
     for _ in range(4 * len(gradient) + 1):

@@ -1,11 +1,11 @@
-r"""Response of the readings to small torques along a known trajectory, by variation of constants.
+"""Response of the readings to small torques along a known trajectory, by variation of constants.
 
 With Phi(t) the sensitivity of the state to the initial state and M the mass matrix,
 
-    dx(t) = Phi(t) integral Phi(s)^-1 [0; M(s)^-1 tau(s)] ds,
+    dx(t) = Phi(t) integral Phi(s)^-1 [0; M(s)^-1 tau(s)] ds.
 
-so that each torque along the same trajectory needs only one matrix product. It is used for hundreds of torques: maps
-over angle, speed and time, and scanned shapes (orders, frequencies).
+Each torque along the same trajectory therefore needs only one matrix product. The method serves for hundreds of
+torques: maps over angle, speed and time, and scanned shapes (orders, frequencies).
 """
 
 from collections.abc import Callable
@@ -36,12 +36,12 @@ from dpr_lab.setup import Setup
 
 @dataclass(frozen=True, slots=True)
 class TrajectorySettings:
-    """Grid of a trajectory."""
+    """Settings of the grid of a trajectory."""
 
     grid_s: float = 2.5e-3
     """Spacing of the grid, s; the trapezoidal rule then has an error of 1e-3."""
     coarse_s: float = 5e-3
-    """Spacing of the grid for comparisons of torques, or for values printed with two digits, s."""
+    """Spacing of a coarser grid, s, for comparisons of torques and for values printed with two digits."""
 
 
 TRAJECTORY = TrajectorySettings()
@@ -60,24 +60,24 @@ class _Grid(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """The swings of all segments on a fine grid, with their response to a torque."""
+    """Swings of all segments on a fine grid, with their response to a torque."""
 
     motion: KnownMotion
-    """The swings, on n grid points."""
+    """Motion of the rods at n grid points."""
     bases: Array
     """(runs, 6) base parameters of the mounted parts, SI."""
     setups: tuple[Setup, ...]
     """Mounting of each run."""
     into: Array
-    """(n, states, axes) Phi^-1 [0; M^-1]: change of the initial state equivalent to a unit impulse."""
+    """(n, states, axes) Phi^-1 [0; M^-1]: change of the initial state that is equivalent to a unit impulse."""
     out: Array
     """(samples, axes, states) change of the encoder readings per change of the initial state."""
     at: Array
     """(samples,) position of each sample on the grid, in grid points."""
     edges: Integers
-    """(segments + 1,) first grid point of each segment."""
+    """(segments + 1,) index of the first grid point of each segment, then n."""
     first: Integers
-    """(segments + 1,) first sample of each segment."""
+    """(segments + 1,) index of the first sample of each segment, then the number of samples."""
 
     def response(self, problem: Problem, torque: Array) -> Array:
         """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
@@ -90,7 +90,7 @@ class Trajectory:
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
-        """(n, 2, k) generalised torques of effects (k, SIZE) of a stage in `TRAJECTORY_TORQUES`, N m."""
+        """(n, 2, k) generalised torques, N m, of effects (k, SIZE) of one stage in `TRAJECTORY_TORQUES`."""
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
@@ -100,7 +100,7 @@ class Trajectory:
         return torques
 
     def of_setup(self, setup: Setup) -> Flags:
-        """(n,) mask of the grid points of a setup."""
+        """(n,) mask of the grid points in runs with a given setup."""
         return np.array([other == setup for other in self.setups])[self.motion.run]
 
     def _torques(
@@ -117,14 +117,14 @@ class Trajectory:
 
     @property
     def joint_angle(self) -> Array:
-        """(n, 2) angle of joint 1 and of joint 2, 0 = hanging straight, rad."""
+        """(n, 2) angles of joint 1 and joint 2, rad, 0 = hanging straight; with a moving arm a third column, theta0."""
         theta = self.motion.theta
         joints = [theta[:, 0] - np.pi, theta[:, 1] - theta[:, 0], *theta[:, 2:].T]
         return np.stack(joints, axis=1)
 
     @property
     def joint_speed(self) -> Array:
-        """(n, 2) speed of joint 1 and of joint 2, rad/s."""
+        """(n, 2) speeds of joint 1 and joint 2, rad/s; with a moving arm a third column, the speed of the arm."""
         omega = self.motion.omega
         return np.stack([omega[:, 0], omega[:, 1] - omega[:, 0], *omega[:, 2:].T], axis=1)
 
@@ -135,11 +135,11 @@ def trajectory(
     begins: Callable[[float], float] = segment_start,
     spacing: float = TRAJECTORY.grid_s,
 ) -> Trajectory:
-    """Simulate the swings of an estimate with its ratios and initial states; its effects are small and neglected.
+    """Simulate the swings of an estimate with its ratios and initial states; its effects are neglected as small.
 
     Args:
-        problem: the segments
-        estimate: the estimate
+        problem: segments to simulate
+        estimate: ratios and initial states
         begins: function from the instant of the first reading of a segment to the start of the segment, s
         spacing: maximum spacing of the grid, s
     """
@@ -187,7 +187,7 @@ def trajectory(
 
 
 def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimate) -> FollowedSwing:
-    """The swings of two rods on an arm that is clamped or has a prescribed motion."""
+    """Simulated swings of two rods on an arm that is clamped or has a prescribed motion."""
     states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, outputs=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < FOLLOW.wildest).all(axis=1))
@@ -208,7 +208,10 @@ def _grid(first: float, last: float, spacing: float) -> Array:
 
 
 def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
-    """(n, 2) torques on theta1, theta2 of an arm's acceleration and squared speed, (n, 2); docs/theory.md (54)."""
+    """(n, 2) torques on theta1 and theta2, N m, due to the acceleration and squared speed of an arm, (n, 2).
+
+    The equation is (54) of docs/theory.md.
+    """
     (a, b, d, e1, *_), (alpha0, squared) = bases.T, arm.T
     (sin1, sin2), (cos1, cos2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T)
     pull, (lever1, lever2) = rig.L0 / rig.g * alpha0, levers(sin1, cos1, sin2, cos2, a, b, d)
@@ -228,11 +231,11 @@ def _accelerations(bases: Array, held: Flags, L1: float, g: float, states: Array
 
 @njit(allocates=False)
 def _response(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
-    """Trapezoidal integral from the start of each segment, weighted at the samples; inner loop over torques.
+    """Trapezoidal integral of the response from the start of each segment, weighted at the samples.
 
-    This is `_response_with_arm` for the four states of two rods, unrolled: a diagnosis integrates thousands of torques.
-    The result is written to `response`, (segments, m, k), where short segments end in zeros; `sums` (2, 4, k) is a work
-    array.
+    This function is `_response_with_arm` for the four states of two rods, unrolled, because a diagnosis integrates
+    thousands of torques. The inner loop runs over torques. The result is written to `response`, (segments, m, k), where
+    short segments end in zeros; `sums` (2, 4, k) is a work array.
     """
     t, into, out, positions, edges, first = grid
     count, before, total = torque.shape[2], sums[0], sums[1]

@@ -18,19 +18,19 @@ def without_outstanding(
     outstanding: float = 9.0,
     settings: GaussNewton = GAUSS_NEWTON,
 ) -> Fit:
-    """Fit with down-weighted outlying segments, and refit all segments from this estimate.
+    """Fit with down-weighted outlying segments, then refit all segments from the result.
 
-    A single swing that passes near the upright can keep all parameters in a local minimum.
+    Without the down-weighting, a single swing that passes near the upright can keep all parameters in a local minimum.
 
     Args:
-        problem: the measurements
-        first_fit: the fit
-        iterations: maximum number of each of two fits
-        outstanding: chi2 of a segment relative to the median above which it is down-weighted
+        problem: measured readings, weights and model
+        first_fit: fit of all segments
+        iterations: maximum number of iterations of each of two fits
+        outstanding: chi2 of a segment relative to the median above which the segment is down-weighted
         settings: tolerances of both fits; `to_beat` is a chi2 of `problem`, for the second one
 
     Returns:
-        the better of the two fits
+        the better of the first fit and the refit
     """
     worst = relative_chi2(first_fit)
     if not (worst > outstanding).any():
@@ -47,24 +47,24 @@ def without_outstanding(
 
 
 def relative_chi2(fitted: Fit) -> Array:
-    """(segments,) chi2 relative to the median of all segments."""
+    """(segments,) chi2 of each segment relative to the median of all segments."""
     chi2 = np.minimum(fitted.linear.chi2_by_segment, np.finfo(np.float64).max)
     return np.asarray(chi2 / max(float(np.median(chi2)), float(np.finfo(np.float64).tiny)))
 
 
 def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:
-    """Refit from other initial states of the segments that converged to a wrong minimum.
+    """Refit those segments that converged to a wrong minimum from other initial states.
 
     Args:
-        problem: the measurements
-        first_fit: the fit
+        problem: measured readings, weights and model
+        first_fit: fit of all segments
         initial: (segments, 4) other initial states
-        iterations: maximum number of each of two fits
-        lost: chi2 of a segment relative to the median above which it may be in a wrong minimum; it must fall by half of
-        this factor
+        iterations: maximum number of iterations of each of two fits
+        lost: chi2 of a segment relative to the median above which the segment may be in a wrong minimum; a new chi2
+            must be lower by half of this factor
 
     Returns:
-        the better of the two fits
+        the better of the first fit and the refit
     """
     chi2 = np.nan_to_num(first_fit.linear.chi2_by_segment, nan=np.inf)
     if not (chi2 > lost * np.median(chi2)).any():
@@ -79,7 +79,7 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
 
 
 def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> Array:
-    """(samples, 2) Student-t weights of the residuals of a fit, each relative to the spread of its own channel.
+    """(samples, 2) Student-t weights of the residuals of a fit, relative to the spread of each channel.
 
     Source: Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, JASA 84, 881-896.
     """

@@ -1,7 +1,8 @@
-"""Model of the rods without effects: exact derivatives of the Runge-Kutta map.
+"""Model of the rods without effects, with exact derivatives of the Runge-Kutta map.
 
-A segment starts at its first sample. The base parameters of a run follow from b (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b) by
-its mounting and a known attached mass (`dpr_lab.dynamics.base.base_of_run`), which can make b or p/b identifiable.
+A segment starts at its first sample. The base parameters of a run follow from b (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b),
+its mounting and a known attached mass (`dpr_lab.dynamics.base.base_of_run`). Such a mass can make b or p/b
+identifiable.
 """
 
 from collections.abc import Sequence
@@ -47,7 +48,7 @@ class RodsAlone:
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """(samples, 2, free + 4) exact derivatives; the free parameters are ratios, b and p/b."""
+        """(samples, 2, free + 4) exact derivatives of the readings; the free parameters are ratios, b and p/b."""
         values, chains = self._ratios(segments, estimate)
         begins = segments.turning_as_one(estimate.initial)
         _, by_unknown, by_push = driven(values, self.constants, segments, begins, 2)
@@ -66,13 +67,13 @@ class RodsAlone:
         return slopes
 
     def _ratios(self, segments: Segments, estimate: Estimate) -> tuple[Array, Array]:
-        """(segments, 6) ratios of each segment and 1 / b, and (segments, 6, 7) their derivatives."""
+        """(segments, 6) ratios of each segment and 1 / b, and (segments, 6, 7) derivatives of these values."""
         by_run = [pushed_by(estimate.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
         return np.array([by_run[run][0] for run in segments.run]), np.array([by_run[run][1] for run in segments.run])
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """(..., 4) derivatives with respect to an initial state, for rods that turn as one."""
+    """Derivatives (..., 4) with respect to an initial state, adapted to rods that turn as one body."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]
@@ -82,7 +83,7 @@ def by_start(slopes: Array, setup: Setup) -> Array:
 
 
 def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """(5,) ratios of a run, and their (5, 7) derivative with respect to the unknown ratios, b and p/b, (7,)."""
+    """(5,) ratios of a run, and (5, 7) derivatives with respect to the unknown ratios, b and p/b, (7,)."""
     if setup.added is None and setup.inner is None and not setup.alone:
         return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
     base = base_of_run(whole_of(unknown), setup, L1, g)
@@ -98,13 +99,16 @@ def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
 
 
 def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """(6,) ratios of a run and its 1 / b, which is zero without torques, and their (6, 7) derivative."""
+    """(6,) ratios of a run and 1 / b of the run, and (6, 7) derivatives of these values.
+
+    1 / b is zero without torques.
+    """
     values, slopes = ratios_of_run(unknown, setup, L1, g)
     push, by_unknown = 0.0, np.zeros(len(WHOLE))
     if setup.torques is not None:
         base = base_of_run(whole_of(unknown), setup, L1, g)
         push = 1 / base[_B]
-        # b of the run includes the attached mass; half the inertia for a single rod
+        # b of the run includes the attached mass; for a single rod it is half the inertia
         by_unknown = -(push**2) * (_whole_slopes(unknown, setup, L1, g)[_B])
     return np.append(values, push), np.vstack([slopes, by_unknown])
 
@@ -112,7 +116,7 @@ def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array,
 def followed(
     ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, outputs: int = 0
 ) -> tuple[Array, Array]:
-    """(N, 4) states of segments for (7,) unknown ratios; their derivatives (N, `outputs`, 9) as in `sensitivities`."""
+    """(N, 4) states of segments for (7,) unknown ratios, and (N, `outputs`, 9) derivatives as in `sensitivities`."""
     values = np.array([pushed_by(ratios, setup, rig.L1, rig.g)[0] for setup in laid_out.setups])[laid_out.run]
     states, slopes, _ = driven(values, rig, laid_out, laid_out.turning_as_one(initial), outputs)
     return states, slopes

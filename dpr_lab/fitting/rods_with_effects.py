@@ -1,11 +1,13 @@
-"""Model of the rods with effects: readings by Runge-Kutta in lanes, derivatives by forward differences in one batch.
+"""Model of the rods with effects: readings by Runge-Kutta steps in lanes, derivatives by forward differences.
 
-A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). Differences are computed with twice
-the integrator's step, because an error of a derivative of 1e-3 does not change the solution of a fit, and this halves
-the time. With nearly singular inertias the swing of twice the step diverges, and no step of a fit along its derivatives
-reduces the cost. Segments whose swing differs from the readings by more than `coarse_error` therefore use the
-integrator's own step. Encoder errors do not move the rods, so one simulated swing is sufficient for all of them.
-Derivatives with respect to initial states keep the internal states of effects fixed, because these are passed from
+A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). All differences are computed in one
+batch, with twice the step of the integrator. This halves the time, and an error of a derivative of 1e-3 does not change
+the solution of a fit. With nearly singular inertias, however, a swing computed with twice the step diverges, and no
+step of a fit along its derivatives reduces the cost. Segments whose swing differs from the readings by more than
+`coarse_error` therefore use the integrator's own step. Encoder errors do not move the rods, so one simulated swing is
+sufficient for all of them.
+
+Derivatives with respect to initial states keep the internal states of effects fixed. Internal states are passed from
 segment to segment and must not depend on the initial state of another segment.
 """
 
@@ -23,20 +25,21 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, ZEROS_BEGIN, Estimate, FreeParameter, whole_of
 
 INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5, 1e-6, 1e-5])
-"""Increments of an initial state, rad and rad/s: a thousandth of a count."""
+"""Increments of each component of an initial state, rad and rad/s: about a thousandth of a count."""
 
 
 @dataclass(frozen=True, slots=True)
 class DerivativeSettings:
-    """Accuracy of the swings from which derivatives are computed."""
+    """Settings of the accuracy of those swings from which derivatives are computed."""
 
     coarser: float = 2.0
-    """Integrator step for derivatives, relative to that for readings."""
+    """Step of the integrator for derivatives, relative to the step for readings."""
     coarse_error: float = 0.01
-    """Rms error of the swing of a segment with this step above which its derivatives use the integrator's own, rad.
+    """Maximum rms error of the swing of a segment with the coarser step for its derivatives, rad.
 
-    Readings change by about 1 rad if a ratio changes by its own size, so this is the relative error of a derivative.
-    Usual swings are below 1e-3; those that diverge are above 0.1.
+    Above this error the derivatives use the integrator's own step. Readings change by about 1 rad if a ratio changes by
+    its own size, so this is the relative error of a derivative. Usual swings are below 1e-3; those that diverge are
+    above 0.1.
     """
 
 
@@ -52,7 +55,7 @@ ENCODER_AMPLITUDES = [
 
 
 STEP_LIMITS = {name: effect.longest_step for name, effect in EFFECTS.items() if effect.longest_step is not None}
-"""Function for each effect: parameters -> longest suitable step, s."""
+"""Name of an effect -> function that returns the longest suitable step, s, for its parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +86,7 @@ class RodsWithEffects:
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """(samples, 2, free + 4) derivatives of the readings.
+        """(samples, 2, free + 4) derivatives of the readings; the last four are for the initial state.
 
         Args:
             segments: layout of the samples
@@ -102,7 +105,7 @@ class RodsWithEffects:
     def _differences(
         self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]
     ) -> tuple[Array, Array]:
-        """(samples, 2, free + 4) forward differences and (samples, 2) readings, with the steps of these segments."""
+        """Forward differences, (samples, 2, free + 4), and readings, (samples, 2), with the steps of these segments."""
         ratios, params, initial = _varied(estimate, free)
         states, axes = segments.states, 3 if segments.arm_moves else 2
         of_encoders = np.array(
@@ -130,7 +133,10 @@ class RodsWithEffects:
 
 
 def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
-    """(segments,) whether a reading differs from the predicted one by more than `coarse_error` or is not finite."""
+    """(segments,) whether the readings of a segment differ from the predicted ones by more than `coarse_error` (rms).
+
+    A segment with readings that are not finite is inexact as well.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.add.reduceat(np.sum((reading - predicted) ** 2, axis=1), segments.offsets[:-1])
         followed = np.isfinite(np.add.reduceat(predicted.sum(axis=1), segments.offsets[:-1]))
@@ -138,17 +144,17 @@ def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
 
 
 def resolved(segments: Segments, params: Array) -> Segments:
-    """Segments with steps that are short enough for every active effect."""
+    """Copy of the segments with steps that are short enough for every active effect."""
     named = named_params(params, among=STEP_LIMITS)
     limits = [STEP_LIMITS[name](values) for name, values in named.items()]
     return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
 
 
 def _varied(estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
-    """(n, 7) ratios, (n, SIZE) parameters and (n, segments, states) initial states, n = free + states + 1.
+    """Estimates for forward differences: ratios (n, 7), parameters (n, SIZE) and initial states (n, segments, states).
 
-    There is one row for each free parameter and each component of the initial states, with its increment; the last row
-    is the estimate.
+    There is one row for each free parameter and each component of the initial states, with its increment. The last row
+    is the estimate itself, so n = free + states + 1.
     """
     states = estimate.initial.shape[1]
     rows = len(free) + states + 1

@@ -1,12 +1,12 @@
-"""Weighting of reading columns by segment, and whitening under process noise.
+"""Weighting of columns of readings by segment, and whitening under process noise.
 
-Noise w of the inputs accumulates along a swing: its effect on the readings of sample k is C_k z_k, where z_k is a sum
-of independent steps of covariance D_k in the coordinates of the initial state. Together with the white noise of the
-readings, the errors of one segment are correlated; a Kalman filter converts them to innovations of unit variance,
+Noise of the inputs accumulates along a swing. Its effect on the readings of sample k is C_k z_k, where z_k is a sum of
+independent steps of covariance D_k in the coordinates of the initial state. Together with the white noise of the
+readings, the errors of one segment are correlated. A Kalman filter converts them to innovations of unit variance,
 
     P <- P + D_k,    e = (y - C z) / sqrt(S),    S = 1 + C P C^T,    z <- z + P C^T (y - C z) / S
 
-one reading after the other, which is the inverse of the Cholesky factor of their covariance, in linear time.
+one reading after the other. This is the inverse of the Cholesky factor of their covariance, in linear time.
 
 Source: F. C. Schweppe (1965), Evaluation of likelihood functions for Gaussian signals, IEEE Trans. Inf. Theory 11.
 """
@@ -26,13 +26,16 @@ class Disturbance:
     walk: Array
     """(samples, 4, 4) D: covariance added since the previous sample, in the coordinates of the initial state."""
     out: Array
-    """(samples, 2, 4) C: from these coordinates to the readings, rad."""
+    """(samples, 2, 4) C: derivative of the readings with respect to the coordinates of the initial state."""
     shared: Array
-    """(samples, 2) common error of both readings of a sample, one standard deviation, rad."""
+    """(samples, 2) effect of a common error of a sample on both readings, one standard deviation, rad."""
 
 
 def padded(values: Array, weight: Array, offsets: Integers) -> Array:
-    """(segments, longest, axes, k) from (samples, axes, k) and weights (samples, axes); short segments end in zeros."""
+    """Weighted values of segments, (segments, longest, axes, k), from (samples, axes, k) and weights (samples, axes).
+
+    Short segments end in zeros.
+    """
     blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), weight.shape[1], values.shape[2]))
     _weigh(values, weight, offsets, blocks)
     return blocks
@@ -49,7 +52,7 @@ def _weigh(values: Array, weight: Array, offsets: Integers, blocks: Array) -> No
 
 @njit
 def innovations(columns: Array, weight: Array, offsets: Integers, walk: Array, out: Array, shared: Array) -> float:
-    """Whiten `padded` in place for a disturbance of the same samples.
+    """Whiten the result of `padded` in place, for the process noise of the same samples.
 
     Returns:
         the sum of all log S

@@ -1,1 +1,1 @@
-"""Lanes: simultaneous Runge-Kutta integration of sixteen tracks of candidates and segments."""
+"""Lanes: simultaneous Runge-Kutta integration of sixteen tracks, each one candidate on one or several segments."""

@@ -15,37 +15,40 @@ from dpr_lab.effects.stages import Requirements
 
 
 class SegmentArrays(NamedTuple):
-    """Segments and mounting, as arrays for compiled code."""
+    """Segments, mounted parts and drives, as arrays for compiled code."""
 
     t: Array
     """(N,) sampling instants of all segments in sequence, s."""
     offsets: Integers
-    """(S + 1,) first sample of each segment."""
+    """(S + 1,) index of the first sample of each segment, then N."""
     run: Integers
-    """(S,) index of the run."""
+    """(S,) index of the run to which each segment belongs."""
     step: Array
     """(S,) Runge-Kutta step, s."""
     parts: Array
-    """(runs, 5) L1, L2, m1, m2, mb of the mounted parts."""
+    """(runs, 5) L1 and L2, m, and m1, m2 and mb, kg, of the mounted parts."""
     drive: Drive
     """Known torques and arm motions."""
 
 
 class Candidates(NamedTuple):
-    """Candidates for prediction."""
+    """Candidates whose readings are predicted."""
 
     bases: Array
     """(n, runs, 6) base parameters of the mounted parts."""
     params: Array
-    """(n, runs or 1, SIZE) effects."""
+    """(n, runs or 1, SIZE) parameters of the effects."""
     initial: Array
-    """(n, S, 6) theta1, theta2, omega1, omega2, theta0, omega0; the last two are nan if they are internal states."""
+    """(n, S, 6) initial state theta1, theta2, omega1, omega2, theta0, omega0, rad and rad/s.
+
+    theta0 and omega0 are nan if they are internal states.
+    """
     internal: Array
-    """(n, S, internal) internal states; nan if they are taken from the previous segment."""
+    """(n, S, internal) initial values of the internal states; nan: taken from the end of the previous segment."""
 
 
 class LaneBlock(NamedTuple):
-    """Common data of the lanes of a block."""
+    """Data that all lanes of a block have in common."""
 
     segments: SegmentArrays
     candidates: Candidates
@@ -56,7 +59,7 @@ class LaneBlock(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Indices of one segment and one candidate."""
+    """One segment of one candidate, by their indices."""
 
     candidate: int
     segment: int
@@ -76,12 +79,12 @@ class Buffers(NamedTuple):
     run: Integers
     """(LANES,) run of the current segment."""
     knot: Integers
-    """(2, LANES) intervals in which the known torques of the rods' joints and of the arm were looked up last."""
+    """(2, LANES) intervals of the last look-up of the known torques: of the rod joints, and of the arm."""
     samples: LaneSamples
 
 
 def allocate(segments: SegmentArrays, candidates: int, columns: int) -> Buffers:
-    """Outputs and buffers for a number of candidates on segments, whose readings have `columns` columns."""
+    """Outputs and buffers for a number of candidates; `columns` is the number of columns of the readings."""
     longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
     angles = np.zeros((candidates, len(segments.t), columns))
     samples = LaneSamples(

@@ -1,8 +1,10 @@
-"""Known torques and motions of the arm in the lanes: means over each step, so that impulses are exact.
+"""Known torques and motions of the arm in the lanes, as means over each step, so that impulses are exact.
 
 An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.md (15):
 
-    tau_i = omega0^2 lever_i - (L0 / g) e_i cos(theta_i) alpha0,    lever_1 = (a sin1 + d sin2) cos1, lever_2 likewise.
+    tau_i = omega0^2 lever_i - (L0 / g) e_i cos(theta_i) alpha0
+
+with lever_1 = (a sin1 + d sin2) cos1 and lever_2 = (b sin2 + d sin1) cos2.
 """
 
 from collections.abc import Sequence
@@ -20,30 +22,30 @@ from dpr_lab.setup import Setup
 
 
 class Knots(NamedTuple):
-    """Functions of time that are linear between knots, of all runs in sequence."""
+    """Functions of time of all runs in sequence, each linear between its knots."""
 
     t: Array
     """(K,) knots, s since the release."""
     values: Array
-    """(K, columns) values of the functions there."""
+    """(K, columns) values of the functions at the knots."""
     first: Integers
-    """(runs + 1,) first knot of each run."""
+    """(runs + 1,) index of the first knot of each run, then K."""
 
 
 class Drive(NamedTuple):
     """Known torques and arm motions of all runs; a free swing has no knots."""
 
     rods: Knots
-    """Impulse up to each knot on theta1 and theta2, N m s."""
+    """Impulses of the known torques on theta1 and theta2 from the start to each knot, N m s."""
     arm: Knots
-    """Impulse on a driven arm, N m s."""
+    """Impulse of the known torque on a driven arm from the start to each knot, N m s."""
     prescribed: Knots
     """Speed of an arm with prescribed motion, rad/s."""
 
 
 @lru_cache(maxsize=16)
 def drive_of(setups: tuple[Setup, ...]) -> Drive:
-    """Known torques and arm motions of runs, which every prediction of their segments needs."""
+    """Known torques and arm motions of runs; cached, because every prediction of their segments needs them."""
     no_torques, nothing = (np.zeros(0), np.zeros((0, 2))), (np.zeros(0), np.zeros(0))
     return Drive(
         rods=_in_sequence([s.torques.knots if s.torques and s.torques.on_joints else no_torques for s in setups]),
@@ -53,7 +55,7 @@ def drive_of(setups: tuple[Setup, ...]) -> Drive:
 
 
 def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
-    """Concatenate the knots of all runs; those of each are times (K,) and values (K,) or (K, columns)."""
+    """Concatenation of the knots of all runs, each given as times (K,) and values (K,) or (K, columns)."""
     values = np.concatenate([values for _, values in runs])
     t = np.concatenate([t for t, _ in runs])
     return Knots(t, values if values.ndim > 1 else values[:, None], np.cumsum([0, *(len(t) for t, _ in runs)]))
@@ -61,9 +63,9 @@ def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
 
 @subroutine
 def _interval(knots: Knots, run: int, i: int, t: float, near: int = 16) -> int:
-    """First knot of the interval of a run that contains t; -1 for a run without knots.
+    """Index of the knot at the start of the interval that contains t in a run; -1 for a run without knots.
 
-    It is searched in sequence up to `near` intervals after interval i, elsewhere by bisection.
+    The interval is searched in sequence in the `near` intervals after interval i, and elsewhere by bisection.
     """
     first, last = int(knots.first[run]), int(knots.first[run + 1]) - 2
     if i < first or i > last or knots.t[i] > t or (i + near < last and knots.t[i + near] <= t):
@@ -81,7 +83,7 @@ def _interval(knots: Knots, run: int, i: int, t: float, near: int = 16) -> int:
 
 @subroutine
 def _value(knots: Knots, i: int, t: float, column: int) -> float:
-    """Value of a function in interval i at time t; before the first knot it is constant."""
+    """Value at time t of a function that is linear in interval i; before the first knot the value is constant."""
     share = (t - knots.t[i]) / (knots.t[i + 1] - knots.t[i])
     return knots.values[i, column] + max(share, 0.0) * (knots.values[i + 1, column] - knots.values[i, column])
 
@@ -95,9 +97,10 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 
 @subroutine
 def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -> None:
-    """Mean known torques over the next step of each lane; `knot` (2, LANES) contains the intervals used last.
+    """Set the mean known torques over the next step of each lane.
 
-    Neighbouring lanes often take the same step of the same run, with the same torques.
+    `knot` (2, LANES) contains the intervals used last. Neighbouring lanes often take the same step of the same run,
+    with the same torques.
     """
     rods, arm, before, start, stop = drive.rods, drive.arm, -1, 0.0, 0.0
     for k in range(LANES):
@@ -124,7 +127,7 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -
 
 @subroutine
 def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
-    """Speed of the arm between the knots `first` and `last`, rad/s; constant beyond them."""
+    """Speed of the arm at time t from its values at the knots `first` to `last`, rad/s; constant beyond them."""
     i, beyond = first, last + 1
     while i < beyond:  # bisection, because numpy's function in a kernel would import all of scipy.linalg
         middle = (i + beyond) // 2
@@ -139,7 +142,7 @@ def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
 
 @subroutine
 def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
-    """Mean acceleration and squared speed of the arm over the next step of each lane."""
+    """Set the mean acceleration and the mean squared speed of the arm over the next step of each lane."""
     knots = drive.prescribed
     for k in range(LANES):
         first, last = int(knots.first[run[k]]), int(knots.first[run[k] + 1]) - 1
@@ -153,7 +156,7 @@ def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
 
 @subroutine
 def add_prescribed(w: LaneWorkspace, rig: RigConstants) -> None:
-    """Add the torques due to a prescribed motion of the arm to the terms of a stage."""
+    """Add the torques due to a prescribed motion of the arm to the torques of a Runge-Kutta stage."""
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = w.sin1[k], w.cos1[k], w.sin2[k], w.cos2[k]
         squared, pull = w.squared[k], w.prescribed[k] * rig.L0 / rig.g

@@ -1,6 +1,6 @@
 """Coulomb friction in the lanes: each lane divides its step at the events of its joints.
 
-Law and scheme are described in `dpr_lab.dynamics.dry_friction` and `dpr_lab.dynamics.events`. All lanes advance
+`dpr_lab.dynamics.dry_friction` describes the friction law, `dpr_lab.dynamics.events` the scheme. All lanes advance
 together, so a trial step with an event is undone and repeated in the next step of all lanes:
 
     t                       te            until
@@ -9,13 +9,13 @@ together, so a trial step with an event is undone and repeated in the next step 
     |---------- 3 ----------|                  next step, of length `ahead`; `_end_cut` sets a joint that stops to rest
                             |----- 4 -----|    rest of the step, with new directions
 
-1. Encoders are read within the step just taken. A step that was taken back has length 0, so that nothing is read in it.
-2. `cut` is 1 where a joint starts to slide at te, 2, 3 or 4 where joint 1, joint 2 or the arm stops.
-3. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_margins` compares the torque on it with its
-   limit at the first stage; `let_go` gives it a direction where the limit is exceeded.
+1. Encoders are read within the step just taken. A step that was taken back has length 0, so nothing is read in it. 2.
+`cut` is 1 where a joint starts to slide at te, and 2, 3 or 4 where joint 1, joint 2 or the arm stops. 3. `begin_dry`
+takes directions from the speeds: 0 is a joint at rest. `find_margins` compares the torque on such a joint
+   with its limit at the first stage. `let_go` sets its direction of motion if the limit is exceeded.
 
-The other lanes continue meanwhile. The loops that look for events are vector instructions; an event itself is rare and
-is handled in scalar code.
+The other lanes continue meanwhile. The loops that look for events become vector instructions. An event itself is rare
+and is handled in scalar code.
 """
 
 import math
@@ -43,7 +43,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
-    """Set length and directions of the next step of each lane; return whether any joint is at rest."""
+    """Set the length and the joint directions of the next step of each lane; return whether any joint is at rest."""
     for k in range(LANES):
         fresh = w.t[k] >= w.until[k]
         w.until[k] = w.t[k] + w.step[k] if fresh else w.until[k]
@@ -66,7 +66,7 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
 
 @subroutine
 def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
-    """Accelerations of a stage with the joints of direction 0 held, and the torques required to hold them."""
+    """Set the accelerations of a stage with the joints of direction 0 held, and the torques required to hold them."""
     for k in range(LANES):
         mode = _mode(w, k, arm)
         torque0 = w.torque0[k] if arm else 0.0
@@ -81,7 +81,7 @@ def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
 
 @subroutine
 def _mode(w: LaneWorkspace, k: int, arm: bool) -> int:
-    """Mode of the arm of lane k: held before the release, and where Coulomb friction holds it."""
+    """Mode of the arm of lane k: clamped before the release and while Coulomb friction holds it, otherwise free."""
     return CLAMPED if not arm or waits(w, k) or w.direction0[k] == 0.0 else FREE
 
 
@@ -118,7 +118,7 @@ def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) ->
 
 @subroutine
 def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Set the direction of motion of each resting joint whose Coulomb friction limit is exceeded at a step's start."""
+    """Set the direction of each resting joint whose Coulomb friction limit is exceeded at the start of the step."""
     arm = required.arm
     for side in (1.0, -1.0):
         for k in range(LANES):
@@ -150,7 +150,7 @@ def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Require
 
 @subroutine
 def settle(w: LaneWorkspace, required: Requirements, resting: bool) -> None:
-    """Finish a step: accept it, or take it back if a joint stopped or started to slide within it."""
+    """Finish a step: accept it, or take it back if a joint stops or starts to slide within it."""
     count = 0
     for k in range(LANES):
         omega1, omega2 = w.omega1[k], w.omega2[k]
@@ -182,7 +182,7 @@ def _alphas(w: LaneWorkspace, k: int) -> Three:
 
 @subroutine
 def _end_cut(w: LaneWorkspace, k: int) -> None:
-    """Set the joint whose stop ended the step of lane k to rest."""
+    """If a joint stops at the end of the step of lane k, set this joint to rest."""
     joint = int(w.cut[k]) - 1
     if joint > 0:
         speed, acceleration = of_joints(_omegas(w, k))[joint - 1], of_joints(_alphas(w, k))[joint - 1]
@@ -203,7 +203,7 @@ def _stop(w: LaneWorkspace, k: int, joint: int, later: float) -> None:
 
 @subroutine
 def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: bool) -> None:
-    """Take the step of lane k back if it has an event, and plan the step up to the first one."""
+    """Take the step of lane k back if it contains an event, and set the next step to end at the first event."""
     never = math.inf
     first0, last0 = (w.first0[k], w.last0[k]) if required.dry0 else (never, never)
     first, last = (w.first1[k], w.first2[k], first0), (never, never, never)
@@ -226,7 +226,7 @@ def _look_for_event(w: LaneWorkspace, k: int, required: Requirements, resting: b
 
 @subroutine
 def _take_back(w: LaneWorkspace, k: int, required: Requirements) -> None:
-    """Return lane k to the start of its step, as if the step had length 0."""
+    """Return lane k to the state at the start of its step, as if the step had length 0."""
     w.t[k], w.h[k] = w.old_t[k], 0.0
     w.theta1[k], w.theta2[k] = w.old_theta1[k], w.old_theta2[k]
     w.omega1[k], w.omega2[k] = w.old_omega1[k], w.old_omega2[k]

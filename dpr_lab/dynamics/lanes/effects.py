@@ -1,6 +1,6 @@
-"""Effects over the lanes of a workspace: each effect is a separate loop, which is skipped if it is off.
+"""Effects over the lanes of a workspace: each effect is a separate loop, which is skipped if the effect is off.
 
-Generated from the same rows of `dpr_lab.effects.stages.STAGES` as the scalar versions.
+The loops are generated from the same rows of `dpr_lab.effects.stages.STAGES` as the scalar versions.
 """
 
 import math
@@ -26,7 +26,10 @@ from dpr_lab.kernels import subroutine
 
 
 class _LaneNotation(dict[str, str]):
-    """A name is lane k of a row of the workspace; `params_3` is that of row 3 of `params`."""
+    """Notation of the lane version: a name is lane k of a row of the workspace.
+
+    `params_3` is lane k of row 3 of `params`.
+    """
 
     def __missing__(self, name: str) -> str:
         rows, _, index = name.rpartition("_")
@@ -51,7 +54,7 @@ _NAMES |= {
 
 
 def lane_stage(stage: str) -> Any:
-    """The compiled lane version of a stage: (w, [constants,] active), which adds to the rows of its results."""
+    """Compiled lane version of a stage: (w, [constants,] active) -> None, which updates the rows of its results."""
     calls = contributions(stage)
     arguments = "w, constants, active" if "constants" in STAGES[stage].quantities else "w, active"
     lines = [f"def {stage}_lanes({arguments}):"]
@@ -62,35 +65,35 @@ def lane_stage(stage: str) -> Any:
 
 
 add_torques = lane_stage("torque")
-"""(w, constants, active): add the contributions to the equation of motion to the terms."""
+"""(w, constants, active): add the contributions of the effects to the terms of the equation of motion."""
 
 add_load_friction = lane_stage("load")
-"""(w, constants, active): add load-dependent friction to the terms; the joint forces are known."""
+"""(w, constants, active): add load-dependent friction to the terms, for known joint forces."""
 
 add_drives = lane_stage("drive")
-"""(w, active): add the difference between acting and known drive torques to the terms."""
+"""(w, active): add the difference between acting and known drive torques to the torques on the rods."""
 
 add_dry_limits = lane_stage("dry")
-"""(w, active): add the limits of Coulomb friction of joints under given torques to the limits."""
+"""(w, active): add the Coulomb friction of joints under given torques to the rows of friction limits."""
 
 add_arm_torques = lane_stage("torque0")
 """(w, active): add the torques of effects on the arm to the row `torque0`."""
 
 add_arm_drives = lane_stage("drive0")
-"""(w, active): replace the known torque of the arm's drive in the row `torque0` by the acting one."""
+"""(w, active): replace the known torque of the arm's drive in the row `torque0` by the acting torque."""
 
 add_whole_torques = lane_stage("whole0")
 """(w, constants, active): add the torques on a moving arm and its rods to the rows `torque0`, `torque1`, `torque2`.
 """
 
 add_dry_limit0 = lane_stage("dry0")
-"""(w, active): add the limit of Coulomb friction of the arm."""
+"""(w, active): add the Coulomb friction of the arm to the row of its friction limit."""
 
 hold_angle2 = lane_stage("play")
-"""(w, active): replace the angle of joint 2 by the angle held by its encoder."""
+"""(w, active): replace the angle of joint 2 by the angle that its encoder holds."""
 
 hold_angle1 = lane_stage("play1")
-"""(w, active): the same for joint 1."""
+"""(w, active): replace the angle of joint 1 by the angle that its encoder holds."""
 
 follow_motor = lane_stage("play0")
 """(w, active): move the arm's motor within the backlash of its gear by the time in the row `elapsed0`."""
@@ -100,6 +103,6 @@ _move_states = lane_stage("transition")
 
 @subroutine
 def displaced(w: LaneWorkspace, active: Flags) -> None:
-    """Fill the rows `moved`: internal states after the displacements of the joints, from those in `old_internal`."""
+    """Fill the rows `moved` with the internal states after the displacements of the joints, from `old_internal`."""
     copy_rows(w.old_internal, w.moved)
     _move_states(w, active)

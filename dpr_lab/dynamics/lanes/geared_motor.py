@@ -1,16 +1,17 @@
-"""Motor behind the backlash of the arm's gear in the lanes: followed through each step after the arm.
+"""Motor behind the backlash of the arm's gear in the lanes: it is followed through each step after the arm.
 
-Inside the backlash the arm moves alone, without the inertia and the viscous friction of the motor; in contact both are
-one body. The mode is that at the start of a step of length h. Once the motor has been followed, the impulse of the gear
-and its first moment about the end of the step are known from the balance of the motor's momentum:
+Inside the backlash the arm moves alone, without the inertia and the viscous friction of the motor. In contact both are
+one body. The mode of a step of length h is the mode at its start. After the motor has been followed through the step,
+the impulse P of the gear and its first moment M about the end of the step follow from the balance of the motor's
+momentum:
 
     P = tau h - c0 (change of q) - J (change of dq/dt)
     M = tau h^2/2 - c0 h/2 (change of q) - J (change of q - h dq/dt at the start)
 
-The parts of both that the step already contained are subtracted. The remainder is still to be transmitted to the arm,
-which receives a torque (`fed`) that repays impulse and moment in two steps. Momentum is therefore also conserved at an
-impact, and the arm moves as after an impact at its exact instant. After an impact the motor stays in contact for one
-step, in which both bodies take their common speed. Loops over lanes as in `stepping`.
+The parts of P and M that the step already contained are subtracted. The remainder is still to be transmitted to the
+arm: a torque (`fed`) transmits impulse and moment within two steps. Momentum is therefore also conserved at an impact,
+and the arm moves as after an impact at its exact instant. After an impact the motor stays in contact for one step, in
+which both bodies take their common speed. The loops over lanes have the form described in `stepping`.
 """
 
 from dpr_lab.arrays import Flags
@@ -22,7 +23,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def begin_gear(w: LaneWorkspace) -> None:
-    """Set the arm's inertia and friction of the step, and copy the state of the motor."""
+    """Set the inertia and friction of the arm for the step, and copy the state of the motor."""
     for k in range(LANES):
         w.old_hold0[k], w.old_motor_speed0[k], w.old_loose0[k] = w.hold0[k], w.motor_speed0[k], w.loose0[k]
         w.inertia[k] = w.geared_inertia[k] - w.loose0[k] * w.motor_inertia0[k]
@@ -63,7 +64,7 @@ def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
 
 @subroutine
 def balance_gear(w: LaneWorkspace) -> None:
-    """Set the outstanding impulse of the gear after a step; before the release the motor moves with the arm."""
+    """Set the impulse of the gear that is outstanding after a step; before the release the motor moves with the arm."""
     for k in range(LANES):
         h, geared = w.h[k], 1.0 - w.old_loose0[k]
         first_speed = w.old_motor_speed0[k] - geared * w.old_omega0[k]

@@ -1,4 +1,4 @@
-"""Angles within a step, by the cubic polynomial through its ends."""
+"""Angles within a step, by the cubic polynomial through the states at both ends."""
 
 from dpr_lab.dynamics.lanes.workspace import LaneWorkspace
 from dpr_lab.kernels import subroutine
@@ -6,7 +6,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def cubic(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
-    """Cubic polynomial through y0, y1 with derivatives v0, v1 over a step of h, at the fraction u of the step."""
+    """Cubic polynomial through y0 and y1 with the derivatives v0 and v1, at the fraction u of a step of length h."""
     v = 1.0 - u
     return v * v * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - v * h * v1)
 
@@ -19,18 +19,18 @@ def angle1(w: LaneWorkspace, k: int, u: float) -> float:
 
 @subroutine
 def angle2(w: LaneWorkspace, k: int, u: float, relative2: float) -> float:
-    """Angle of joint 2 as read by its encoder, at the fraction u of the step, rad."""
+    """Angle of joint 2 as read by its encoder, at the fraction u of the step of lane k, rad."""
     theta2 = cubic(u, w.h[k], w.old_theta2[k], w.old_omega2[k], w.theta2[k], w.omega2[k])
     return theta2 - relative2 * angle1(w, k, u)
 
 
 @subroutine
 def angle0(w: LaneWorkspace, k: int, u: float) -> float:
-    """theta0 at the fraction u of the step, rad."""
+    """theta0 of lane k at the fraction u of its step, rad."""
     return cubic(u, w.h[k], w.old_theta0[k], w.old_omega0[k], w.theta0[k], w.omega0[k])
 
 
 @subroutine
 def speed0(w: LaneWorkspace, k: int, u: float) -> float:
-    """Speed of the arm at the fraction u of the step, rad/s."""
+    """Speed of the arm of lane k at the fraction u of its step, rad/s."""
     return w.old_omega0[k] + u * (w.omega0[k] - w.old_omega0[k])

@@ -1,4 +1,4 @@
-"""Predicted readings of tracks: lanes of candidates and segments with their encoders."""
+"""Predicted encoder readings of tracks: candidates on segments, integrated in lanes."""
 
 from typing import Any
 
@@ -35,15 +35,15 @@ def predict_tracks(
     rig: RigConstants,
     buffers: Buffers,
 ) -> None:
-    """Compute the predicted readings and the internal states at starts of segments, the outputs in `buffers`.
+    """Compute the predicted readings, and the internal states at the starts of segments, into `buffers`.
 
     Args:
         advance: step function of `dpr_lab.dynamics.lanes.stepping`
-        tracks: the tracks
-        segments: the segments
-        candidates: the candidates
+        tracks: tracks to integrate
+        segments: segments of all runs
+        candidates: candidates to predict
         rig: constants of the rig
-        buffers: from `allocate`
+        buffers: outputs and work arrays from `allocate`
     """
     for b in range(len(tracks.active)):
         first, last = tracks.edges[b], tracks.edges[b + 1]
@@ -60,13 +60,16 @@ def predict_tracks(
 
 @subroutine
 def _piece(tracks: Tracks, track: int, turn: int) -> Piece:
-    """Segment number `turn` of a track."""
+    """Segment number `turn` of a track, with its candidate."""
     return Piece(int(tracks.candidate[track]), int(tracks.first[track]) + turn)
 
 
 @subroutine
 def _load_block(first: int, last: int, tracks: Tracks, block: LaneBlock, buffers: Buffers) -> int:
-    """Load a block of tracks into the lanes, spare lanes with the last one; return its largest number of segments."""
+    """Load a block of tracks into the lanes; return the largest number of segments of a track.
+
+    Spare lanes are loaded with the last track.
+    """
     rounds = 0
     for k in range(LANES):
         track = min(first + k, last - 1)
@@ -79,7 +82,7 @@ def _load_block(first: int, last: int, tracks: Tracks, block: LaneBlock, buffers
 
 @subroutine
 def _begin_round(first: int, last: int, turn: int, tracks: Tracks, block: LaneBlock, buffers: Buffers) -> None:
-    """Start segment number `turn` of each track of a block; lanes whose track has no more segments are idle."""
+    """Start segment number `turn` of each track of a block; a lane whose track has no more segments is idle."""
     w = buffers.w
     for k in range(LANES):
         buffers.samples.size[k], w.due1[k], w.due2[k] = 0, np.inf, np.inf
@@ -93,7 +96,7 @@ def _begin_round(first: int, last: int, turn: int, tracks: Tracks, block: LaneBl
 
 @subroutine
 def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
-    """Step all lanes until each has read its segment."""
+    """Step all lanes until each lane has read all samples of its segment."""
     w, samples = buffers.w, buffers.samples
     required, drive, relative2 = block.required, block.segments.drive, block.rig.relative2
     held = _any_held(w)
@@ -145,7 +148,10 @@ def _hand_over(
     required: Requirements,
     after: Array,
 ) -> None:
-    """Store the internal states for the next segment if it starts in this step; backlash as at the end of the step."""
+    """Store the internal states for the next segment if it starts in this step.
+
+    Backlash is stored as at the end of the step.
+    """
     if not shares(w, w.handed, 1.0):
         return
     for k in range(LANES):
@@ -173,7 +179,7 @@ def _hand_over(
 
 @subroutine
 def _add_errors(piece: Piece, block: LaneBlock, angles: Array) -> None:
-    """Add the errors of the encoders to the predictions of a candidate on a segment."""
+    """Add the encoder errors to the predicted readings of a candidate on a segment."""
     c, s = piece
     run, t, rig = int(block.segments.run[s]), block.segments.t, block.rig
     params = block.candidates.params[c, params_row(run, block)]

@@ -13,18 +13,21 @@ from dpr_lab.kernels import subroutine
 
 
 class LaneSamples(NamedTuple):
-    """Samples of the current segment in each lane."""
+    """Samples of the current segment of each lane."""
 
     t1: Array
     """(LANES, longest) instants at which the angle of joint 1 is read, s."""
     t2: Array
     out: Array
-    """(n * N * columns,) readings of all candidates in sequence: joint 1, joint 2 and optionally the arm, rad."""
+    """(n * N * columns,) predicted readings of all candidates in sequence, rad.
+
+    The columns are joint 1, joint 2 and optionally the arm.
+    """
     columns: int
     first: Integers
-    """(LANES,) first index of the segment's readings in `out`."""
+    """(LANES,) index of the segment's first reading in `out`."""
     next1: Integers
-    """(LANES,) next sample of joint 1."""
+    """(LANES,) index of the next sample of joint 1."""
     next2: Integers
     size: Integers
     """(LANES,) number of samples of the segment; 0 for an idle lane."""
@@ -32,17 +35,17 @@ class LaneSamples(NamedTuple):
 
 @subroutine
 def _read_arm(w: LaneWorkspace) -> None:
-    """Fill the row `angle0`: theta0 at the share of the step, or earlier if its encoder is late."""
+    """Fill the row `angle0` with theta0 at the fraction `share` of the step, or earlier if the arm is read late."""
     for k in range(LANES):
         w.angle0[k] = angle0(w, k, w.share[k] - w.late0[k] / w.h[k])
 
 
 @subroutine
 def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
-    """Fill the row `share`: the share of the step after which the next reading of each lane is due.
+    """Fill the row `share` with the fraction of the step after which the next reading of each lane is due.
 
     Returns:
-        whether any lane has a reading up to the share `until`
+        whether any lane has a reading up to the fraction `until`
     """
     count = 0
     for k in range(LANES):
@@ -54,14 +57,14 @@ def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
 
 @subroutine
 def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
-    """Index of the sample after j, which is the next one."""
+    """Index of the sample after j; its instant becomes the next due time of lane k."""
     due[k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 
 
 @subroutine
 def read_both(w: LaneWorkspace, relative2: float, arm: bool, samples: LaneSamples) -> None:
-    """Read the samples that fall into the step, both joints at one instant."""
+    """Read the samples that fall into the step, with both joints read at the same instant."""
     while shares(w, w.due1, 1.0):
         for k in range(LANES):
             w.angle1[k] = angle1(w, k, w.share[k])
@@ -98,15 +101,15 @@ def read_joint1(w: LaneWorkspace, arm: bool, samples: LaneSamples) -> None:
 
 @subroutine
 def read_play1(w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: Flags, samples: LaneSamples) -> None:
-    """Read joint 1 and the arm through backlash.
+    """Read joint 1 and the arm at the samples that fall into the step, through backlash.
 
     Args:
-        w: the workspace
+        w: workspace of the lanes
         arm: whether the arm moves
-        geared: whether its encoder reads a motor behind the backlash of a gear
-        parts: number of parts of the step at whose ends the backlash is updated
+        geared: whether the encoder of the arm reads a motor behind the backlash of a gear
+        parts: number of parts of the step; the backlash is updated at the end of each
         active: (effects,) mask of the active effects
-        samples: the samples
+        samples: samples of the current segments
     """
     for part in range(1, parts + 1):
         until = part / parts
@@ -143,7 +146,7 @@ def read_play1(w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: Fl
 
 @subroutine
 def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneSamples) -> None:
-    """Read joint 2 at the samples that fall into the step before the share `until` of it."""
+    """Read joint 2 at the samples that fall into the step, up to the fraction `until` of the step."""
     while shares(w, w.due2, until):
         for k in range(LANES):
             w.angle2[k] = angle2(w, k, w.share[k], relative2)
@@ -156,7 +159,7 @@ def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneS
 
 @subroutine
 def read_play2(w: LaneWorkspace, relative2: float, active: Flags, samples: LaneSamples) -> None:
-    """Read joint 2 through the backlash of its encoder, which is updated at each quarter of the step."""
+    """Read joint 2 through the backlash of its encoder, which is updated after each quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter
         while shares(w, w.due2, until):

@@ -1,4 +1,4 @@
-"""Starts of tracks and of segments in the lanes: constants, sampling instants, initial states, internal states."""
+"""Starts of tracks and of segments in the lanes: constants, sampling instants, initial states and internal states."""
 
 import numpy as np
 
@@ -26,12 +26,12 @@ from dpr_lab.effects.stages import Requirements
 from dpr_lab.kernels import njit, subroutine
 
 PAD = 0.02
-"""Time by which a segment starts before its first sample, s: longer than any relevant latency."""
+"""Time between the start of a segment and its first sample, s: longer than any relevant latency."""
 
 
 @subroutine
 def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> None:
-    """Set the data of lane k that are constant along its track: candidate c in run r."""
+    """Set those data of lane k that are constant along its track: candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w.L1[k], w.L2[k] = parts[r, 0], parts[r, 1]
     w.m1[k], w.m2[k], w.mb[k] = parts[r, 2], parts[r, 3], parts[r, 4]
@@ -61,16 +61,15 @@ def reads_apart(required: Requirements) -> bool:
 
 @subroutine
 def params_row(r: int, block: LaneBlock) -> int:
-    """Index of the effects of run r among those of a candidate; kernels without allocation cannot return an array."""
+    """Row of the effects of run r within a candidate; kernels without allocation cannot return the row itself."""
     return r if block.candidates.params.shape[1] > 1 else 0
 
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """Start of a segment whose first reading is `first` seconds after the release, s.
+    """Start of a segment, s since the release, whose first reading is `first` seconds after the release.
 
-    If it would be less than `near` after the release, the segment starts at the release, where all internal states are
-    known.
+    A start less than `near` after the release is moved to the release, where all internal states are known.
     """
     start = first - PAD
     return 0.0 if 0.0 < start and start < near else start
@@ -78,9 +77,9 @@ def segment_start(first: float, near: float = 0.04) -> float:
 
 @subroutine
 def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> None:
-    """Set lane k to the start of a segment; it stays idle if the sampling instants are not finite.
+    """Set lane k to the start of a segment; the lane stays idle if the sampling instants are not finite.
 
-    Its internal states are those at the end of the previous segment unless the candidate has values of its own.
+    The internal states are those at the end of the previous segment, unless the candidate defines their values.
     """
     w, samples, (c, s) = buffers.w, buffers.samples, piece
     until = _set_samples(k, piece, block, samples)
@@ -106,7 +105,7 @@ def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> N
 
 @subroutine
 def _leave_idle(k: int, samples: LaneSamples, after: Array) -> None:
-    """Set the readings of lane k and its internal states to NaN, because its segment cannot be integrated."""
+    """Set the readings and internal states of lane k to NaN, because its segment cannot be integrated."""
     for n in range(samples.size[k] * samples.columns):
         samples.out[samples.first[k] + n] = np.nan
     for n in range(len(after)):
@@ -137,7 +136,7 @@ def _set_samples(k: int, piece: Piece, block: LaneBlock, samples: LaneSamples) -
 
 @subroutine
 def _set_state(w: LaneWorkspace, k: int, initial: Array, internal: Array, relative2: float) -> None:
-    """Set angles, speeds and internal states of lane k at the instant `t`, with no step or event pending."""
+    """Set the angles, speeds and internal states of lane k at the start of its segment; no step or event is pending."""
     w.until[k], w.ahead[k], w.cut[k] = w.t[k], 0.0, 0.0
     w.theta1[k], w.theta2[k], w.omega1[k], w.omega2[k] = (
         initial[0],
@@ -161,7 +160,7 @@ def _set_state(w: LaneWorkspace, k: int, initial: Array, internal: Array, relati
 
 @subroutine
 def _set_motor(w: LaneWorkspace, k: int, params: Array, active: Flags) -> None:
-    """Set the motor of lane k within the backlash of the arm's gear."""
+    """Set the initial state of the motor of lane k, within the backlash of the arm's gear."""
     arm, motor = (w.theta0[k], w.omega0[k]), (w.hold0[k], w.motor_speed0[k])
     w.hold0[k], w.motor_speed0[k], w.motor_inertia0[k], w.loose0[k] = geared_motor0(
         *arm, *motor, 0.0, 0.0, w.geared_inertia[k], w.geared_friction[k], params, active
@@ -170,7 +169,10 @@ def _set_motor(w: LaneWorkspace, k: int, params: Array, active: Flags) -> None:
 
 @subroutine
 def reset_internal(segments: SegmentArrays, s: int, initial: Array, internal: Array) -> None:
-    """Set internal states at the start of a run: those of a rig at rest until the release, or after long sliding."""
+    """Set the internal states at the start of a run.
+
+    They are those of a rig at rest if the run starts by the release, and those after long sliding if it starts later.
+    """
     for n in range(len(internal)):
         internal[n] = AT_RELEASE[n]
     if segment_start(float(segments.t[segments.offsets[s]])) > 0.0:

@@ -1,17 +1,18 @@
-r"""Runge-Kutta steps of the rig with its effects in vector lanes: the same physics as `dpr_lab.dynamics.step`.
+"""Runge-Kutta steps of the rig with its effects in vector lanes: the same physics as `dpr_lab.dynamics.step`.
 
 Theory of operation. A track is one candidate along one segment. `LANES` tracks whose candidates have the same active
-effects are integrated together in one flat workspace, a row of LANES numbers for each quantity (`workspace`). Each part
-of a step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no branches or
-calls; therefore tanh, exp and sincos are polynomials (`dpr_lab.effects.elementary`). Each effect is a separate loop,
-which is skipped if the effect is off (`effects`); it reads the motion of the stage from the workspace and adds to five
-rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are skipped in the same way.
+effects are integrated together in one flat workspace, with a row of LANES numbers for each quantity (`workspace`). Each
+part of a step is a loop over the lanes that the compiler converts to vector instructions. These loops contain no
+branches or calls; tanh, exp and sincos are therefore polynomials (`dpr_lab.effects.elementary`). Each effect is a
+separate loop, which is skipped if the effect is off (`effects`). Such a loop reads the motion of the stage from the
+workspace and adds to five rows of terms. Loops that only some effects need (the arm, joint forces, internal states) are
+skipped in the same way.
 
 Each lane has its own time and its own step. Sums are not reassociated and lanes are independent, so the result of a
 candidate is bit-identical in any block and for any number of threads.
 
-An arm is held until the release. Before all lanes are released, the loop of the arm checks each lane, which affects a
-few steps at the beginning of a run.
+An arm is held until the release. Until all lanes are released, the loop of the arm checks each lane. This affects a few
+steps at the beginning of a run.
 """
 
 from functools import cache
@@ -58,16 +59,19 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 @cache
 def advance() -> Any:
-    """One Runge-Kutta step of all lanes, `_advance`, compiled separately for kernels that receive it as an argument."""
+    """The compiled function `_advance`, one Runge-Kutta step of all lanes, for kernels that receive it as an argument.
+
+    It is compiled separately from these kernels.
+    """
     required, active = Requirements(*[False] * len(Requirements._fields)), np.zeros(1, dtype=np.bool_)
     return behind_pointer(_advance, lane_workspace(), UNKNOWN, active, required, False)
 
 
 def _advance(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements, held: bool) -> None:
-    """One Runge-Kutta step of all lanes.
+    """Advance all lanes by one Runge-Kutta step.
 
     Args:
-        w: the workspace
+        w: workspace of the lanes
         rig: constants of the rig
         active: (effects,) mask of the active effects in these lanes
         required: quantities that these effects require
@@ -117,7 +121,7 @@ def _advance(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requi
 
 @subroutine
 def _begin(w: LaneWorkspace) -> None:
-    """Copy the state to the rows for the start of the step."""
+    """Copy the state of each lane to the rows for the start of the step."""
     for k in range(LANES):
         w.old_t[k] = w.t[k]
         w.old_theta1[k], w.old_theta2[k] = w.theta1[k], w.theta2[k]
@@ -132,7 +136,10 @@ def _begin_arm(w: LaneWorkspace) -> None:
 
 @subroutine
 def _place(w: LaneWorkspace, share: float) -> None:
-    """Set the state of a stage from the speeds and accelerations of the previous stage; the first stage has none."""
+    """Set the state of a stage at the fraction `share` of the step.
+
+    The state follows from the speeds and accelerations of the previous stage; at the first stage, `share` is zero.
+    """
     for k in range(LANES):
         ahead = share * w.h[k]
         p1, p2 = w.stage_omega1[k], w.stage_omega2[k]
@@ -164,7 +171,10 @@ def _accelerate(
     held: bool,
     resting: bool,
 ) -> None:
-    """Accelerations of a stage; load-dependent friction uses the accelerations without it."""
+    """Compute the accelerations of a stage.
+
+    Load-dependent friction depends on joint forces, which are computed from the accelerations without this friction.
+    """
     if not (required.torque or required.load or required.whole0 or resting):
         if not required.arm:
             _accelerate_bare(w)
@@ -193,7 +203,7 @@ def _accelerate(
 
 @subroutine
 def _add_arm(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """All torques on the arm, and the torques of the same effects on the rods."""
+    """Compute all torques on the arm, and the torques that the same effects exert on the rods."""
     for k in range(LANES):
         w.torque0[k] = w.drive0[k]
     if required.drive0:
@@ -214,7 +224,7 @@ def _accelerate_bare(w: LaneWorkspace) -> None:
 
 @subroutine
 def _accelerate_bare_rods(w: LaneWorkspace, rig: RigConstants) -> None:
-    """Accelerations with an arm that moves, and no effect on the rods."""
+    """Compute the accelerations with a moving arm and without effects on the rods."""
     for k in range(LANES):
         w.alpha0[k], w.alpha1[k], w.alpha2[k] = arm_accelerations(
             motion_at(w, k), base_at(w, k), NOTHING, arm_at(w, k, rig), FREE, w.torque0[k]
@@ -268,7 +278,7 @@ def _accumulate_arm(w: LaneWorkspace, weight: float, more: bool) -> None:
 
 @subroutine
 def _finish(w: LaneWorkspace) -> None:
-    """State at the end of the step, and displacements of the joints in it."""
+    """Set the state at the end of the step, and the displacements of the joints in the step."""
     for k in range(LANES):
         h, sixth = w.h[k], w.h[k] / 6.0
         turn1, turn2 = w.turn1[k], w.turn2[k]
@@ -298,7 +308,7 @@ def _move_internal(w: LaneWorkspace, active: Flags) -> None:
 
 @subroutine
 def _reset_held(w: LaneWorkspace) -> None:
-    """Reset internal states before the release to those of a rig at rest."""
+    """Set the internal states of lanes before the release to those of a rig at rest."""
     for k in range(LANES):
         if waits(w, k):
             for i, at_release in enumerate(_AT_RELEASE):

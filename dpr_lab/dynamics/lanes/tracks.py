@@ -1,4 +1,4 @@
-"""Assignment of candidates and segments to lanes."""
+"""Assignment of candidates and segments to the lanes."""
 
 from functools import lru_cache
 from itertools import pairwise
@@ -14,24 +14,24 @@ from dpr_lab.effects.stages import Requirements
 
 
 class Tracks(NamedTuple):
-    """Tracks in blocks of at most `LANES` whose candidates have the same active effects.
+    """Tracks in blocks of at most `LANES`; all candidates of a block have the same active effects.
 
-    A track is one candidate on one segment, or on all segments of a run in sequence if effects have a memory across
-    segments.
+    A track is one candidate on one segment. If effects have a memory across segments, a track is one candidate on all
+    segments of a run in sequence.
     """
 
     candidate: Integers
-    """(tracks,) candidate."""
+    """(tracks,) index of the candidate of each track."""
     first: Integers
-    """(tracks,) first segment."""
+    """(tracks,) index of the first segment of each track."""
     last: Integers
-    """(tracks,) index after the last segment."""
+    """(tracks,) index after the last segment of each track."""
     edges: Integers
-    """(blocks + 1,) first track of each block."""
+    """(blocks + 1,) index of the first track of each block, then the number of tracks."""
     active: Flags
-    """(blocks, effects) mask of the active effects."""
+    """(blocks, effects) mask of the active effects of each block."""
     required: Requirements
-    """(blocks,) quantities that they require."""
+    """(blocks,) quantities that the active effects of each block require."""
 
 
 required_in = compiled(
@@ -45,7 +45,9 @@ required_in = compiled(
 
 
 def tracks_of(active: Flags, chained: Flags, run: Integers, chains: Integers) -> Tracks:
-    """Tracks of candidates on segments; the steps of a fit predict the same segments with the same effects.
+    """Tracks of candidates on segments.
+
+    The result is cached, because the steps of a fit predict the same segments with the same effects.
 
     Args:
         active: (n, runs or 1, effects) mask of the active effects by candidate and run
@@ -58,7 +60,7 @@ def tracks_of(active: Flags, chained: Flags, run: Integers, chains: Integers) ->
 
 @lru_cache(maxsize=32)
 def _tracks(shape: tuple[int, int, int], active_: bytes, chained_: bytes, run_: bytes, chains_: bytes) -> Tracks:
-    """`tracks_of`, whose arguments are not hashable."""
+    """Implementation of `tracks_of` with hashable arguments, for the cache."""
     n, runs, _ = shape
     active, chained = (
         np.frombuffer(mask, dtype=np.bool_).reshape(size) for mask, size in ((active_, shape), (chained_, (n, runs)))
@@ -88,7 +90,7 @@ def _parts(
     first: Integers,
     last: Integers,
 ) -> Integers:
-    """(4, tracks) kind, candidate, first and last segment of the candidates with this division into tracks.
+    """(4, tracks) kind, candidate, first and last segment of each track, for the candidates that `which` marks.
 
     Tracks of one segment have neighbouring candidates, and thus the same instants, in neighbouring lanes.
     """

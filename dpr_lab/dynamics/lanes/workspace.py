@@ -16,19 +16,22 @@ from dpr_lab.effects.quantities import ArmModel, BaseParameters, Joint, Motion, 
 from dpr_lab.kernels import inlined, subroutine
 
 LANES = 16
-"""Number of lanes: two registers of eight doubles hide the latency of a division with few spare lanes."""
+"""Number of lanes; two registers of eight doubles hide the latency of a division with few spare lanes."""
 
 Row = Array
-"""(LANES,) a quantity of all lanes."""
+"""(LANES,) one quantity in all lanes."""
 
 Rows = Array
-"""(count, LANES) a row for each internal state that moves with a joint, or for each parameter of the effects."""
+"""(count, LANES) one row for each internal state that moves with a joint, or for each parameter of the effects."""
 
 
 class LaneWorkspace:
-    """Rows of the workspace in the order of the record; angles in rad, times in s, torques in N m, other units SI."""
+    """Rows of the workspace in the order of the record.
 
-    # constant along a track: base parameters, lengths and masses of the mounted parts, the arm, length of a step
+    Angles are in rad, times in s, torques in N m; all other quantities are in SI units.
+    """
+
+    # constants of a track: base parameters, lengths and masses of the mounted parts, the arm, length of a step
     a: Row
     b: Row
     d: Row
@@ -91,7 +94,8 @@ class LaneWorkspace:
     first2: Row
     last1: Row
     last2: Row
-    # end of the whole step, number of events, time to the next event, and its kind: 1 with a joint, 2 or 3
+    # end of the whole step, number of events, time to the next event, and its kind: 1 is the start of sliding, 2, 3
+    # and 4 are stops of joint 1, joint 2 and the arm
     until: Row
     events: Row
     ahead: Row
@@ -130,10 +134,10 @@ class LaneWorkspace:
     forward0: Row
     first0: Row
     last0: Row
-    # motor behind the backlash of the arm's gear: inertia and friction of both together, motor's inertia, speed and
-    # torque, whether it is loose, impulse owed by the gear to the arm, its first moment, torque that repays both, time
-    # for which the motor stays in contact after an impact, state at the start of the step, speed of the arm, share of
-    # the step up to which the motor was followed, and time since then
+    # motor behind the backlash of the arm's gear: inertia and friction of arm and motor together; inertia, speed and
+    # torque of the motor; whether it is inside the backlash; outstanding impulse of the gear on the arm, its first
+    # moment, and the torque that transmits both; time for which the motor stays in contact after an impact; state at
+    # the start of the step; speed of the arm; fraction of the step up to which the motor was followed; time after it
     geared_inertia: Row
     geared_friction: Row
     motor_inertia0: Row
@@ -170,7 +174,7 @@ class LaneWorkspace:
 
 
 _COUNT = {"old_internal": len(STEPPED), "moved": len(STEPPED), "internal": len(STEPPED), "params": SIZE}
-"""Number of rows of the fields that have several."""
+"""Number of rows of those fields that have several rows."""
 
 _RECORD = np.dtype(
     [
@@ -181,14 +185,14 @@ _RECORD = np.dtype(
 
 
 def lane_workspace() -> LaneWorkspace:
-    """A workspace of zeros; that of one track fits in the first-level cache."""
+    """A workspace of zeros; the workspace of one track fits in the first-level cache."""
     record: Any = np.zeros(1, _RECORD).view(np.recarray)[0]
     return record
 
 
 @subroutine
 def copy_rows(source: Rows, target: Rows) -> None:
-    """Copy several rows."""
+    """Copy the rows of `source` to `target`."""
     for i in range(len(source)):
         for k in range(LANES):
             target[i, k] = source[i, k]
@@ -202,7 +206,7 @@ def base_at(w: LaneWorkspace, k: int) -> BaseParameters:
 
 @inlined
 def constants_at(w: LaneWorkspace, k: int, rig: RigConstants) -> RigConstants:
-    """Constants of lane k: those of the rig with the mounted parts."""
+    """Constants of lane k: those of the rig, with the lengths and masses of the mounted parts."""
     return RigConstants(
         rig.L0, w.L1[k], w.L2[k], rig.g, w.m1[k], w.m2[k], w.mb[k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2, rig.counts_per_rev0,
@@ -217,7 +221,7 @@ def arm_at(w: LaneWorkspace, k: int, rig: RigConstants) -> ArmModel:
 
 @inlined
 def motion_at(w: LaneWorkspace, k: int) -> Motion:
-    """The motion of lane k at the stage."""
+    """Motion of lane k at the current stage."""
     return Motion(
         w.stage_t[k],
         w.stage_theta0[k], w.stage_theta1[k], w.stage_theta2[k],
@@ -230,7 +234,7 @@ def motion_at(w: LaneWorkspace, k: int) -> Motion:
 
 @inlined
 def joint0_at(w: LaneWorkspace, k: int) -> Joint:
-    """The arm's joint of lane k, as `joint0` of its motion, without loading unused values."""
+    """Joint of the arm of lane k, equal to `joint0` of its motion, without loading unused values."""
     return Joint(
         w.stage_t[k], w.stage_theta0[k], w.stage_omega0[k], w.displacement0[k], 0.0,
         w.direction0[k],
@@ -239,7 +243,7 @@ def joint0_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def joint1_at(w: LaneWorkspace, k: int) -> Joint:
-    """Joint 1 of lane k, as `joint1` of its motion, without loading unused values."""
+    """Joint 1 of lane k, equal to `joint1` of its motion, without loading unused values."""
     return Joint(
         w.stage_t[k], w.stage_theta1[k] - math.pi, w.stage_omega1[k],
         w.displacement1[k], w.force1[k], w.direction1[k],
@@ -248,7 +252,7 @@ def joint1_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def joint2_at(w: LaneWorkspace, k: int) -> Joint:
-    """Joint 2 of lane k, as `joint2` of its motion, without loading unused values."""
+    """Joint 2 of lane k, equal to `joint2` of its motion, without loading unused values."""
     return Joint(
         w.stage_t[k],
         w.stage_theta2[k] - w.stage_theta1[k], w.stage_omega2[k] - w.stage_omega1[k],

@@ -1,4 +1,4 @@
-"""Simulated swings with a free or driven arm, on a grid, with their sensitivity to the initial states."""
+"""Simulated swings with a free or driven arm on a time grid, with their sensitivity to the initial states."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,18 +18,21 @@ from dpr_lab.setup import Torques
 
 @dataclass(frozen=True, slots=True)
 class FollowedSwing:
-    """Simulated segments on a time grid, with the quantities that `dpr_lab.fitting.response` requires."""
+    """Simulated segments on a time grid, with the quantities that `dpr_lab.fitting.response` requires.
+
+    The axes are theta1, theta2, theta0.
+    """
 
     states: Array
-    """(n, states) theta1, theta2, omega1, omega2, and theta0, omega0 with an arm that moves, rad and rad/s."""
+    """(n, states) theta1, theta2, omega1, omega2, and theta0, omega0 of a moving arm, rad and rad/s."""
     phi: Array
-    """(n, states, states) sensitivity to the initial state of each segment."""
+    """(n, states, states) derivative of the states with respect to the initial state of their segment."""
     inverse: Array
     """(n, axes, axes) inverse mass matrix, 1/(kg m^2)."""
     alpha: Array
-    """(n, axes) accelerations, rad/s^2"""
+    """(n, axes) angular accelerations, rad/s^2."""
     drive: Array
-    """(n, axes) known torques, of the arm with the fitted gain of its drive, N m"""
+    """(n, axes) known torques, N m; the torque of the arm includes the fitted gain of its drive."""
     angles: list[int]
     """Columns of the angles among the states, in the order of the axes."""
     speeds: list[int]
@@ -43,30 +46,30 @@ _INERTIA, _VISCOUS, _EXCESS = (
 
 @dataclass(frozen=True, slots=True)
 class FollowSettings:
-    """Derivatives of simulated swings, and limits beyond which they are discarded."""
+    """Increment for the derivatives of simulated swings, and limits beyond which swings are discarded."""
 
     step: float = 1e-5
-    """Forward step of an initial state, rad and rad/s."""
+    """Increment of each component of an initial state for forward differences, rad and rad/s."""
     wildest: float = 1e6
-    """Angle, rad, and speed, rad/s, beyond which a simulated swing counts as failed."""
+    """Largest absolute angle, rad, or speed, rad/s; beyond it a simulated swing counts as failed."""
     singular: float = 1e-9
-    """Minimum determinant of a sensitivity for which torques and initial states are distinguishable."""
+    """Minimum determinant of a sensitivity; below it torques and initial states are indistinguishable."""
     order: tuple[int, ...] = (4, 0, 1, 5, 2, 3)
-    """theta0, theta1, theta2, omega0, omega1, omega2 among the states."""
+    """Columns of theta0, theta1, theta2, omega0, omega1, omega2 among the states."""
     weightless: float = 1e-6
-    """Inertia of a missing rod relative to that of the mounted one."""
+    """Inertia of a missing rod relative to that of the mounted rod."""
 
 
 FOLLOW = FollowSettings()
 
 
 def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: Array, initial: Array) -> FollowedSwing:
-    """Simulate swings with rods and arm, driven with the fitted gain; other effects are ignored.
+    """Simulate swings of rods and arm, driven with the fitted gain, without other effects.
 
     Args:
         bases: (runs, 6) base parameters of the mounted rods, SI; all runs have the same rods
-        rig: its constants
-        grid: the instants
+        rig: constants of the rig
+        grid: segments of grid instants
         params: (SIZE,) effects; only the arm and the gain of its drive are used
         initial: (segments, 6) initial states
     """
@@ -103,7 +106,7 @@ def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: A
 
 
 def _shifts() -> Array:
-    """(7, 6) no increment, then one for each component of an initial state."""
+    """(7, 6) increments of an initial state: zero, then one for each component."""
     return np.concatenate([np.zeros((1, 6)), FOLLOW.step * np.eye(6)])
 
 
@@ -119,7 +122,7 @@ def _mean_torque(t: Array, torques: Torques | None) -> Array:
 def _mass_matrices(
     states: Array, model: tuple[float, float, float, float, float], rig: RigConstants, moves: Flags
 ) -> Array:
-    """(n, 3, 3) mass matrices of theta1, theta2, theta0 (`dpr_lab.dynamics.arm`); a clamped arm is not coupled."""
+    """(n, 3, 3) mass matrices of theta1, theta2, theta0 (`dpr_lab.dynamics.arm`), without coupling to a clamped arm."""
     a, b, d, e1, inertia = model
     (sin1, sin2), (cos1, cos2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T)
     M = np.zeros((len(states), 3, 3))

@@ -1,4 +1,4 @@
-"""Steps of a rig whose arm has a motor behind the backlash of a gear: the physics of `dpr_lab.dynamics.lanes`.
+"""Steps of a rig whose arm has a motor behind the backlash of a gear: the same physics as `dpr_lab.dynamics.lanes`.
 
 `dpr_lab.dynamics.lanes.geared_motor` contains the equations.
 """
@@ -13,7 +13,7 @@ from dpr_lab.kernels import subroutine
 
 
 class GearedState(NamedTuple):
-    """Fields of `RigState`, and the motor as seen at the arm.
+    """Fields of `RigState`, followed by the state of the motor, expressed at the arm.
 
     The fields of the motor are its angle, rad, its speed, rad/s, and the outstanding impulse of the gear, N m s, with
     its first moment, N m s^2. `bonded` is the time for which the motor stays in contact after an impact, s.
@@ -39,11 +39,11 @@ AnyState = RigState | GearedState
 
 @subroutine
 def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tuple[RigModel, float, float, float, float]:
-    """The rig at an instant, with the gear in contact or inside its backlash.
+    """Model of the rig at an instant, with the gear in contact or inside its backlash.
 
     Returns:
-        the rig, whose arm has the motor's inertia and friction only in contact; torques of the gear on the arm and of
-        the drive on the motor, N m; the motor's inertia, kg m^2; 1 inside the backlash, else 0
+        the model, whose arm has the inertia and friction of the motor only in contact; torque of the gear on the arm
+        and torque of the drive on the motor, N m; inertia of the motor, kg m^2; 1 inside the backlash, 0 in contact
     """
     arm, params, active = model.arm, model.params, model.active
     _, _, motor_inertia, loose = geared_motor0(
@@ -58,9 +58,9 @@ def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tupl
 
 @subroutine
 def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode: int, drive: float) -> GearedState:
-    """State one step of h later; `drive` is the known torque of the motor, N m.
+    """State after one step of length h; `drive` is the known torque of the motor, N m.
 
-    The model does not require the effects of the drive: they act on the motor.
+    The effects of the drive act on the motor; the model of the rig does not require them.
     """
     rig, geared, torque, inertia, loose = arm_of_gear(t, x, model, drive)
     repaid, arm, params, active = fed(x.owed, x.behind, h), model.arm, model.params, model.active

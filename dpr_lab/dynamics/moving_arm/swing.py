@@ -4,7 +4,7 @@ The equation is that of `dpr_lab.dynamics.arm`. The torque on a free or driven a
 
     tau0 = gain u - f0 tanh(phi' / SMOOTHING)
 
-with the input u linear from each sample to the next. All parameters except L0 may have any common factor.
+where the input u is linear between samples. All parameters except L0 may have any common factor.
 """
 
 from typing import NamedTuple
@@ -19,32 +19,37 @@ from dpr_lab.effects.quantities import NOTHING, SMOOTHING, ArmModel, BaseParamet
 from dpr_lab.kernels import njit, subroutine
 
 SWING_PARAMETERS = ("a", "b", "d", "e1", "c1", "c2", "A", "c0", "k0", "f0", "gain", "L0")
-"""Order of the vector p: base parameters of the rods, total inertia of the arm, its viscous friction, stiffness and
-Coulomb friction, torque per input, and the length of the arm in m.
+"""Order of the parameter vector p.
+
+It contains the base parameters of the rods; total inertia, viscous friction, stiffness and Coulomb friction of the arm;
+the torque per unit of the input; and the length of the arm, m.
 """
 
 
 class ArmSegments(NamedTuple):
-    """Segments of recordings in sequence."""
+    """Segments of recordings in sequence, with the inputs of the arm."""
 
     offsets: Integers
-    """(segments + 1,) first sample of each segment."""
+    """(segments + 1,) index of the first sample of each segment, then the number of samples."""
     mode: Integers
-    """(segments,) `CLAMPED`, `FREE` (the input is a torque) or `DRIVEN` (the input is an acceleration)."""
+    """(segments,) mode of the arm: `CLAMPED`, `FREE` (torque as input) or `DRIVEN` (acceleration as input)."""
     drive: Array
-    """(samples,) mean input from each sample to the next."""
+    """(samples,) mean of the input from each sample to the next."""
     slope: Array
-    """(samples,) its derivative between them, 1/s; zero for a held input."""
+    """(samples,) derivative of the input from each sample to the next, per second; zero for a held input."""
     step: Array
-    """(samples,) Runge-Kutta step before each sample, s."""
+    """(samples,) length of the Runge-Kutta steps before each sample, s."""
     substeps: Integers
-    """(samples,) number of these steps."""
+    """(samples,) number of Runge-Kutta steps before each sample."""
 
 
 def arm_segments(
     t: list[Array], mode: list[int], drive: list[Array], max_step: float = 2.5e-3, slope: list[Array] | None = None
 ) -> ArmSegments:
-    """Segments from the instants (s), the mode, the input and its derivative (1/s; default: zero) of each."""
+    """Layout of segments from the instants, s, the mode, the input and its derivative, 1/s, of each segment.
+
+    Without `slope` the derivatives are zero.
+    """
     offsets = np.concatenate([[0], np.cumsum([len(piece) for piece in t])]).astype(np.int64)
     step, count = sample_steps(np.concatenate(t), offsets, np.full(len(t), max_step))
     inputs = np.concatenate(drive)
@@ -53,7 +58,7 @@ def arm_segments(
 
 
 def swing_segments(p: ArrayLike, frame: tuple[float, float], segments: ArmSegments, initial: Array) -> Array:
-    """Simulate segments.
+    """Simulate segments with an arm.
 
     Args:
         p: (12,) parameters in the order of `SWING_PARAMETERS`
