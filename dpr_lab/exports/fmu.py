@@ -27,6 +27,31 @@ from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64 as Rea
 INPUTS, STATES = {inputs!r}, {states!r}
 OUTPUTS = (*STATES, {encoders})
 STARTS = tuple(f"{{name}}_start" for name in STATES)
+MEANINGS = {{
+    "theta": ("angle", "rad"),
+    "omega": ("angular velocity", "rad/s"),
+    "encoder": ("encoder reading", "rad"),
+    "torque": ("joint torque", "N.m"),
+    "drive": ("input of the drive, in its own unit", None),
+    "max_step": ("longest integration step", "s"),
+    "time": ("time", "s"),
+}}
+DIMENSIONS = {{
+    "rad": {{"rad": 1}},
+    "rad/s": {{"rad": 1, "s": -1}},
+    "N.m": {{"kg": 1, "m": 2, "s": -2}},
+    "s": {{"s": 1}},
+}}
+
+
+def real(name, **properties):
+    """A variable with its meaning; with its unit where the package can write units."""
+    meaning, unit = next(MEANINGS[kind] for kind in MEANINGS if name.startswith(kind))
+    words = f"initial {{meaning}}" if name in STARTS else meaning
+    variable = Real(name, description=f"{{words}}, {{unit}}" if unit else words, **properties)
+    if unit and hasattr(variable, "unit"):
+        variable.unit = unit
+    return variable
 
 
 class {name}(Fmi3Slave):
@@ -39,14 +64,18 @@ class {name}(Fmi3Slave):
             setattr(self, name, 0.0)
         self.theta1_start = self.theta2_start = math.pi
         self.max_step = 1e-3
+        if hasattr(self, "register_units"):
+            from pythonfmu3 import Unit
+
+            self.register_units([Unit(name, **powers) for name, powers in DIMENSIONS.items()])
         continuous = Fmi3Variability.continuous
         if hasattr(Fmi3Causality, "independent"):
-            self.register_variable(Real("time", causality=Fmi3Causality.independent, variability=continuous))
+            self.register_variable(real("time", causality=Fmi3Causality.independent, variability=continuous))
         for name in INPUTS:
-            self.register_variable(Real(name, causality=Fmi3Causality.input, variability=continuous, start=0.0))
+            self.register_variable(real(name, causality=Fmi3Causality.input, variability=continuous, start=0.0))
         for name in (*STARTS, "max_step"):
             self.register_variable(
-                Real(
+                real(
                     name,
                     causality=Fmi3Causality.parameter,
                     variability=Fmi3Variability.fixed,
@@ -54,7 +83,7 @@ class {name}(Fmi3Slave):
                 )
             )
         for name in OUTPUTS:
-            self.register_variable(Real(name, causality=Fmi3Causality.output, variability=continuous))
+            self.register_variable(real(name, causality=Fmi3Causality.output, variability=continuous))
         self.swing = None
 
     def exit_initialization_mode(self):

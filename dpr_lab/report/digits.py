@@ -64,7 +64,7 @@ def superscripts(text: str) -> str:
 def _scaled(form: str, numbers: tuple[float, ...], value: float, std: float) -> str:
     """Format all numbers with the decimals of the standard deviation; factor out a power of ten if needed."""
     size = max(abs(value), std)
-    exponent = 0 if 0.01 <= size < 1e6 else math.floor(math.log10(size))
+    exponent = 0 if 0.001 <= size < 1e6 else math.floor(math.log10(size))
     unit = 10.0**exponent
     places = max(0, 1 - math.floor(math.log10(std / unit)))
     text = form.format(*(f"{number / unit:.{places}f}" for number in numbers))

@@ -44,6 +44,12 @@ def test_the_fmu_declares_its_inputs_and_outputs(unit, standard: str):
     causality = {variable.name: variable.causality for variable in described.modelVariables}
     assert [name for name, what in causality.items() if what == "input"] == ["torque1", "torque2"]
     assert [name for name, what in causality.items() if what == "output"] == OUTPUTS
+    described_as = {variable.name: variable.description for variable in described.modelVariables}
+    assert described_as["omega2_start"] == "initial angular velocity, rad/s"
+    if standard == "3.0":  # pythonfmu has no units
+        units = {variable.name: variable.unit for variable in described.modelVariables}
+        assert [units[name] for name in ("torque1", *OUTPUTS)] == ["N.m", *2 * ["rad"], *2 * ["rad/s"], *2 * ["rad"]]
+        assert {unit.name for unit in described.unitDefinitions} >= set(filter(None, units.values()))
 
 
 def start_values(x0):

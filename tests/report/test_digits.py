@@ -12,7 +12,8 @@ from dpr_lab.report.digits import interval, pair, plus_minus, superscripts, thre
     [
         (10.2458, 0.0020, "10.2458 ± 0.0020"),
         (0.2, 0.004, "0.2000 ± 0.0040"),
-        (0.00133, 0.0000127, "(1.330 ± 0.013)e-3"),
+        (0.00133, 0.0000127, "0.001330 ± 0.000013"),
+        (0.000133, 0.0000127, "(1.33 ± 0.13)e-4"),
         (263.5, 12.3, "264 ± 12"),
         (0.0, 0.5, "0.00 ± 0.50"),
         (-0.3, 0.1, "-0.30 ± 0.10"),
@@ -40,7 +41,7 @@ def test_what_is_printed_lies_within_a_twentieth_of_the_uncertainty(value, relat
 
 def test_an_interval_has_the_places_of_its_value():
     assert interval(10.24241, 10.2491, value=10.2458, std=0.002) == "10.2424 to 10.2491"
-    assert interval(0.0013091, 0.0013509, value=0.00133, std=0.0000127) == "(1.309 to 1.351)e-3"
+    assert interval(0.0013091, 0.0013509, value=0.00133, std=0.0000127) == "0.001309 to 0.001351"
 
 
 @pytest.mark.parametrize(
@@ -63,7 +64,8 @@ def test_only_powers_of_one_digit_are_superscripts() -> None:
     [
         ("0.80", "0.80 mN m"),
         ("0.80 (0.70 to 0.90)", "0.80 mN m (0.70 to 0.90)"),
-        (with_interval(-0.0028, -0.0051, -0.0005), "(-2.8 (-5.1 to -0.5))e-3 mN m"),
+        (with_interval(0.0, 0.0, 0.0088), "0.0000 mN m (0.0000 to 0.0088)"),
+        (with_interval(-0.00028, -0.00051, -0.00005), "(-2.8 (-5.1 to -0.5))e-4 mN m"),
     ],
 )
 def test_a_unit_follows_the_value_or_the_power_of_ten(text, expected):

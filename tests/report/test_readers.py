@@ -43,7 +43,7 @@ def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
 
 def test_intervals_of_parameters_have_the_decimals_of_their_width() -> None:
     parameter: Any = SimpleNamespace(value=1.356e-3, std=None, interval90=(1.13e-3, 1.6e-3))
-    assert interval_words(parameter) == "(1.13 to 1.60)e-3"
+    assert interval_words(parameter) == "0.00113 to 0.00160"
 
 
 def test_a_full_disk_does_not_lose_the_verdict(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
