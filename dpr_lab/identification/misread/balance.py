@@ -43,7 +43,7 @@ class EnergySettings:
     zeros: int = 18
     """Number of zeros per turn that are tried for each rod."""
     refined: int = 5
-    """Number of pairs of zeros that are refined, the best first."""
+    """Maximum number of local minima that are refined, the best first."""
     zero_step_rad: float = 0.1
     """First step of the refinement, rad."""
     zero_rows: int = 800
@@ -176,11 +176,14 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:
     """Angles to add to both rods, within a turn, with the smallest residual; equal angles for one degree of freedom.
 
+    The local minima on a grid of both angles are refined: from neighbours of one minimum all searches end in it.
+
     Args:
         residual: residual of a balance as a function of the (2,) added angles, rad
         rig: the recorded rig
         nearest: whether to search from the given zeros only
     """
+    from scipy.ndimage import minimum_filter
     from scipy.optimize import minimize
 
     joints = 2 if rig.rods.mounting == "both" else 1
@@ -189,7 +192,9 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
         return residual(np.broadcast_to(added, 2))
 
     steps = np.zeros(1) if nearest else np.arange(ENERGY.zeros) * 2 * np.pi / ENERGY.zeros
-    starts = sorted((np.array(zeros) for zeros in product(steps, repeat=joints)), key=of_joints)[: ENERGY.refined]
+    grid = np.reshape([of_joints(np.array(zeros)) for zeros in product(steps, repeat=joints)], (len(steps),) * joints)
+    minima = np.argwhere(grid == minimum_filter(grid, size=3, mode="wrap"))
+    starts = steps[sorted(minima, key=lambda place: grid[tuple(place)])[: ENERGY.refined]]
     simplex = ENERGY.zero_step_rad * np.eye(joints + 1, joints)
     searches = (
         minimize(of_joints, start, method="Nelder-Mead", options={"initial_simplex": start + simplex})
