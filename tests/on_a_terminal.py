@@ -1,4 +1,4 @@
-"""`python -m tests.on_a_terminal COMMAND...`: a screen on a terminal, left as soon as it is drawn."""
+"""`python -m tests.on_a_terminal WORDS`: the screen of `dpr-lab WORDS` on a terminal, left as soon as it is drawn."""
 
 import sys
 

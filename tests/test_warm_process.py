@@ -1,5 +1,6 @@
 """A process that is forked from one with the libraries loaded is as one that was started."""
 
+import os
 import signal
 import subprocess
 from importlib import import_module
@@ -7,6 +8,8 @@ from importlib import import_module
 import pytest
 
 from tests.warm_process import WarmProcess, started
+
+PATIENCE_S = 60.0
 
 
 def test_it_has_its_words_streams_and_exit_code() -> None:
@@ -25,6 +28,19 @@ def test_a_signal_ends_it_and_is_its_status() -> None:
         assert process.poll() is None
         process.kill()
     assert process.returncode == -signal.SIGKILL
+
+
+def test_variables_of_its_own_do_not_start_a_fresh_process_and_a_terminal_is_its_own() -> None:
+    master, slave = os.openpty()
+    environment = {**os.environ, "DPR_LAB_STATE": "elsewhere"}
+    options = {"stdin": slave, "stdout": slave, "env": environment, "start_new_session": True}
+    with started("sim_device", [], **options) as process:
+        os.close(slave)
+        assert isinstance(process, WarmProcess)
+        assert os.read(master, 1) == b"{"
+        os.write(master, b"\x03")  # only a controlling terminal sends the signal
+        assert process.wait(PATIENCE_S) == 0
+    os.close(master)
 
 
 def test_variables_that_the_libraries_read_start_a_fresh_process(monkeypatch: pytest.MonkeyPatch) -> None:

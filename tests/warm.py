@@ -8,6 +8,7 @@ when it has ended. The server ends with its stdin. `tests/warm_process.py` is th
 """
 
 import atexit
+import fcntl
 import json
 import os
 import runpy
@@ -15,6 +16,7 @@ import select
 import shutil
 import socket
 import sys
+import termios
 import threading
 import traceback
 from contextlib import suppress
@@ -79,6 +81,8 @@ def become(
         setattr(sys, name, open(number, "w" if number else "r", closefd=False))
         setattr(sys, f"__{name}__", getattr(sys, name))
     os.closerange(3, 1 << 16)
+    if session and os.isatty(0):
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     sys.argv = [program, *words]
     os._exit(ended(program))
 

@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -33,10 +33,10 @@ def start_server() -> None:
     os.environ[SERVER] = json.dumps([str(place), _of_loading()])
 
 
-def _of_loading() -> dict[str, str]:
+def _of_loading(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
     """Variables that Python or a library reads when it is loaded."""
     names = ("NUMBA", "PYTHON", "OMP", "OPENBLAS", "XDG", "HOME", "MPL")
-    return {name: value for name, value in os.environ.items() if name.startswith(names) and name not in SET_BY_DPR_LAB}
+    return {name: value for name, value in environment.items() if name.startswith(names) and name not in SET_BY_DPR_LAB}
 
 
 class WarmProcess(subprocess.Popen[Any]):
@@ -88,7 +88,7 @@ def started(program: str, words: Sequence[object], **options: Any) -> "subproces
     """A process of a program, a fresh one where variables differ that are read when the libraries are loaded."""
     start_server()
     place, loaded = json.loads(os.environ[SERVER])
-    if "env" in options or _of_loading() != loaded:
+    if _of_loading(options.get("env") or os.environ) != loaded:
         return subprocess.Popen([sys.executable, "-m", program, *map(str, words)], **options)
     return WarmProcess(place, program, words, **options)
 

@@ -7,13 +7,13 @@ import re
 import select
 import signal
 import struct
-import subprocess
 import termios
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
 from dpr_lab.tui.terminal.multiplexer import IN_ENVIRONMENT
+from tests.warm_process import started
 
 TOKEN = re.compile(
     rb"\x1b\[(?P<parameters>[?>=<0-9;:$]*)(?P<final>[@-~])|\x1b[()].|\x1b[=>78]|\x1b\][^\x07]*\x07|(?P<text>[^\x1b]+)"
@@ -85,10 +85,10 @@ class VirtualScreen:
 
 
 class Terminal(VirtualScreen):
-    """A program on a terminal of our own.
+    """`dpr-lab` on a terminal of our own.
 
     Args:
-        command: the program
+        words: arguments of the command
         environment: its variables
         size: columns and rows
         bytes_per_s: what the line carries; None for any amount
@@ -98,7 +98,7 @@ class Terminal(VirtualScreen):
 
     def __init__(
         self,
-        command: Sequence[str],
+        words: Sequence[str],
         environment: Mapping[str, str],
         size: tuple[int, int] = (80, 24),
         bytes_per_s: float | None = None,
@@ -116,8 +116,9 @@ class Terminal(VirtualScreen):
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
         self._before = termios.tcgetattr(slave)
         self._slave = slave
-        self.process = subprocess.Popen(
-            command,
+        self.process = started(
+            "dpr_lab",
+            words,
             stdin=slave,
             stdout=slave,
             stderr=slave,

@@ -1,6 +1,5 @@
 """The command itself on a terminal of our own, and the real process of a simulated device."""
 
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,8 @@ def on_terminal(tmp_path: Path) -> Iterator[OnTerminal]:
     made: list[Terminal] = []
 
     def start(link: str, environment: Mapping[str, str] | None = None, **options: Any) -> Terminal:
-        command = [sys.executable, "-m", "dpr_lab", "tui", "--link", link, "--out", str(tmp_path / "bench")]
-        made.append(Terminal(command, environment or {}, **options))
+        words = ["tui", "--link", link, "--out", str(tmp_path / "bench")]
+        made.append(Terminal(words, environment or {}, **options))
         made[-1].until_shown("Connect")
         made[-1].press("c")
         made[-1].until_shown("latch OPEN")

@@ -20,6 +20,7 @@ import pytest
 
 from tests.thinned import thinned
 from tests.tui.terminal_emulator import PATIENCE_S, VirtualScreen
+from tests.warm_process import started
 
 
 class Browser(VirtualScreen):
@@ -27,8 +28,8 @@ class Browser(VirtualScreen):
 
     def __init__(self, *options: str, environment: dict[str, str]) -> None:
         super().__init__((80, 24), self._send)
-        command = [sys.executable, "-m", "dpr_lab", "tui", *options]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+        pipe = subprocess.PIPE
+        self.process = started("dpr_lab", ["tui", *options], stdin=pipe, stdout=pipe, env=environment)
         threading.Thread(target=self._read, daemon=True).start()
 
     def press(self, keys: str) -> None:
