@@ -1,4 +1,4 @@
-"""The bare model, fitted to screened runs: first in short segments, then in longer ones."""
+"""Fit of the bare model to screened runs: first in short segments, then in longer ones."""
 
 from dataclasses import replace
 
@@ -87,7 +87,7 @@ def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
 
 
 def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:
-    """The bare model at another segment length, s, from the initial states of shorter segments."""
+    """Fit of the bare model with another segment length, s, starting from the initial states of shorter segments."""
     longer, initial = recordings.cut(length)
     start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)

@@ -1,10 +1,12 @@
-"""Corrections of the recordings that a set of effects implies. After each correction, the effects are searched again.
+"""Corrections of the recordings that a set of effects implies; after each correction, the effects are searched again.
 
-noise of torques: initially the noise at rest, unless the set shows that the noise is smaller or the torques are exact
-earlier torques: torques that act before their rows, which looks like a negative delay
-kicks and steps: disturbances that were invisible in the residuals of the bare model, because a larger cause hid them
-rolling shutter: correction of the readings of a film. The first correction uses the delay of the bare model, because an
-effect may imitate a part of the delay. The second uses the delay of the set, which includes other causes.
+    noise of torques    initially the noise at rest, unless the set shows that it is smaller or the torques are exact
+    earlier torques     torques that act before their rows, which looks like a negative delay
+    kicks and steps     disturbances that a larger cause hid in the residuals of the bare model
+    rolling shutter     correction of the readings of a film, in two passes
+
+The first pass for the rolling shutter uses the delay of the bare model, because an effect may imitate a part of the
+delay. The second pass uses the delay of the set, which includes other causes.
 """
 
 from collections.abc import Callable
@@ -23,18 +25,18 @@ from dpr_lab.gap.state import Drafted
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """A correction of one property of the recordings, as a search shows it."""
+    """Correction of one property of the recordings that the result of a search reveals."""
 
     correct: Callable[[Drafted], Drafted | None]
-    """Returns the state with other recordings; None if they need no change."""
+    """Function that returns the state with corrected recordings; None if they need no correction."""
     better: Callable[[Drafted, Drafted], bool]
-    """Whether the search of the other recordings (second state) replaces the search of the former ones."""
+    """Function (previous state, corrected state) -> whether the search of the corrected recordings is used."""
     most: int = 1
     """Maximum number of corrections in succession."""
 
 
 def _other_noise(state: Drafted) -> Drafted | None:
-    """The state with less noise of known torques, or none."""
+    """State with a smaller noise of known torques, or with none; None if the noise does not change."""
     changed = with_other_noise(state.recordings, state.problem, state.search.current)
     return changed and replace(state, recordings=changed)
 
@@ -48,10 +50,10 @@ def _earlier_torques(state: Drafted) -> Drafted | None:
 
 
 def _jumps(state: Drafted) -> Drafted | None:
-    """The state without kicks and steps of readings; missed counts are in the model only if a reading shows them.
+    """State without kicks and steps of readings; None if there are none, or if their exclusion explains too little.
 
-    The held-out runs remain as they were screened with the bare model: a model must not choose the readings that test
-    it.
+    Missed counts are in the model only if a reading shows them. The held-out runs remain as they were screened with the
+    bare model: a model must not choose the readings that test it.
     """
     estimate = state.search.current.fit.estimate
     if not any(record.screened.breaks for record in state.recordings.records):
@@ -63,7 +65,7 @@ def _jumps(state: Drafted) -> Drafted | None:
 
 
 def _explains_better(state: Drafted, recordings: Recordings) -> bool:
-    """Whether the improvement by the set exceeds the effect of the excluded readings.
+    """Whether the reduction of chi2 exceeds the effect of the smaller number of readings.
 
     With effects that have internal states (hysteresis, backlash), the residual jumps if a segment begins at another
     instant.

@@ -1,4 +1,4 @@
-"""The diagnosis in stages: screening, bare model, location, selection, classes, transfer, advice, evidence."""
+"""Diagnosis in stages: screening, bare model, location, selection, classes, transfer, advice, evidence."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -74,17 +74,17 @@ def diagnose(
     seed: int = 0,
     on_progress: Callable[[Event], None] | None = None,
 ) -> Diagnosis:
-    """Diagnose the gap between simulation and rig: its location, its causes, their probabilities, its reduction.
+    """Diagnose the gap between simulation and rig: its location, its causes, their probabilities, and its reduction.
 
     Args:
         runs: one recorded run or several; three releases or more distinguish effects best
         rig: lengths, masses and encoders
         held_out: recordings that are not fitted, to measure the reduction of the gap
-        library: the effects to choose from; all of `dpr_lab.effects.EFFECTS` by default
+        library: effects to choose from; all of `dpr_lab.effects.EFFECTS` by default
         max_effects: maximum number of effects in the model
-        start: (7,) initial ratios, b and p/b; the rig file's values by default
-        seed: of the bootstrap; the same seed gives the same result
-        on_progress: called at the start of each stage, fit and score test
+        start: (7,) initial ratios, b and p/b; values of the rig file by default
+        seed: seed of the bootstrap; the same seed gives the same result
+        on_progress: function that is called at the start of each stage, fit and score test
 
     Raises:
         RunError: no runs, or one that is too short or without motion.
@@ -158,7 +158,7 @@ def _located(fitted: Fitted) -> Located:
 
 
 def _drafted(located: Located) -> Drafted:
-    """The set of forward selection."""
+    """State with the result of forward selection."""
     request, prediction = located.request, located.held_out_prediction
     _begin(request, "which")
     library = applicable(request.library, located.problem, of_points=located.recordings.of_points)
@@ -180,10 +180,10 @@ def _searched_again(corrected: Drafted) -> Drafted:
 
 
 def _selected(located: Located) -> Selected:
-    """The selected set of effects.
+    """State with the selected set of effects.
 
-    The recordings are corrected before the set is refined, which takes most of the time, and the noise of known torques
-    once more for the refined set.
+    The recordings are corrected before the set is refined, because the refinement takes most of the time. The noise of
+    known torques is corrected once more for the refined set.
     """
     drafted = _drafted(located)
     for correction in CORRECTIONS:
@@ -246,4 +246,4 @@ def _supported(before: Advised) -> Supported:
 
 
 def _silent(event: Event) -> None:
-    """Report no progress."""
+    """Ignore an event of the progress."""

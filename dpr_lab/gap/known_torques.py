@@ -18,11 +18,13 @@ class RowRules:
     """Limits for torques that change between rows."""
 
     earlier: float = 1.0
-    """Maximum share of the interval between rows by which such torques act before their rows: one half for samples of a
-    continuous signal, less if the drive renews them several times per row, more if it renewed them long before the row.
+    """Maximum time by which known torques act before their rows, as a share of the interval between rows.
+
+    The share is one half for samples of a continuous signal. It is less if the drive renews its torque several times
+    per row, and more if the drive renewed it long before the row.
     """
     slack: float = 0.1
-    """Uncertainty of this share. An earlier torque was logged too late."""
+    """Uncertainty of the share `earlier`; a torque that acts still earlier was logged too late."""
 
 
 ROWS = RowRules()
@@ -31,12 +33,12 @@ ROWS = RowRules()
 def with_likeliest_noise(
     recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
 ) -> Recordings | None:
-    """The recordings with less noise of their measured torques, if a fitted model makes this more likely.
+    """Recordings with a smaller noise of their measured torques, if a fitted model makes it more likely; else None.
 
     Args:
         recordings: the runs
-        problem: their segments
-        model: fitted to them
+        problem: segments of the runs
+        model: fit to these segments
         less: ratio of two estimates of the noise below which the smaller one is fitted too
     """
     before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
@@ -49,17 +51,20 @@ def with_likeliest_noise(
 
 
 def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
-    """The recordings with less noise of their torques, or none, if a selected model requires it; None: no change."""
+    """Recordings with a smaller noise of their torques, or with exact torques, if a selected model requires it.
+
+    None: no change.
+    """
     if problem.disturbance is not None and far_from_noise(model):
         return replace(recordings, exact_torques=True)
     return with_likeliest_noise(recordings, problem, model)
 
 
 def earlier_share(recordings: Recordings, model: Hypothesis) -> float:
-    """Share of the interval between rows by which known torques act before their rows; 0 if they are held.
+    """Time by which known torques act before their rows, as a share of the interval between rows; 0 if they are held.
 
-    The value of a row is the torque at its instant. The time for which it acted before and after is not recorded, so
-    that a negative delay of less than a row is not a property of the drive.
+    The value of a row is the torque at its instant. The time for which it acted before and after is not recorded. A
+    negative delay of less than a row is therefore not a property of the drive.
     """
     if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
         return 0.0

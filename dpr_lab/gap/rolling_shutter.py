@@ -1,8 +1,9 @@
 """Delay of a rolling shutter according to a fitted model (`dpr_lab.gap.screen.shutter`).
 
-The derivative of the corrected readings with respect to the delay is a column of the linear problem, next to those of
-the model and of the causes that every rig has: friction, air drag and a tilted camera. Without these their part of the
-residual would bias the delay. Reading a picture lasts at most as long as a frame, which limits the delay.
+The derivative of the corrected readings with respect to the delay is a column of the linear problem. Other columns are
+those of the model and of the causes that every rig has: friction, air drag and a tilted camera. Without these columns
+their part of the residual would bias the delay. Reading a picture takes at most as long as a frame, which limits the
+delay.
 """
 
 from dataclasses import dataclass
@@ -24,12 +25,12 @@ from dpr_lab.gap.screen.shutter import NORMALS, Shutter
 
 @dataclass(frozen=True, slots=True)
 class ShutterRules:
-    """Limits of a rolling shutter."""
+    """Limits of the test for a rolling shutter."""
 
     part: float = 0.1
-    """Step of the numerical derivative, as a part of the largest delay."""
+    """Step of the numerical derivative, as a fraction of the largest delay."""
     share: float = 0.04
-    """Minimum fraction of the excess chi-square that it must explain to be tried."""
+    """Minimum fraction of the excess chi-square that a rolling shutter must explain to be tried."""
 
 
 SHUTTER = ShutterRules()
@@ -38,14 +39,14 @@ ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 
 
 def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> Shutter | None:
-    """The rolling shutter that explains most of a model's residual; None for encoders, or if none explains enough.
+    """Rolling shutter that explains most of a model's residual; None for encoders, or if none explains enough.
 
     If the readings are already corrected for a delay, only this delay is refined.
 
     Args:
         recordings: the runs
-        problem: their segments
-        model: fitted to them
+        problem: segments of the runs
+        model: fit to these segments
     """
     if not all(record.may_be_film for record in recordings.records):
         return None
@@ -59,9 +60,9 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
-    """Whether recordings that were corrected for a rolling shutter are explained better than without it.
+    """Whether recordings that were corrected for a rolling shutter are explained better than without the correction.
 
-    With other segments, because other readings were left out, neither is better than the other.
+    False if the segments differ because other readings were excluded, since the two fits are then not comparable.
     """
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
@@ -71,7 +72,7 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
 
 
 def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
-    """Predicted reduction of chi2 by another delay, and the shutter with it."""
+    """Predicted reduction of chi2 by another delay, and the shutter with this delay."""
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # a frame for the length of the rods, s/m
     delays = [start.delay + SHUTTER.part * limit, start.delay - SHUTTER.part * limit]

@@ -10,7 +10,7 @@
     Advised       + covariance, advice
     Supported     + evidence
 
-A function that accepts a state also accepts every later one.
+A function that accepts a state also accepts every later state.
 """
 
 from __future__ import annotations
@@ -73,28 +73,28 @@ class Request:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScreenedRuns:
-    """The recordings after sensor screening."""
+    """State after sensor screening."""
 
     request: Request
     recordings: Recordings
     held_out: Recordings
-    """Recordings that are not used in any fit; may be empty."""
+    """Recordings that no fit uses; may be empty."""
     cut: str
-    """Pieces of a long record, one sentence; empty if it was not divided."""
+    """Sentence on the pieces of a long record; empty if the record was not divided."""
 
     @classmethod
     def after(cls, before: ScreenedRuns, **results: Any) -> Self:
-        """The state of the stage before, extended by the results of this one."""
+        """State of this stage: the previous state, extended by the results of the stage."""
         earlier = {field.name: getattr(before, field.name) for field in fields(cls) if field.name not in results}
         return cls(**earlier, **results)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted(ScreenedRuns):
-    """The bare model, fitted. Disturbed intervals and outliers are no longer in the recordings."""
+    """State after the fit of the bare model; disturbed intervals and outliers are no longer in the recordings."""
 
     problem: Problem
-    """The segments of the fitted runs."""
+    """Segments of the fitted runs."""
     bare: Hypothesis
     held_out_prediction: OutOfSample | None
     """Prediction of the held-out recordings by any model; None without such recordings."""
@@ -102,14 +102,14 @@ class Fitted(ScreenedRuns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Located(Fitted):
-    """Maps of the gap over the coordinates at which it may arise."""
+    """State after the location of the gap, by maps over the coordinates at which it may arise."""
 
     places: tuple[Place, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drafted(Located):
-    """The search after forward selection, which may show that the recordings need a correction."""
+    """State after forward selection; the result may show that the recordings need a correction."""
 
     sets: FittedSets
     search: SearchState
@@ -117,39 +117,42 @@ class Drafted(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selected(Located):
-    """The selected set of effects, and every set that it was compared with."""
+    """State after the selection of a set of effects."""
 
     selection: Selection
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Classified(Selected):
-    """The class of each selected effect: effects that are indistinguishable in these recordings, with probabilities."""
+    """State with the class of each selected effect.
+
+    A class contains effects that are indistinguishable in these recordings, with their probabilities.
+    """
 
     posteriors: tuple[EffectPosterior, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transferred(Classified):
-    """Performance of the selected set on recordings that were not fitted."""
+    """State with the performance of the selected set on recordings that were not fitted."""
 
     free_runs: Mapping[str, FreeRuns]
     """Free runs of the models `before` and `after` along all recordings."""
     transfer: Transfer
     description: Description
-    """Test of a wrong description of the recordings as the explanation."""
+    """Result of the test whether a wrong description of the recordings explains the gap."""
     remainder: Discrepancy | None
-    """The discrepancy term of the selected set; None if only noise remains."""
+    """Discrepancy term of the selected set; None if only noise remains."""
     gap: Gap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advised(Transferred):
-    """The next measurements, and the uncertainty of the fitted values."""
+    """State with the recommended measurements, and the uncertainty of the fitted values."""
 
     advice: tuple[NextStep, ...]
     covariance: Array
-    """(free, free) covariance of the selected fit's values."""
+    """(free, free) covariance of the fitted values of the selected set."""
 
     @property
     def intervals(self) -> dict[tuple[str, str], float]:
@@ -160,14 +163,14 @@ class Advised(Transferred):
 
     @property
     def absorbed(self) -> dict[str, dict[str, str]]:
-        """Effect -> amplitude -> parameters that absorb it; an effect of the model is tested without it."""
+        """Effect -> amplitude -> parameter that absorbs the amplitude; an effect of the model is tested without it."""
         around, last = self.selection.tests_without, self.selection.final_test
         scores = {name: around[name].of(name) if name in around else last.of(name) for name in EFFECTS}
         return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
 
     @property
     def scale(self) -> Scale:
-        """Assumption of absolute sizes about b, or a of an inner rod alone: fitted, or taken from the rig file."""
+        """Value of b, or of a for an inner rod alone, that absolute sizes assume: fitted, or from the rig file."""
         alone = only_inner(self.problem.segments.setups)
         share = alone_share(self.selection.chosen.fit.estimate.ratios)
         return self._scale_b.as_inertia("a", share) if alone else self._scale_b
@@ -188,6 +191,6 @@ class Advised(Transferred):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Supported(Advised):
-    """The evidence for the result."""
+    """State with the evidence for the result."""
 
     evidence: Evidence

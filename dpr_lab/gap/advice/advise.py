@@ -5,8 +5,8 @@ recommended release has the largest discrimination between the effect and the al
 
     discrimination = |s| sqrt(1 - cos^2),
 
-in standard deviations of the noise. Effects that no recording distinguishes need a bench measurement. A new kind of
-check is a row of `CHECK_KINDS` and one file.
+in standard deviations of the noise, with s the signature of the effect and cos the cosine similarity of both. Effects
+that no recording distinguishes need a bench measurement. A new kind of check is a row of `CHECK_KINDS` and one file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +26,7 @@ CHECK_KINDS: dict[str, CheckKind] = {
         frozenset({"value", "std"}), bench_measurement.form, bench_measurement.propose, bench_measurement.result
     ),
 }
-"""Kinds of checks by the name that messages and tables show. Earlier kinds are proposed first."""
+"""Kinds of checks by the names in messages and tables; the kinds that come first are proposed first."""
 
 
 WORTH_A_CHECK = 0.05
@@ -34,7 +34,7 @@ WORTH_A_CHECK = 0.05
 
 
 def kind_of(check: AdvisedCheck) -> CheckKind:
-    """The kind of a check.
+    """Kind of a check.
 
     Raises:
         RunError: this version has no such kind.
@@ -48,7 +48,7 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Checks that distinguish members of classes and the alternatives; empty if no question is open."""
+    """Checks that distinguish the members of classes and the alternatives; empty if no question is open."""
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))
     # the result of a release is predicted for a clamped arm; one that moves needs its input
@@ -65,7 +65,7 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
 def _open_causes(
     posteriors: Sequence[EffectPosterior],
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[float, ...], bool]]:
-    """Open questions: the named effect, the causes, their probabilities, and whether they form one class."""
+    """Open questions: the named effect, its possible causes, their probabilities, and whether they form one class."""
     for effect in posteriors:
         count = len(effect.members)
         if count > 1:

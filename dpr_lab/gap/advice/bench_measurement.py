@@ -1,4 +1,4 @@
-"""A bench measurement as a check: its proposal, its value with a unit, and the refusal of impossible values."""
+"""A bench measurement as a check: proposal, value with a unit, and refusal of impossible values."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -15,12 +15,12 @@ from dpr_lab.shown import listed
 
 
 def form(check: AdvisedCheck) -> str:
-    """Command-line options with which the result of a measurement is entered."""
+    """Command-line options that enter the result of a measurement."""
     return f'--value "{_example(check)}" --std "..."'
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """A measurement for each member of a class; for an alternative only if nothing else distinguishes it."""
+    """Proposed measurements: one for each member of a class, or one for an alternative that no recording separates."""
     if question.one_class:
         checks = [_check(question, name) for name in question.causes]
         decisive = [check for check in checks if check.expected_bits > 0] or checks
@@ -34,7 +34,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def _alternatives(texts: Iterable[str]) -> str:
-    """Alternative instructions, joined by `Or:`; a sentence that several of them contain is written once."""
+    """Alternative instructions, joined by `Or:`; a sentence that occurs in several instructions is written once."""
     written: set[str] = set()
     parts = []
     for text in texts:
@@ -45,12 +45,12 @@ def _alternatives(texts: Iterable[str]) -> str:
 
 
 def _listed(causes: Sequence[str]) -> str:
-    """`a from b`, or `a, b and c`."""
+    """List of causes in the form `a from b`, or `a, b and c`."""
     return " from ".join(causes) if len(causes) == 2 else listed(causes)
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
-    """A measurement of an amplitude of one effect; it is zero if another cause is the right one."""
+    """Measurement of an amplitude of one effect; the amplitude is zero if another cause is the right one."""
     effect = EFFECTS[measured]
     wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
     amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
@@ -79,7 +79,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
-    """Value and standard uncertainty in the unit of the quantity."""
+    """Value and standard uncertainty of an answer, in the unit of the quantity."""
     value, std = answer.value, answer.std
     assert value is not None
     assert std is not None
@@ -94,19 +94,19 @@ def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
 
 
 def _example(check: AdvisedCheck) -> str:
-    """A number with the unit of a check."""
+    """Example of a value with the unit of a check, for messages."""
     unit = check.quantity.unit if check.quantity else ""
     return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
 
 
 def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: float) -> None:
-    """Refuse a value or a standard uncertainty that is impossible for this quantity.
+    """Check that a value and its standard uncertainty are possible for the measured quantity.
 
     Args:
         check: a measurement
-        value: in the unit of the quantity
-        std: in the same unit
-        largest: upper limit of both
+        value: value in the unit of the quantity
+        std: standard uncertainty in the same unit
+        largest: upper limit of value and standard uncertainty
 
     Raises:
         RunError: a number is not finite, too large, or of the wrong sign.
@@ -127,7 +127,7 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 
 
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
-    """A question about a value, with the way to confirm it; empty if the value is plausible.
+    """Question to the operator about a value, with the way to confirm the value; empty if it is plausible.
 
     A value is questioned if no candidate predicts it. If the recordings do not determine the measured quantity, the
     value is questioned if it equals the estimate of another quantity, or is much larger than all fitted amplitudes with
@@ -161,7 +161,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
-    """The other fitted amplitudes of named effects in the unit of a check: their names and sizes."""
+    """Names and sizes of the other fitted amplitudes of named effects that have the unit of a check."""
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
         for effect in diagnosis.effects

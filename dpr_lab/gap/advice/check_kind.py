@@ -16,7 +16,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """A recommendation in one sentence, and its checks."""
+    """A recommendation in one sentence, with its checks."""
 
     text: str
     checks: tuple[AdvisedCheck, ...]
@@ -25,29 +25,29 @@ class NextStep:
 
 @dataclass(frozen=True, slots=True)
 class OpenQuestion:
-    """An open question: which of several causes is the right one."""
+    """An open question: which one of several causes is the right one."""
 
     about: str
-    """The named effect, which is one of the causes."""
+    """Name of the effect in question, which is one of the causes."""
     causes: tuple[str, ...]
-    """The causes: the members of a class, or the effect and one alternative."""
+    """Possible causes: the members of a class, or the effect and one alternative."""
     probabilities: tuple[float, ...]
     """Probability of each cause."""
     one_class: bool
     """Whether the causes are the members of one class."""
     chosen: Hypothesis
-    """The selected model."""
+    """Selected model of the diagnosis."""
     expected: Sequence[ExpectedRecording]
-    """Predicted readings of each possible release."""
+    """Predicted changes of the readings of each possible release."""
 
     def check(self, kind: str, text: str, splits: Sequence[str], bits: float) -> AdvisedCheck:
-        """A check of this kind for the question, without id."""
+        """Check of a given kind for this question, without id."""
         return AdvisedCheck(id="", kind=kind, text=text, about=self.about, splits=list(splits), expected_bits=bits)
 
 
 @dataclass(frozen=True, slots=True)
 class CheckAnswer:
-    """The result of a check, as the operator gives it."""
+    """Result of a check, as the operator states it."""
 
     runs: tuple[Run, ...] = ()
     rig: Rig | None = None
@@ -68,11 +68,11 @@ class CheckAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The result of a check and its predictive densities."""
+    """Result of a check, with its predictive densities."""
 
     words: str
     log_densities: Mapping[str, float]
-    """Candidate, or `NONE_OF_THEM` -> natural logarithm of the probability density of the result."""
+    """Candidate, or `NONE_OF_THEM` -> natural logarithm of the predictive density of the result."""
     value: float | None = None
     std: float | None = None
     explained: bool = True
@@ -81,28 +81,26 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class CheckKind:
-    """One kind of check."""
+    """One kind of check, with the functions that propose it and evaluate its result."""
 
     takes: frozenset[str]
-    """The fields of a `CheckAnswer` that contain its result."""
+    """Fields of a `CheckAnswer` that contain the result."""
     form: Callable[[AdvisedCheck], str]
-    """Description of the required options."""
+    """Function that returns a description of the required command-line options."""
     propose: Callable[[OpenQuestion, Sequence[NextStep]], list[NextStep]]
-    """Recommendations for a question, given the recommendations of earlier kinds in the table."""
+    """Function that returns recommendations for a question, given those of the kinds that come first."""
     result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
-    """Result of a check, from the diagnosis, the check, the answer and the candidates' probabilities. Raises
-    RunError.
-    """
+    """Function (diagnosis, check, answer, probabilities of the candidates) -> result; raises RunError."""
 
 
 def expected_bits(probabilities: Sequence[float], separation: float) -> float:
-    """Expected reduction of the entropy between two causes by a check, times the probability of either.
+    """Expected reduction, in bits, of the entropy between two causes by a check, times the probability of either cause.
 
     The log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d is the distance between the
     predictions of the causes in standard deviations.
 
     Args:
-        probabilities: (2,) of the causes; their sum may differ from one
+        probabilities: (2,) probabilities of the causes; their sum may differ from one
         separation: d
     """
     either = sum(probabilities)
@@ -123,7 +121,7 @@ def expected_bits(probabilities: Sequence[float], separation: float) -> float:
 
 
 def log_mean(log_densities: Array, weights: Array) -> float:
-    """Logarithm of the weighted mean of densities; unweighted if all weights are zero."""
+    """Logarithm of the weighted mean of densities; the mean is unweighted if all weights are zero."""
     weights = weights if weights.any() else np.ones_like(weights)
     with np.errstate(divide="ignore"):
         return float(np.logaddexp.reduce(log_densities + np.log(weights / weights.sum())))

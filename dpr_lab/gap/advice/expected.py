@@ -1,4 +1,4 @@
-"""Expected size of the amplitude that a check measures, if the measured effect is the cause."""
+"""Expected size of the amplitude that a check measures, for the case that the measured effect is the cause."""
 
 from collections.abc import Sequence
 
@@ -17,12 +17,13 @@ from dpr_lab.identification.scaling.scale import Scale
 
 
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
-    """The expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
+    """Expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
 
-    It is taken from the fit with that effect instead of the named one, or from the score test if there is no such fit.
+    The size is taken from the fit in which that effect replaces the named one, or from the score test without such a
+    fit.
 
     Args:
-        selection: the fits
+        selection: all fitted sets
         scale: scale of torques and inertias, whose uncertainty applies to a measured torque
         check: the measurement; a recording measures no size
 
@@ -56,7 +57,10 @@ def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval
 
 
 def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
-    """Columns of the named amplitudes of an effect; empty unless all are fitted (absorbed ones are not)."""
+    """Columns of the named amplitudes of an effect.
+
+    Empty unless all are fitted (absorbed amplitudes are not fitted).
+    """
     places = {parameter.name: place for place, parameter in enumerate(parameters) if parameter.effect == effect}
     return [places[name] for name in names] if places.keys() >= set(names) else []
 

@@ -21,7 +21,7 @@ from dpr_lab.rig_tables import AddedMass
 
 @dataclass(frozen=True, slots=True)
 class PossibleRelease:
-    """A possible release."""
+    """A release that an operator could record."""
 
     text: str
     theta: tuple[float, float]
@@ -48,28 +48,28 @@ MENU = (
 
 @dataclass(frozen=True, slots=True)
 class ExpectedRecording:
-    """Predicted changes of the readings of a release by some effects."""
+    """Predicted changes of the readings of one release by some effects."""
 
     release: PossibleRelease
     known: Array
-    """(n, k) whitened changes by the parameters that are always fitted."""
+    """(n, k) whitened changes of the readings by the parameters that are always fitted."""
     changes: dict[str, Array]
-    """Effect -> (n, p) whitened changes by its parameters."""
+    """Effect -> (n, p) whitened changes of the readings by its parameters."""
     sizes: dict[str, Array]
-    """Effect -> (p,) fitted values of its parameters; typical sizes if the effect is not in the model."""
+    """Effect -> (p,) values of its parameters: fitted, or typical if the effect is not in the model."""
 
     def apart(self, name: str, other: str) -> float:
-        """Distance of the readings from their best approximation by the other effect, in standard deviations."""
+        """Distance between the change by one effect and its best approximation by another, in standard deviations."""
         signal = self.changes[name] @ self.sizes[name]
         explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
         return float(np.sqrt(max(signal @ signal - explained, 0.0)))
 
 
 def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Sequence[str]) -> list[ExpectedRecording]:
-    """Predicted changes of each release of the menu by some effects.
+    """Predicted changes of the readings by some effects, for each release of the menu.
 
     Args:
-        recordings: the recordings that define the noise and the setup of the releases
+        recordings: recordings that define the noise and the setup of the releases
         chosen: the selected model
         names: the effects
     """
@@ -106,7 +106,10 @@ def _expected(
 
 
 def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:
-    """A release of the menu simulated with the fitted estimate, without noise but weighted by its level."""
+    """Simulation of a release with the fitted estimate: the problem with readings without noise, and the initial state.
+
+    The readings are weighted by the noise level of the recordings.
+    """
     rate = RATE_HZ
     t = PAD + np.arange(int(choice.duration * rate)) / rate
     estimate, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)

@@ -1,10 +1,10 @@
 """Predictive density of a measured amplitude under each candidate cause, and under a cause outside the candidates.
 
 A measurement gives a value y with the standard uncertainty u for an amplitude of one effect. The recordings predict
-that amplitude: if the effect is the cause, its fitted size is s with the standard deviation w; if another effect is the
-cause, the amplitude is a small background with the standard deviation b. A cause outside the candidates leaves the
-amplitude at the background, or gives it any plausible size (a Cauchy density of scale c, which is proper and decreases
-slowly):
+that amplitude. If the effect is the cause, its fitted size is s with the standard deviation w. If another effect is the
+cause, the amplitude is a small background with the standard deviation b. With a cause outside the candidates, the
+amplitude is the background or has any plausible size. The size then has a Cauchy density of scale c, which is proper
+and decreases slowly:
 
     f(y | effect)     = N(y; s, w^2 + (m s)^2 + u^2)
     f(y | other)      = N(y; 0, b^2 + u^2),                               b = m' min(t, |s|)
@@ -12,7 +12,7 @@ slowly):
 
 with t the typical size of the amplitude, V the Cauchy density convolved with the normal density of the measurement (the
 Voigt profile), and m, m', h, k of `CheckSettings`. A very small u changes little, because w, m s and b remain. If a
-size depends on the scale b of torques and inertias, w contains the uncertainty of that scale. Equation (59) of
+size depends on the scale b of torques and inertias, w contains the uncertainty of that scale. This is equation (59) of
 docs/theory.md.
 """
 
@@ -31,52 +31,60 @@ from dpr_lab.gap.result.saved import Interval
 
 @dataclass(frozen=True, slots=True)
 class CheckSettings:
-    """Settings of the update by a check."""
+    """Settings of the update of probabilities by a check."""
 
     model_error: float = 0.1
-    """m: relative standard deviation of a fitted amplitude in addition to the standard deviation of its fit, because
-    the law and the bench measurement agree only approximately. Assumed, not measured; it covers a torque scale with a
-    smaller error.
+    """m: relative standard deviation of a fitted amplitude, in addition to the standard deviation of its fit.
+
+    The law and the bench measurement agree only approximately. The value is assumed, not measured. It also covers a
+    torque scale with a smaller error.
     """
     linear_error: float = 0.3
-    """Additional relative standard deviation of an amplitude that was not fitted but comes from a linear score test.
-    Assumed.
-    """
+    """Additional relative standard deviation of an amplitude from a linear score test instead of a fit; assumed."""
     background: float = 0.1
-    """m': standard deviation of an amplitude whose effect is not the cause, relative to the smaller of its typical
-    and its fitted size. Every rig has a small amount of every effect; a tenth of the size that explains the gap
-    causes 1 % of its excess. Assumed.
+    """m': relative standard deviation of an amplitude whose effect is not the cause.
+
+    It is relative to the smaller of typical and fitted size. Every rig has a small amount of every effect. A tenth of
+    the size that explains the gap causes 1 % of its excess. The value is assumed.
     """
     broad: float = 3.0
-    """k: scale of an amplitude that no fit predicts, in units of the larger of typical and fitted size. `typical` of
-    the library is the size on laboratory rigs; a Cauchy density of three times that size has 20 % of its
-    probability above nine times it.
+    """k: scale of an amplitude that no fit predicts, in units of the larger of typical and fitted size.
+
+    The typical size of the library is the size on laboratory rigs. A Cauchy density with three times that size as scale
+    has 20 % of its probability above nine times the size.
     """
     elsewhere: float = 0.5
-    """h: probability that a cause outside the candidates gives the measured amplitude another size. Nothing is known
-    about such a cause, so both cases have the probability one half (principle of indifference).
+    """h: probability that a cause outside the candidates gives the measured amplitude another size.
+
+    Without any knowledge of such a cause, both cases have the probability one half (principle of indifference).
     """
     outside: float = 0.02
-    """Minimum prior probability of a cause outside the candidates: `Calibration.outside_when_closed`, from blind
-    trials whose library lacked the cause.
+    """Minimum prior probability of a cause outside the candidates.
+
+    The value is `Calibration.outside_when_closed`, from blind trials whose library lacked the cause.
     """
     questioned: float = 3.0
-    """A value farther than this number of standard deviations from every prediction is questioned; this happens to one
-    correct value in 370."""
+    """Distance to every prediction beyond which a value is questioned, in standard deviations.
+
+    One correct value in 370 is farther away.
+    """
     undetermined: float = 3.0
-    """A measured value that the recordings do not determine is questioned if it exceeds the largest fitted size with
-    the same unit by this factor. Friction at rest, for example, is at most about twice the friction of sliding.
-    Assumed.
+    """Ratio to the largest fitted size with the same unit, above which a measured value is questioned.
+
+    The rule applies if the recordings do not determine the measured quantity. Friction at rest, for example, is at most
+    about twice the friction of sliding. The value is assumed.
     """
     largest: float = 1e6
     """Maximum accepted value and uncertainty, in units of the larger of typical and fitted size."""
     largest_power: float = 6.0
-    """Power of ten beyond which a Bayes factor is only given as a bound, because the normal distribution is not valid
-    so far in its tail."""
+    """Power of ten beyond which a Bayes factor is stated only as a bound.
+
+    The normal distribution is not valid so far in its tail.
+    """
     dropped: float = 0.01
-    """Minimum probability of a member, relative to the probability of its class, with which it stays in the class."""
+    """Minimum probability of a member to stay in its class, relative to the probability of the class."""
     iterations: int = 20
-    """Iterations of a fit to new recordings."""
+    """Maximum number of iterations of a fit to new recordings."""
 
 
 CHECK = CheckSettings()
@@ -84,13 +92,13 @@ CHECK = CheckSettings()
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """A measured amplitude as predicted by a cause, normally distributed."""
+    """Normally distributed prediction of a measured amplitude by one cause."""
 
     mean: float
     std: float
 
     def z(self, value: float, std: float) -> float:
-        """Standard deviations between a measured value and the prediction."""
+        """Distance between a measured value and the prediction, in standard deviations."""
         return abs(value - self.mean) / float(np.hypot(self.std, std))
 
     def log_density(self, value: float, std: float) -> float:
@@ -101,17 +109,17 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True)
 class Predictions:
-    """Predictive densities of a measured amplitude, in its unit."""
+    """Predictive densities of a measured amplitude, in the unit of the amplitude."""
 
     candidates: Mapping[str, Prediction]
     background: Prediction
-    """Prediction if its effect is not the cause."""
+    """Prediction if the measured effect is not the cause."""
     scale: float
     """c: scale of the amplitude under a cause outside the candidates."""
     largest: float
     """Maximum accepted value and uncertainty."""
     estimate: Interval | None
-    """Prediction of the recordings if its effect is the cause."""
+    """Prediction of the recordings if the measured effect is the cause."""
 
     def log_densities(self, value: float, std: float) -> dict[str, float]:
         """Logarithm of the predictive density under each candidate, and under a cause outside the candidates."""
@@ -132,7 +140,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
     """Predictive densities of the amplitude that a check measures, for each candidate.
 
     Args:
-        diagnosis: it contains the fitted sizes
+        diagnosis: diagnosis with the fitted sizes
         check: a measurement
         names: the candidates
     """
@@ -155,7 +163,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """The measured amplitude as predicted by the recordings if its effect is the cause; None if nothing was fitted."""
+    """Measured amplitude as the recordings predict it if its effect is the cause; None if no size was fitted."""
     if check.expected:
         return check.expected
     fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
@@ -169,9 +177,9 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 
 
 def magnitude(values: Array, covariance: Array) -> Interval | None:
-    """Root of the sum of squares of amplitudes, with its half interval, from their (n, n) covariance.
+    """Root of the sum of squares of amplitudes, with an interval from their (n, n) covariance.
 
-    None if it is zero.
+    None if the root is zero.
     """
     if len(values) == 1:
         value, reach = float(values[0]), float(np.sqrt(covariance[0, 0]))
@@ -183,7 +191,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Whether an effect contains an amplitude of another one.
+    """Whether an effect contains an amplitude of another effect.
 
     All forms of one effect have the same amplitudes, except for those that a form adds.
     """

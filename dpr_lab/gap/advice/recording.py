@@ -1,4 +1,4 @@
-"""A recording as a check: the release on which two causes differ most, and the fit of each cause to its runs."""
+"""A recording as a check: the release on which two causes differ most, and the fits of the causes to its runs."""
 
 from collections.abc import Mapping, Sequence
 
@@ -25,12 +25,12 @@ DISTINGUISHED = 5.0
 
 
 def form(check: AdvisedCheck) -> str:
-    """Options that give the result of a recording."""
+    """Description of the option that enters the result of a recording."""
     return "its run files"
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """For each other cause, the release on which it differs most from the named effect."""
+    """Recommended releases: for each other cause, the release on which it differs most from the named effect."""
     steps: list[NextStep] = []
     if not question.expected:
         return steps
@@ -59,9 +59,9 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
-    """Tempered likelihood of the check's runs under each candidate, after a fit of it.
+    """Tempered likelihood of the runs of a check under each candidate, after a fit of the candidate to them.
 
-    A cause outside the library has the mean of the candidates.
+    A cause outside the library has the mean likelihood of the candidates.
     """
     open_ones = {check.about, *check.splits, *(r.name for r in diagnosis.rivals if r.instead_of == check.about)}
     fitted = _fitted(diagnosis, check.about, [name for name in prior if name in open_ones], answer)
@@ -77,7 +77,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: CheckAnswer) -> dict[str, Hypothesis]:
-    """Each candidate fitted to the runs, together with the other named effects."""
+    """Fits of each candidate to the runs, together with the other named effects."""
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig

@@ -1,4 +1,4 @@
-"""Families: named effects that together form one component, such as a geared drive, and their share of the gap."""
+"""Families: named effects that together form one component, such as a geared drive, with their share of the gap."""
 
 from functools import reduce
 
@@ -14,7 +14,8 @@ from dpr_lab.gap.which.selected import Selection
 def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
     """Families to which the named effects belong.
 
-    The probability of a family is the maximum of its characteristic effects: friction alone may come from a bearing.
+    The probability of a family is the largest probability of its characteristic effects. Friction alone is no evidence
+    of a drive, because it may come from a bearing.
     """
     probable = {effect.name: effect.probability for effect in named}
     return [

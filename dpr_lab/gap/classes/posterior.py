@@ -1,13 +1,14 @@
 """Classes of effects that are indistinguishable in these recordings, alternatives, and their probabilities.
 
-Two effects form one class if their signatures (their changes of the readings, with ratios and initial states projected
-out) have a cosine of at least 0.999 and if they predict the recordings equally well: no algorithm can distinguish them
-with this record. Within a class, the probability is divided according to the prior of each member's fitted size
-(`dpr_lab.effects.plausibility`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is possible.
+The signature of an effect is its change of the readings, with ratios and initial states projected out. Two effects form
+one class if their signatures have a cosine of at least 0.999 and if they predict the recordings equally well: no
+algorithm can distinguish them with these recordings. Within a class, the probability is divided according to the prior
+of each member's fitted size (`dpr_lab.effects.plausibility`). For example, a clock error of 3 % is impossible for a
+crystal, but a length error of 6 % is possible.
 
-A richer form of a member whose additional amplitudes are all excluded at their minimum detectable sizes, and are not
-worth their penalty together, is no separate cause: both differ by less than these sizes, and further recordings would
-not change their odds. It counts as the member.
+A richer form of a member counts as the member if its additional amplitudes are all excluded at their minimum detectable
+sizes and together are not worth their penalty. Both forms differ by less than these sizes, and further recordings would
+not change their odds.
 
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
 multiplied by the probability that the cause is in the library at all. No other set is more probable than the selected
@@ -17,11 +18,13 @@ one, because the search would have selected a significantly better one. The odds
     m = min(remainder / noise, far)
 
 with the share `unexplained` of the excess, the share `unique` that only this effect explains, and the fraction `own` of
-it that no other functional form of the other effects explains. First term: if a law is missing from the library, a
-fixed share of its gap remains, for any ratio of gap and noise. The small causes of every rig leave about as much as the
-noise, for any size of the gap, unless the noise is so small that it is not comparable with them. Second term: an effect
-that explains no more than the remainder may imitate a part of the same unknown cause. Third term: a smaller effect may
-compensate for the inexact form of a large one.
+that share that no other functional form of the other effects explains.
+
+1. First term: if a law is missing from the library, a fixed share of its gap remains, for any ratio of gap and noise.
+   The small causes of every rig leave a remainder of about the noise, for any size of the gap, unless the noise is much
+   smaller than these causes.
+2. Second term: an effect that explains no more than the remainder may imitate a part of the same unknown cause.
+3. Third term: a smaller effect may compensate for the inexact form of a large one.
 """
 
 import math
@@ -54,49 +57,58 @@ class Calibration:
     temperature: float = 3.0
     """Divisor of differences of the log predictive density."""
     half_unexplained: float = 0.35
-    """Remaining share of the excess at which a cause outside the library is as probable as one inside, if the remainder
-    equals the noise.
+    """Remaining share of the excess at which causes outside and inside the library are equally probable.
+
+    The value applies to a remainder that equals the noise.
     """
     far: float = 8.0
-    """Remainder, in units of the noise, beyond which a larger one is no further evidence of an outside cause. On real
-    rigs, small causes change the readings by more than the noise of the encoders.
+    """Remainder, in units of the noise, beyond which a larger one is no further evidence of an outside cause.
+
+    On real rigs, small causes change the readings by more than the noise of the encoders.
     """
     steepness: float = 4.0
-    """Exponent with which that probability increases with the remaining share."""
+    """Exponent with which the odds of an outside cause increase with the remaining share."""
     imitates: float = 0.25
-    """Odds that an effect imitates an unknown cause, if it explains as much as the remainder and this is far above the
-    noise."""
+    """Odds that an effect imitates an unknown cause.
+
+    The value applies to an effect that explains as much as the remainder, if the remainder is far above the noise.
+    """
     compensates: float = 0.018
-    """Own share at which a smaller effect is equally likely to be a cause and to compensate for the inexact form of a
-    larger effect."""
+    """Own share at which a smaller effect is equally likely to be a cause or a compensation.
+
+    A compensation makes up for the inexact form of a larger effect.
+    """
     least_own: float = 0.01
-    """Minimum own share of an effect; the linear fits of the other forms are inexact."""
+    """Lower limit of the own share of an effect; the linear fits of the other forms are inexact."""
     sure: float = 0.98
-    """Probability of the result if there is no gap, or no effect that explains it."""
+    """Probability of "no gap" if there is none, or of "unexplained" if no effect explains the gap."""
     outside_when_closed: float = 0.02
-    """Probability of a cause outside the library if only noise remains."""
+    """Minimum probability of a cause outside the library, if only noise remains."""
     drifting: float = 0.1
-    """Prior odds of a friction drift against a loss that depends on speed, where a single decay cannot separate them:
-    every rod has air drag.
+    """Prior odds of a friction drift against a loss that depends on speed.
+
+    They apply where a single decay cannot separate the two. Every rod has air drag, so a drift is less probable.
     """
     unseen: float = 0.5
-    """Probability of no gap if most effects are undetectable in the recordings: close to zero."""
+    """Probability of "no gap" if most effects are undetectable in the recordings."""
     least_listed: float = 1e-9
-    """Minimum probability of a listed alternative. Smaller probabilities contain no information, and their order would
-    depend on the order of the library.
+    """Minimum probability of a listed alternative.
+
+    Smaller probabilities contain no information, and their order would depend on the order of the library.
     """
     alternatives: int = 5
     """Maximum number of alternatives of each named effect."""
     hidden: float = 0.5
-    """Fraction of an effect's size. A richer form of the effect is a probable alternative if its additional parameters
-    are undetectable at this size.
+    """Fraction of the size of an effect at which the additional parameters of a richer form are tested.
+
+    The richer form is a probable alternative if these parameters are undetectable at this size.
     """
     same_score: float = 1e-3
     """Maximum relative difference of two linear scores that count as equal."""
     negligible: float = 50.0
     """Difference of log probability beyond which another set has no weight."""
     least_left: float = 1e-6
-    """Minimum share of the excess that remains: the error of the integrator is never exactly zero."""
+    """Lower limit of the remaining share of the excess; the error of the integrator is never exactly zero."""
 
 
 CALIBRATION = Calibration()
@@ -109,12 +121,15 @@ class Alternative:
     name: str
     members: tuple[str, ...]
     cosine: float
-    """Cosine between the signatures of the alternative and of the named effect: the part of the named effect that the
-    alternative can imitate.
+    """Cosine between the signatures of the alternative and of the named effect.
+
+    It is the part of the named effect that the alternative can imitate.
     """
     cost: float
-    """Predictive cost of the set in which this effect replaces the named one; from the score test if it was not
-    fitted."""
+    """Predictive cost of the set in which this effect replaces the named one.
+
+    The cost comes from the score test if the set was not fitted.
+    """
     probability: float = 0.0
 
 
@@ -124,15 +139,15 @@ class EffectPosterior:
 
     name: str
     members: tuple[str, ...]
-    """The effect itself and the indistinguishable ones."""
+    """The effect itself and the effects that are indistinguishable from it."""
     alternatives: tuple[Alternative, ...]
     probability: float
     forms: tuple[str, ...] = ()
-    """Richer forms of the members whose additional amplitudes are excluded: they count as the simpler form."""
+    """Richer forms of the members whose additional amplitudes are excluded; they count as the simpler form."""
     odds: tuple[float, ...] = ()
-    """Share of the probability for each member, by the prior of its fitted size."""
+    """Share of each member in the probability, by the prior of its fitted size."""
     outside: float = 0.0
-    """Probability that a cause outside the library replaces it."""
+    """Probability that a cause outside the library replaces the effect."""
 
 
 def effect_posterior(selection: Selection, name: str, calibration: Calibration = CALIBRATION) -> EffectPosterior:
@@ -141,7 +156,7 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
     Args:
         selection: the selected set and all fitted sets
         name: the effect
-        calibration: of the probabilities
+        calibration: calibration of the probabilities
     """
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
     named_score = test.shaped[name][0]
@@ -180,9 +195,9 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
 def _class_members(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Effects that are indistinguishable from the named one, and the richer forms that count as such an effect.
+    """Effects indistinguishable from the named one, and richer forms that count as a member.
 
-    The indistinguishable effects have the prior of their size, and the most plausible one is first.
+    The indistinguishable effects are given with the prior of their sizes, the most plausible one first.
     """
     least = detectable(selection.chosen, selection.final_test)
     same = [other for other, score in others.items() if _in_one_class(selection, without, test, named, score)]
@@ -201,7 +216,7 @@ def _class_members(
 def _alternatives(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
 ) -> list[Alternative]:
-    """The best alternatives to the named effect by increasing cost.
+    """Best alternatives to the named effect, by increasing cost.
 
     Those of equal cost are in the order of their names.
     """
@@ -217,17 +232,18 @@ def _alternatives(
 
 
 def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:
-    """Prior odds of an alternative against the named effect: a drift that one decay cannot separate is rare."""
+    """Prior odds of an alternative against the named effect; below one for a drift that one decay cannot separate."""
     instead = selection.fitted.get(without.key | {alternative.name})
     drifts = instead is not None and follows_decay(selection.base, instead, selection.chosen)
     return calibration.drifting if drifts else 1.0
 
 
 def _added_cost(selection: Selection, name: str, alternative: Alternative) -> float:
-    """Cost of an alternative minus the cost of the selected set.
+    """Cost of an alternative minus the cost of the selected set, at least zero.
 
-    The search has compared them: an alternative that fits better is not significantly better, so it is as probable as
-    the named effect at most. A richer form of the effect also fits the error of the integrator or the remainder.
+    The search has compared both. An alternative that fits better is not significantly better, so it is at most as
+    probable as the named effect. The cost of a richer form of the effect is increased, because such a form also fits
+    the error of the integrator or the remainder.
     """
     chosen = selection.chosen
     added = max(alternative.cost - chosen.cost, 0.0)
@@ -248,7 +264,10 @@ def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
-    """Prior of the size of an effect that replaces a named one: its fitted size, or the size of the linear score."""
+    """Prior of the size of an effect that replaces a named one.
+
+    The size is the fitted one, or that of the linear score.
+    """
     fitted = selection.fitted.get(without.key | {score.effect.name})
     if fitted is not None:
         return plausibility(fitted.fit.estimate.params, score.effect.name)
@@ -259,10 +278,10 @@ def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> fl
 
 
 def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
-    """Whether two effects with the same signature fit equally well; compared by fits or by linear scores.
+    """Whether two effects with the same signature fit equally well, by their fits or by their linear scores.
 
     A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
-    the class only if they cannot show this (`_hidden`).
+    the class only if the recordings cannot show this (`_hidden`).
     """
     if score.effect.name in other.effect.nested:
         return False
@@ -279,7 +298,7 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
 def _adds_nothing(selection: Selection, without: Hypothesis, richer: str, sizes: Mapping[str, float | None]) -> bool:
     """Whether all detectable amplitudes that a richer form adds to the selected set are excluded.
 
-    Together they must not be worth their penalty either, where the richer form was fitted.
+    If the richer form was fitted, its additional amplitudes must not be worth their penalty together either.
     """
     score, fitted = selection.final_test.of(richer), selection.fitted.get(without.key | {richer})
     better = fitted is not None and fitted.cost_at(selection.chosen.residuals.inflation) < selection.chosen.cost
@@ -318,10 +337,10 @@ def outside(
 
     Args:
         selection: the selected set and all fitted sets
-        name: the effect; empty for the gap
-        calibration: of the probabilities
-        members: effects that are indistinguishable from it; if every rig has one of them, the effect is not regarded as
-        a compensation
+        name: the effect; empty for the gap as a whole
+        calibration: calibration of the probabilities
+        members: effects that are indistinguishable from the effect; if every rig has one of them, the effect is not
+            regarded as a compensation
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, calibration.least_left)
@@ -349,8 +368,8 @@ def odds_outside(
         unexplained: share of the excess that is not explained
         remainder: rms of the unexplained residual, in units of the noise; zero if only noise remains
         unique: share of the excess that only the effect explains; infinite for the gap as a whole
-        own_share: fraction of this share that no other form of the other effects explains; 1 for a dominant effect
-        calibration: of the probabilities
+        own_share: fraction of `unique` that no other form of the other effects explains; 1 for a dominant effect
+        calibration: calibration of the probabilities
     """
     size = min(remainder, calibration.far)
     of_gap = (unexplained / calibration.half_unexplained) ** calibration.steepness * size
@@ -364,7 +383,7 @@ def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...],
 
     Args:
         selection: the selected set of effects
-        posteriors: of the selected effects; empty if they are not named
+        posteriors: probabilities of the selected effects; empty if no effects are named
         kind: the verdict
     """
     if kind in ("no_gap", "inconclusive") or not posteriors:

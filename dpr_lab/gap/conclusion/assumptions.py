@@ -1,4 +1,4 @@
-"""Sentences on the assumptions of a diagnosis and on effects that are undetectable in its recordings."""
+"""Sentences on the assumptions of a diagnosis, and on effects that are undetectable in its recordings."""
 
 from collections.abc import Mapping
 
@@ -12,15 +12,15 @@ from dpr_lab.gap.state import Advised
 from dpr_lab.shown import listed
 
 SURELY = 3.0
-"""Standard uncertainties of L1 beyond which the value in the rig file is wrong."""
+"""Maximum deviation of the fitted L1 from the rig file, in standard uncertainties; beyond it the file is wrong."""
 
 
 def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
-    """Every assumption in one sentence.
+    """All assumptions of a diagnosis, one sentence each.
 
     Args:
         state: the diagnosis so far
-        least: effect -> amplitude -> minimum detectable size, None if there is none
+        least: effect -> amplitude -> minimum detectable size; None if the amplitude is undetectable at any size
     """
     records = state.recordings.records
     sentences = [
@@ -57,7 +57,7 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
 
 
 def _length(state: Advised) -> str:
-    """The length L1: as measured, or fitted within its uncertainty."""
+    """Sentence on the length L1: as measured, or fitted within its uncertainty."""
     rig, estimate = state.recordings.rig, state.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
@@ -72,7 +72,7 @@ def _length(state: Advised) -> str:
 
 
 def _scale(state: Advised) -> str:
-    """Source of the scale of all torques."""
+    """Sentence on the source of the scale of all torques."""
     if drives := [setup.torques for setup in state.problem.segments.setups if setup.torques and setup.torques.scaled]:
         kinds = " and ".join(sorted({drive.kind for drive in drives} - {""}))
         return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
@@ -85,7 +85,7 @@ def _scale(state: Advised) -> str:
 
 
 def _arm(state: Advised) -> str:
-    """Assumptions about an arm that moves."""
+    """Sentence on the assumptions about an arm that moves."""
     rig, setups = state.recordings.rig, state.problem.segments.setups
     text = "The arm's angle is read, and its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
@@ -106,7 +106,7 @@ def _arm(state: Advised) -> str:
 
 
 def _torque_noise(state: Advised) -> list[str]:
-    """The noise of measured torques that the fits assume."""
+    """Sentence on the noise of measured torques that the fits assume."""
     if state.problem.disturbance is None or not (most := most_noise(state.problem)).any():
         return []
     inner, outer = np.minimum(most, state.recordings.torque_noise_Nm)
@@ -117,7 +117,7 @@ def _torque_noise(state: Advised) -> list[str]:
 
 
 def _zeros(state: Advised) -> list[str]:
-    """The fitted zeros of encoders that are set to zero before each recording."""
+    """Sentence on the fitted zeros of encoders that are set to zero before each recording."""
     runs, zeros = state.recordings.records, 1e3 * state.selection.chosen.fit.estimate.zeros
     texts = [
         f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"
@@ -128,7 +128,7 @@ def _zeros(state: Advised) -> list[str]:
 
 
 def _geared(state: Advised) -> list[str]:
-    """Effects that are in the model because the rig is known to have them."""
+    """Sentence on effects that are in the model because the rig is known to have them."""
     names = [name for name in state.selection.chosen.effects if name in state.selection.expected]
     joints = listed([f"joint {joint}" for joint in state.recordings.rig.joints.geared])
     are = "is" if len(names) == 1 else "are"
@@ -140,7 +140,7 @@ def _geared(state: Advised) -> list[str]:
 
 
 def _misleading(state: Advised) -> list[str]:
-    """Effects that are excluded because they worsen the prediction of held-out runs."""
+    """Sentence on effects that are excluded because they worsen the prediction of held-out runs."""
     names = state.selection.misleading
     was, them = ("was", "it") if len(names) == 1 else ("were", "them")
     text = (
@@ -151,7 +151,7 @@ def _misleading(state: Advised) -> list[str]:
 
 
 def _unseen(least: Mapping[str, Mapping[str, float | None]], absorbed: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Sentences on effects that are undetectable at any size, and on those that base parameters absorb."""
+    """Sentences on effects that are undetectable at any size, and on effects that base parameters absorb."""
     blind = {name: absorbed.get(name, {}) for name, sizes in least.items() if sizes and not any(sizes.values())}
     twins = {
         name: listed(sorted(set(ratios_by_name.values()) & {*RATIOS, "p/b", "b"}))

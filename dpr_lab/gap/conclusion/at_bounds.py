@@ -6,14 +6,15 @@ The noise may have moved such a value to the bound. Its true distance u from the
 
 where e is the whitened residual, f the variance inflation, and c the change of the readings per unit of u. The initial
 states and the other values adapt to u, so their contribution is projected out of c. U is the value of u at which
-another parameter reaches its bound. As the estimate is u = 0, the second moment of u counts as its variance, and the
-other values share
-it: a slope of the friction curve and the viscous friction of a slow joint, for example, are hardly separable.
+another parameter reaches its bound.
 
-A value that the other values absorb is also at its bound of zero, and is treated in the same way.
+The estimate is u = 0, so the second moment of u counts as its variance. The other values that adapt to u share this
+variance: a slope of the friction curve and the viscous friction of a slow joint, for example, are hardly separable. A
+value that the other values absorb is also at its bound of zero, and is treated in the same way.
 
-c is the difference of two simulations along this direction, because the columns of nearly collinear parameters, each
-with its own error, do not cancel. Each value is treated while the others stay at their bounds.
+c is the difference of two simulations along the direction of the joint change. A sum of columns would not be exact: the
+columns of nearly collinear parameters, each with its own error, do not cancel. Each value is treated while the others
+stay at their bounds.
 """
 
 from collections.abc import Iterator
@@ -28,7 +29,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
-    """(free, free) second moment of the errors of a fit's values that the values at bounds cause.
+    """(free, free) second moment of the errors of fitted values that the values at bounds cause.
 
     Args:
         problem: segments and noise
@@ -42,7 +43,7 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
-    """(free,) root mean square error of one value at its bound, and of the other values due to this error."""
+    """(free,) root mean square errors of all fitted values due to one value at its bound, for each such value."""
     room, inside = bounds(fit.estimate, fit.free), fit.inside
     at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:
@@ -69,7 +70,7 @@ def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
 
 
 def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> Array:
-    """(free,) change of the values per unit of value k that reproduces the readings best."""
+    """(free,) change of all values per unit of value k, with the values inside their bounds adapted to the readings."""
     direction = np.zeros(len(space))
     direction[k] = inward
     across = space.H[inside][:, [k]] / space.scale[k] * inward
@@ -87,7 +88,10 @@ def _farthest(room: Array, direction: Array) -> float:
 
 
 def _mean_square(slope: float, curvature: float, farthest: float, *, reach: float = 8.0) -> float:
-    """E[u^2] of the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest, zero beyond `reach` deviations."""
+    """Second moment E[u^2] of the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest.
+
+    The density is cut off where it is negligible, at `reach` standard deviations.
+    """
     std, falling = max(curvature, 1e-300) ** -0.5, max(-slope, 1e-300)
     beyond = max(slope, 0.0) / max(curvature, 1e-300) + reach * std
     u = np.linspace(0.0, min(farthest, beyond, reach**2 / 2 / falling), 1000)

@@ -1,4 +1,4 @@
-"""The named effects with sizes and probabilities, and their alternatives."""
+"""Named effects with their sizes and probabilities, and their alternatives."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from dpr_lab.identification.scaling.scale import Scale
 
 
 def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
-    """One effect of the selected set with its class, sizes, and share of the excess chi-square."""
+    """One effect of the selected set with its class, its sizes, and its share of the excess chi-square."""
     selection = state.selection
     values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
     errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}
@@ -37,7 +37,7 @@ def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
 
 
 def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
-    """Quantities derived from an effect's parameters, whose errors are assumed to be independent."""
+    """Quantities derived from the parameters of an effect, with intervals; the errors are assumed to be independent."""
     if effect.implied is None:
         return {}
     sizes, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
@@ -51,7 +51,7 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
 
 
 def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
-    """A fitted parameter with its ratio to b, and its absolute interval."""
+    """Fitted parameter with its ratio to a power of b, and its absolute interval."""
     parameter = next(p for p in EFFECTS[effect].parameters if p.name == name)
     floor = 0.0 if parameter.sign == "positive" else -np.inf
     interval, power = (max(value - reach, floor), value + reach), parameter.scale_power
@@ -63,7 +63,7 @@ def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> E
 
 
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
-    """Alternatives of the named effects; without named effects, the closest effects first."""
+    """Alternatives of the named effects, most probable first; without named effects, the closest effects come first."""
     others = [
         _rival(other.name, other.members, other.probability, other.cosine, posterior.name)
         for posterior in posteriors

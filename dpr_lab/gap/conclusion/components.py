@@ -1,4 +1,4 @@
-"""The posterior as a mixture: each fitted set of effects with its probability and the covariance of its values.
+"""Posterior as a mixture: each fitted set of effects with its probability and the covariance of its values.
 
 The probability of a set follows from its predictive cost, as for a class (`dpr_lab.gap.classes.posterior`). Sets with a
 very small probability are omitted.
@@ -26,7 +26,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class MixtureSettings:
-    """Limits for the stored sets."""
+    """Limits of the sets that the mixture contains."""
 
     least: float = 0.01
     """Minimum probability of a set that is included."""
@@ -37,7 +37,7 @@ class MixtureSettings:
 MIXTURE = MixtureSettings()
 
 SCALED = UNKNOWN_RATIOS[: SCALE + 1]
-"""The ratios, and the scale b if the recordings determine it."""
+"""Names of the ratios, and of the scale b, which the recordings may determine."""
 
 
 def components(
@@ -77,7 +77,10 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
 
 
 def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
-    """Whether only its cost speaks against a set: all sizes are possible, and held-out runs refute no effect."""
+    """Whether nothing but its cost is evidence against a set.
+
+    All its sizes must be possible, and held-out runs must not refute any of its effects.
+    """
     refuted = set(selection.misleading) & model.key or model.key in selection.impossible
     return (
         bool(np.isfinite(model.cost)) and not refuted and not follows_remainder(selection.base, model, selection.chosen)
@@ -87,9 +90,9 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     """Cost of a set minus the cost of the selected set, with the remainder of the selected set as noise for both.
 
-    The remainder of a set that fits worse is its gap, not noise. A set that fits better was rejected by the search,
-    so it is as probable as the selected one at most. Each effect beyond the number of the selected set was the best of
-    hundreds, so it must explain more than would be expected by chance.
+    The remainder of a set that fits worse is its gap, not noise. A set that fits better was rejected by the search, so
+    it is at most as probable as the selected set. Each effect in excess of the number of the selected set was the best
+    of hundreds, so it must explain more than would be expected by chance.
     """
     inflation = chosen.residuals.inflation
     further = max(len(model.effects) - len(chosen.effects), 0)
@@ -117,7 +120,7 @@ def _component(
 
 
 def _name(parameter: FreeParameter) -> str:
-    """`a/b` or `coulomb_joint2.torque_Nm`; empty for a parameter that a simulation does not need."""
+    """Name of a parameter, as `a/b` or `coulomb_joint2.torque_Nm`; empty for one that a simulation does not need."""
     if parameter.block == "effects":
         return f"{parameter.effect}.{parameter.name}"
     return parameter.name if parameter.name in SCALED else ""

@@ -27,7 +27,7 @@ from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.setup import only_inner
 
 PLACES_SHOWN = 6
-"""Maximum number of maps in a diagnosis; they are sorted by share, the largest first."""
+"""Maximum number of residual maps in a diagnosis; they are sorted by share, largest first."""
 
 
 def conclude(state: Supported, seconds: float) -> Diagnosis:
@@ -85,7 +85,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
 
 
 def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:
-    """All checks of the advice in its order, each once, with ids that are unique among diagnoses."""
+    """All checks of the advice in its order, without repetitions, with ids that are unique among diagnoses."""
     estimate = state.selection.chosen.fit.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = {(check.kind, check.text, check.about): check for step in state.advice for check in step.checks}
@@ -117,7 +117,7 @@ def _where(place: Place) -> Where:
 
 
 def _sensor_findings(state: Advised) -> list[SensorFinding]:
-    """Sensor faults of all recordings, held-out ones included, without the steps that a fitted effect explains."""
+    """Sensor faults of all recordings, including held-out ones, without the steps that a fitted effect explains."""
     values = named_params(state.selection.chosen.fit.estimate.params)
     hidden = [0.0, 0.0, 0.0]
     for name, effect in EFFECTS.items():

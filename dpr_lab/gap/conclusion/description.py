@@ -1,4 +1,4 @@
-"""Check whether an unexplained gap is caused by a wrong description of the recordings."""
+"""Test whether a wrong description of the recordings causes an unexplained gap."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,21 +26,25 @@ class DescriptionRules:
     """Limits beyond which a wrong description of the recordings replaces the causes."""
 
     gap: float = 3.0
-    """Other descriptions are tested if chi2 per degree of freedom of the bare model exceeds this value. Halved angles
-    of a swing of 20 degrees leave 8.
+    """chi2 per degree of freedom of the bare model above which other descriptions are tested.
+
+    Halved angles of a swing of 20 degrees leave 8.
     """
     as_good: float = 0.02
-    """Maximum difference of the explained shares of the excess at which another description is as good as the selected
-    effects.
+    """Maximum deficit of the share of the excess that another description explains, compared with the selected effects.
+
+    Up to this deficit the description counts as equally good.
     """
     closed: float = 0.93
-    """If effects explain more than this share of the excess, an apparent energy input is not evidence of a wrong
-    description, because an encoder error also causes one.
+    """Share of the excess above which an apparent energy input is not evidence of a wrong description.
+
+    The share is the one that effects explain. An encoder error also causes an apparent energy input.
     """
     torque_step: float = 0.08
-    """If the median change of a known torque between rows, relative to its range, exceeds this value, a delay of less
-    than a row is not attributed to the drive. The change is 0.02 or less in recordings of real drives, and 0.12 for a
-    sine of 1 Hz at 20 Hz.
+    """Maximum median change of a known torque between rows, relative to its range, for a delay within a row.
+
+    Above it, a delay of less than a row is not attributed to the drive. The change is 0.02 or less in recordings of
+    real drives, and 0.12 for a sine of 1 Hz at 20 Hz.
     """
 
 
@@ -50,14 +54,14 @@ DESCRIPTION = DescriptionRules()
 def description(
     records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transferred: Transfer
 ) -> Description:
-    """Test other descriptions if a gap above the noise remains, or is closed by effects of an impossible size.
+    """Test other descriptions if a gap above the noise remains, or if effects of an impossible size close it.
 
     Args:
         records: the fitted runs, screened
-        rig: the rig of the runs according to its file
-        problem: their segments
+        rig: rig of the runs according to its file
+        problem: segments of the fitted runs
         selection: the selected set of effects
-        transferred: its performance on held-out recordings
+        transferred: performance of the set on held-out recordings
     """
     if hint := _wrong_gravity(rig, selection) or other_scale(problem, selection, rig):
         return Description(hint, True)
@@ -78,7 +82,7 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """A sentence on an arm that hits a stop, or on an undescribed drive, if no effect explains the motion."""
+    """Description of an arm that hits a stop, or of an undescribed drive, if no effect explains the motion."""
     if at_noise_floor(selection.chosen) or selection.share_explained >= DESCRIPTION.closed:
         return Description()
     runs = [record.run.swing for record in records]
@@ -89,13 +93,13 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
 
 def _trusted(record: Record) -> Run:
-    """The run without the readings that are faults of the logger, because these look like energy input."""
+    """Run without those readings that are faults of the logger, because such readings look like energy input."""
     run, screened = record.run, record.screened
     return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """A sentence if g in the rig file does not occur on earth and appears as an error of L1; otherwise empty.
+    """Sentence on a value of g in the rig file that does not occur on earth and appears as an error of L1; else empty.
 
     Only g / L1 is identifiable.
     """
@@ -116,7 +120,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """A sentence if known torques change too much between rows to determine a delay of less than a row; else empty."""
+    """Sentence on known torques that change too much between rows to determine a delay within a row; else empty."""
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
     delay = named_params(selection.chosen.fit.estimate.params)[INPUT_DELAY.name]["delay_s"]
@@ -133,7 +137,7 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:
-    """Whether a wrong description explains as much as the effects, and no effect supplies energy."""
+    """Whether another description explains as much of the gap as the effects."""
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)

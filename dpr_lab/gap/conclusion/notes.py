@@ -35,7 +35,10 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
 
 
 def component_notes(named_families: Sequence[NamedFamily], geared: Collection[int]) -> Iterator[str]:
-    """Components that explain several effects; a drive that the rig file does not state is only a possibility."""
+    """Sentences on components that explain several effects.
+
+    A drive that the rig file does not state is only possible.
+    """
     joints = {family.name: family.joint for family in FAMILIES}
     for family in named_families:
         effects, share = listed(family.effects), percent(family.share)
@@ -49,7 +52,7 @@ def component_notes(named_families: Sequence[NamedFamily], geared: Collection[in
 
 
 def _varying_sizes(state: Advised) -> Iterator[str]:
-    """Effects that do not carry over because each recording has its own size."""
+    """Sentences on effects that do not carry over because their size differs between the recordings."""
     budget = state.gap.budget
     if budget is None or budget.basis != "recordings":
         return
@@ -61,7 +64,7 @@ def _varying_sizes(state: Advised) -> Iterator[str]:
 
 
 def _lone_recording(state: Advised) -> Iterator[str]:
-    """The only recording that the model leaves unexplained, and what to do."""
+    """Sentence on the only recording that the model leaves unexplained, with the next step."""
     if (lone := state.transfer.lone) is None:
         return
     piece = are_pieces([lone.name])
@@ -74,7 +77,7 @@ def _lone_recording(state: Advised) -> Iterator[str]:
 
 
 def _remainder(state: Advised, kind: Verdict) -> Iterator[str]:
-    """Size and location of the unmodelled remainder, or that the rig seems to have been changed."""
+    """Sentence on the size and location of the unmodelled remainder, or on a rig that seems to have been changed."""
     if kind not in ("partly_explained", "unexplained"):
         return
     if changed := state.gap.budget and state.gap.budget.changed_ratio:

@@ -1,9 +1,9 @@
 """Test whether the readings of a single rod, or of rods with a clamped elbow, need fewer effects at another scale.
 
 If a rod turns by theta = f phi for readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi)
-and a torque that depends on the angle, such as that of a cable or of cogging. The accelerations of two coupled rods
-determine their scale, and so do the accelerations of a rod on a moving arm. The accelerations of one degree of freedom
-do not.
+plus a torque that depends on the angle, such as the torque of a cable or of cogging. The accelerations of two coupled
+rods determine their scale, and so do the accelerations of a rod on a moving arm. The accelerations of one degree of
+freedom do not determine it.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class OtherScaleRules:
-    """Limit for a message about the scale."""
+    """Limit for a message about the scale of the readings."""
 
     explains: float = 0.93
     """Minimum share of the excess chi-square that the model at the other scale explains."""
@@ -30,16 +30,16 @@ class OtherScaleRules:
 
 OTHER_SCALE = OtherScaleRules()
 SCALES = (2.0, 0.5)
-"""Ratio of the true angle to the reading, for example with a wrong number of counts per turn."""
+"""Tested ratios of the true angle to the reading, for example for a wrong number of counts per turn."""
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """A sentence if, at another scale, the readings of one degree of freedom need fewer effects; else empty.
+    """Sentence on another scale at which the readings of one degree of freedom need fewer effects; empty without one.
 
     Args:
         problem: the segments
         selection: the selected set of effects
-        rig: the rig according to its file
+        rig: rig according to its file
     """
     chosen = selection.chosen
     setups = problem.segments.setups
@@ -64,7 +64,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
 
 
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
-    """Whether the model at another scale explains the gap; if both models leave it open, neither is evidence."""
+    """Whether the model at another scale explains the gap; if both models leave the gap open, neither is evidence."""
     before, after = selection.base.residuals.excess, max(scaled.residuals.excess, 0.0)
     return at_noise_floor(scaled) or after <= (1 - OTHER_SCALE.explains) * before
 
@@ -74,7 +74,7 @@ def _scaled_fit(
 ) -> Hypothesis:
     """Fit of some effects to the readings of joint 1 multiplied by a factor, measured from hanging.
 
-    Starts with (7,) ratios.
+    The fit starts from (7,) ratios.
     """
     joints = problem.joints
     turned = joints.to_rods(problem.measured)

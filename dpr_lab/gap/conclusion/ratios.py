@@ -1,4 +1,4 @@
-"""The ratios to b with their intervals: all ratios, and those that the recordings determine."""
+"""Ratios to b with their intervals: all ratios, and those that the recordings determine."""
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from dpr_lab.setup import only_inner
 def ratios(state: Advised) -> dict[str, Interval]:
     """Ratios to b with 90 % intervals.
 
-    The interval of a friction ratio, and one that the bounds of the rig file widen, has no negative values.
+    The interval of a friction ratio has no negative values. The same holds for an interval that the bounds of the rig
+    file widen.
     """
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
@@ -54,7 +55,7 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
 
 
 def ratio_covariance(state: Advised) -> Array:
-    """(5, 5) covariance; zero for ratios that no run determines and that are taken from the rig file."""
+    """(5, 5) covariance of the ratios; zero for ratios that no run determines and that come from the rig file."""
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     covariance = np.zeros((len(RATIOS), len(RATIOS)))

@@ -12,12 +12,12 @@ from dpr_lab.shown import listed
 def remedies(
     named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
 ) -> list[str]:
-    """One sentence for each effect that is a fault, and one for all effects that the simulator lacks.
+    """Remedies in words: one sentence for each effect that is a fault, and one for all that the simulator lacks.
 
     Args:
         named: the effects, in order
-        sizes: their fitted parameters
-        rig: the values of the rig file
+        sizes: fitted parameters of each effect
+        rig: values of the rig file
         doubtful: effects that do not carry over to held-out data, or are too large; they have no remedy
     """
     sentences: list[str] = []

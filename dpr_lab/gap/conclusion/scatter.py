@@ -1,18 +1,19 @@
 """Scatter of the fitted values between recordings, beyond the noise of the readings.
 
-With H_r and g_r the normal matrix and the gradient of recording r at the common fit, initial states projected out, its
-own values differ from the common ones by H_r^+ g_r. If only the noise of the readings caused these differences,
+Let H_r and g_r be the normal matrix and the gradient of recording r at the common fit, with initial states projected
+out. The values fitted to recording r alone then differ from the common values by H_r^+ g_r. If only the noise of the
+readings caused these differences,
 
     Q = sum_r g_r^T H_r^+ g_r
 
 would be about nu = sum_r rank(H_r) - k for k values. A larger Q shows that the values are effective values of an
-incomplete model, and that those of another recording have the covariance
+incomplete model. The values of another recording then have the covariance
 
     B = k (sum_r H_r + k P)^+,    k = (Q / nu - 1) R
 
-about the common ones, for R equally informative recordings and P the information of the rig file (`fitting.prior`),
-which also limits the values of another recording. B is zero unless Q > nu + 3 sqrt(2 nu). A single recording is
-divided into quarters, as for the gap budget.
+about the common values, for R equally informative recordings. P is the information of the rig file (`fitting.prior`),
+which also limits the values of another recording. B is zero unless Q > nu + 3 sqrt(2 nu). A single recording is divided
+into quarters, as for the gap budget.
 
 Source: R. T. Birge (1932), The calculation of errors by the method of least squares, Physical Review 40, 207-227, for
 the ratio Q / nu; W. G. Cochran (1954), The combination of estimates from different experiments, Biometrics 10, 101-129.
@@ -31,19 +32,19 @@ from dpr_lab.gap.hypothesis.cross_validation import folds
 
 @dataclass(frozen=True, slots=True)
 class ScatterSettings:
-    """Settings of the estimate."""
+    """Settings of the estimate of the scatter."""
 
     significant: float = 3.0
-    """Recordings differ if Q exceeds nu by this number of standard deviations of Q, sqrt(2 nu)."""
+    """Number of standard deviations of Q, sqrt(2 nu), by which Q must exceed nu for recordings to differ."""
     singular: float = 1e-6
-    """Relative size of an eigenvalue of a scaled normal matrix that counts as zero."""
+    """Relative size of an eigenvalue of a scaled normal matrix up to which the eigenvalue counts as zero."""
 
 
 SCATTER = ScatterSettings()
 
 
 def between_recordings(problem: Problem, fit: Fit) -> Array:
-    """(free, free) covariance of the values of another recording about the common ones; zero for values at a bound.
+    """(free, free) covariance of the values of another recording about the common values; zero for values at a bound.
 
     Args:
         problem: segments and noise
@@ -81,8 +82,8 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
 
         p - (H - H_r + P)^+ g_r
 
-    A value that only this recording determines keeps its common value; if the new values are not finite, all values
-    keep their common values.
+    A value that only the omitted recording determines keeps its common value. If the new values are not finite, all
+    values keep their common values.
 
     Args:
         problem: segments and noise
@@ -110,6 +111,6 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
 
 
 def _masks(fold: NDArray[np.intp], followed: Flags) -> list[Flags]:
-    """Followed segments of each recording that has any."""
+    """Masks of the followed segments of each recording; a recording without such segments has no mask."""
     masks = [(fold == r) & followed for r in range(int(fold.max()) + 1)]
     return [mask for mask in masks if mask.any()]

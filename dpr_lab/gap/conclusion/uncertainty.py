@@ -2,10 +2,14 @@
 
 With A the Jacobian of a fit, initial states projected out, the noise causes the covariance f (A^T A)^-1, where f is the
 variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings that the fit does
-not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations: that of half the
-integrator's step; that of each weighed mass, by its standard uncertainty; and that of each free torque or reading error
-of the discrepancy term, by its prior. Ratios that the recordings do not determine shift the others in the same way, by
-the bounds of the rig file. Sizes of effects assume these ratios, as they assume b.
+not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations:
+
+- the shift by half the step of the integrator
+- the shift by each weighed mass, changed by its standard uncertainty
+- the shift by each free torque or reading error of the discrepancy term, of the size of its prior
+
+Ratios that the recordings do not determine shift the other ratios in the same way, by the bounds of the rig file. Sizes
+of effects assume these ratios, as they assume b.
 
 Source: consider covariance, S. F. Schmidt (1966), Application of state-space methods to navigation problems.
 """
@@ -27,13 +31,13 @@ from dpr_lab.rig import MASSES, Rig
 
 
 def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
-    """(free, free) covariance of the values of a fit; zero for those at a bound, see `conclusion.at_bounds`.
+    """(free, free) covariance of the fitted values; zero for values at a bound, see `conclusion.at_bounds`.
 
     Args:
         problem: segments and noise
         model: the fit
         rig: measured constants
-        remainder: its discrepancy term, which also shifts the values
+        remainder: discrepancy term of the fit, which also shifts the values
     """
     before = problem.predict(model.fit.estimate)
     shifts = [other.predict(model.fit.estimate) - before for other in _otherwise(problem, rig)]
@@ -45,13 +49,13 @@ def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrep
 
 
 def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
-    """(5,) variance of the ratios due to those that the recordings do not determine.
+    """(5,) variance of the ratios due to those ratios that the recordings do not determine.
 
     Args:
         problem: segments and noise
         model: a fitted set of effects
         rig: nominal values and bounds
-        share: fraction of a prior standard deviation by which such a ratio is changed for a derivative
+        share: increment of an undetermined ratio for a derivative, as a fraction of its prior standard deviation
     """
     before = problem.predict(model.fit.estimate)
     variance = np.array(prior_ratio_std(rig)) ** 2
@@ -64,7 +68,7 @@ def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: fl
 
 
 def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator[Estimate]:
-    """The estimate, changed by a fraction of a prior standard deviation in each undetermined direction.
+    """Estimates that are changed by a fraction of a prior standard deviation, one in each undetermined direction.
 
     The prior of these ratios does not depend on the free ratios: the fitted values are no evidence for them.
     """
@@ -80,7 +84,7 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:
-    """Problems with half the integrator step, and with each weighed mass increased by its standard uncertainty."""
+    """Changed problems: one with half the step of the integrator, and one for each weighed mass with a larger value."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))
     for name in MASSES:

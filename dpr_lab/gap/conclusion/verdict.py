@@ -1,4 +1,4 @@
-"""The verdict, as one word and up to three sentences: the causes, the reduction of the gap, and the remainder."""
+"""Verdict in one word and up to three sentences: the causes, the reduction of the gap, and the remainder."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,35 +19,40 @@ class VerdictRules:
     """Limits of the verdicts, set on blind trials whose library lacks the cause."""
 
     named_share: float = 0.93
-    """Minimum share of the excess that a named set explains. Correct models explained at least 0.97 of it, and models
-    from a library without the cause at most 0.91.
+    """Minimum share of the excess that a named set explains.
+
+    Correct models explained at least 0.97 of the excess, and models from a library without the cause at most 0.91.
     """
     partly_share: float = 0.5
-    """Minimum share of the excess chi-square that effects explain; if it is smaller, the verdict is "unexplained"."""
+    """Minimum share of the excess chi-square that effects must explain; below it the verdict is "unexplained"."""
     sure: float = 0.6
     """Minimum probability of the most probable class of a set that is named."""
     rather: float = 0.5
-    """The sentence omits an effect with a smaller probability, or adds the probability if no other effect is more
-    probable.
+    """Probability below which an effect is omitted from the sentence of the verdict.
+
+    If no other effect is more probable, the sentence names the effect with its probability.
     """
     outside: float = 10.0
-    """Maximum ratio of the probability of a cause outside the library to the probability of an effect. If the ratio is
-    larger for every effect, the verdict is "unexplained".
+    """Maximum ratio of the probability of a cause outside the library to the probability of an effect.
+
+    If the ratio is larger for every effect, the verdict is "unexplained".
     """
     closes: float = 0.5
-    """Minimum share of the gap that a set must close on held-out recordings to be the cause. If the interval from the
-    quarters of one release extends below it, the sentence asks for a second release.
+    """Minimum share of the gap that a set must close on held-out recordings to be the cause.
+
+    If the interval from the quarters of one release extends below the minimum, the sentence asks for a second release.
     """
     gap_from: float = 0.5
-    """Minimum ratio of a remainder to the noise for which it is a gap that no effect explains."""
+    """Minimum ratio of a remainder to the noise for which the remainder is a gap that no effect explains."""
     held_out_gap: float = 1.0
-    """Minimum ratio to the noise of a gap of held-out recordings that the fitted recordings do not show."""
+    """Minimum ratio to the noise of a gap that only the held-out recordings show."""
     visible: float = 0.5
-    """Share of the effects that must be detectable at their typical size for the verdict "no gap". Three releases of
-    4 s at 1 kHz reach 0.99, one of 1 s at 30 Hz reaches 0.4.
+    """Minimum share of the effects that must be detectable at their typical size for the verdict "no gap".
+
+    Three releases of 4 s at 1 kHz reach 0.99, one of 1 s at 30 Hz reaches 0.4.
     """
     noise: float = 6.0
-    """Maximum residual for which the named set is complete, in standard deviations."""
+    """Maximum residual with which the named set counts as complete, in standard deviations."""
 
 
 VERDICT = VerdictRules()
@@ -67,7 +72,7 @@ def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
 
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-    """Effects whose probability is not close to zero."""
+    """Effects whose probability is at least `PROBABLE`."""
     return tuple(posterior for posterior in posteriors if posterior.probability >= PROBABLE)
 
 
@@ -95,7 +100,7 @@ def _verdict(state: Transferred) -> Verdict:
 def shows_reduction(transferred: Transfer) -> bool:
     """Whether held-out data show that the gap closes.
 
-    The noise in the excess limits the share of a gap far below the noise. It is then sufficient that the interval of
+    For a gap far below the noise, the noise in the excess limits the share. It is then sufficient that the interval of
     the share reaches the minimum.
     """
     closed = transferred.closed
@@ -104,7 +109,7 @@ def shows_reduction(transferred: Transfer) -> bool:
 
 
 def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
-    """Whether the effects reduce the gap of the fitted recordings only."""
+    """Whether the effects reduce the gap of the fitted recordings only, and not of held-out data."""
     if not transferred.tested:
         return False
     tested = transferred.basis != "one release"
@@ -114,7 +119,7 @@ def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -
 
 
 def _undecided(transferred: Transfer) -> bool:
-    """Whether the held-out data show no gap that could close, so that they neither confirm nor refute."""
+    """Whether the held-out data show no gap that could close; they then neither confirm nor refute the effects."""
     return transferred.closed.estimate <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 
@@ -124,12 +129,12 @@ def _only_held_out(transferred: Transfer) -> bool:
 
 
 def _small(model: Hypothesis) -> bool:
-    """Whether the remainder is noise, or too small to be called a gap."""
+    """Whether the remainder is noise, or too small to count as a gap."""
     return at_noise_floor(model) or model.residuals.noise_ratio < VERDICT.gap_from
 
 
 def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
-    """The verdict in sentences; arguments as of `verdict`."""
+    """Verdict in sentences; arguments as for `verdict`."""
     hint = state.description.hint
     if kind == "inconclusive":
         return _inconclusive(visible_counts)
@@ -165,7 +170,10 @@ def _sentence(kind: Verdict, state: Transferred) -> str:
 
 
 def _unexplained(state: Transferred) -> str:
-    """The reason why no effect is the cause: none fits, or the closest explain too little or only the fitted runs."""
+    """Sentences with the reason why no effect is the cause.
+
+    Either no effect fits, or the closest ones explain too little or only the fitted runs.
+    """
     selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
     if not posteriors and _small(selection.chosen):
@@ -190,13 +198,13 @@ def _unexplained(state: Transferred) -> str:
 
 
 def _in_noise(ratio: float) -> str:
-    """`110 times the noise`, with two significant digits and no exponent; a ratio of 1 in words."""
+    """Ratio to the noise in words, as `110 times the noise`, with two significant digits and no exponent."""
     rounded = float(f"{ratio:.2g}")
     return "the size of the noise" if rounded == 1.0 else f"{rounded:g} times the noise"
 
 
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
-    """The sentence on the remainder, by the worse of two measures: an increased error of the free run comes first."""
+    """Sentence on the remainder, by the worse of two measures; an increased error of the free run comes first."""
     if transferred.worse_free_run:
         errors = transferred.worse_free_run
         before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
@@ -214,9 +222,9 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
 
 
 def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """The causes in the sentence: effects that carry over to held-out data and are not only known effects of the rig.
+    """Causes that the sentence names: effects that carry over to held-out data and are not only expected of the rig.
 
-    Less probable effects are named only if no other effect is named; the table of the causes lists them.
+    Less probable effects are named only if no other effect is named. The table of the causes lists them.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
@@ -234,7 +242,7 @@ def _no_gap(base: Hypothesis) -> str:
 
 
 def how_far(transferred: Transfer) -> str:
-    """Reduction of the gap on held-out data, and the kind of these data."""
+    """Sentence on the reduction of the gap on held-out data, with the kind of these data."""
     if not transferred.tested:
         return "The recordings are too short to predict one part from another, so no data tested this."
     estimate, (low, high) = transferred.closed.estimate, transferred.closed.interval90
@@ -261,11 +269,11 @@ _BASIS = {
     "releases left out": "In cross-validation across the releases",
     "one release": "In cross-validation across the quarters of the only release",
 }
-"""Kind of the held-out data -> its words."""
+"""Kind of the held-out data -> words for it."""
 
 
 def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
-    """List of the classes; one of several with two members is in parentheses."""
+    """List of the classes in words; among several classes, one with two members is in parentheses."""
     words = [_class(cause) for cause in causes]
     if len(words) > 1:
         words = [f"({text})" if " or " in text else text for text in words]
@@ -273,7 +281,7 @@ def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
 
 
 def _class(posterior: EffectPosterior) -> str:
-    """The members of a class; the table of the causes lists the members of a class of three or more."""
+    """Members of a class in words; a class of three or more is named by its first member and the number of others."""
     if len(posterior.members) > 2:
         return f"{posterior.name} or {len(posterior.members) - 1} indistinguishable effects"
     return " or ".join(posterior.members)

@@ -1,8 +1,8 @@
-"""Rods that are touched at rest: the reading of a joint changes after they came to rest, although nothing drives it.
+"""Rods that are touched at rest: after the rods came to rest, the reading of a joint changes without a drive.
 
 A free rod that stays within the noise for half a period of its small oscillation is at rest: friction holds it, or its
 energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. A later motion is caused by
-a hand, a cable, a support that gives way, or a drift of the encoder's zero; a model fitted to these readings would need
+a hand, a cable, a support that gives way, or a drift of the encoder's zero. A model fitted to these readings would need
 friction that does not exist.
 """
 
@@ -19,25 +19,25 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class RestRules:
-    """Thresholds."""
+    """Thresholds for the detection of touched rods."""
 
     block_s: float = 0.05
-    """Length of the blocks of which medians are taken, s."""
+    """Length of the blocks whose medians are compared, s."""
     fewest: int = 4
     """Minimum number of readings in a block."""
     of_median: float = 1.25
-    """Ratio of the standard deviation of the median of normal values to the standard deviation of their mean, sqrt(pi /
-    2).
-    """
+    """Ratio of the standard deviations of median and mean of normal values, sqrt(pi / 2)."""
     periods: float = 0.55
-    """Minimum time at rest, in slow periods of small oscillations: within half a period a swing moves by its
-    amplitude."""
+    """Minimum time at rest, in slow periods of small oscillations.
+
+    Within half a period a swing moves by its amplitude.
+    """
     errors: float = 6.0
-    """Maximum range of the medians at rest in their standard deviations."""
+    """Maximum range of the medians of rods at rest, in standard deviations of a median."""
     moves: float = 3.0
-    """Minimum motion, in units of this range and of the range at rest."""
+    """Minimum size of a motion, in units of the maximum range at rest and of the actual range at rest."""
     of_swing: float = 0.5
-    """Maximum motion relative to the swing before: rods that swing again were released again."""
+    """Maximum size of a motion relative to the previous swing; rods that swing farther were released again."""
 
 
 REST = RestRules()
@@ -45,16 +45,16 @@ REST = RestRules()
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """Motion of rods that were at rest."""
+    """Motion of rods that were at rest before."""
 
     rest_s: float
-    """Start of the time at rest."""
+    """Start of the time at rest, s."""
     at_s: float
-    """Start of the motion."""
+    """Start of the motion, s."""
     axis: int
-    """Joint that moves most."""
+    """Index of the joint that moves most."""
     size: float
-    """Its largest distance from the angle at rest, rad."""
+    """Largest distance of this joint from its angle at rest, rad."""
 
 
 def touch(record: Record, slow_period_s: float) -> Touch | None:
@@ -86,7 +86,7 @@ def touch(record: Record, slow_period_s: float) -> Touch | None:
 
 
 def without_touch(record: Record, rig: Rig) -> Record:
-    """A record without the readings from the first motion at rest on; the same object if there is none."""
+    """Record without the readings from the first motion at rest on; the same object if there is no such motion."""
     driven = not record.run.setup.free or record.encoder0_moves
     touched = None if driven else touch(record, periods(rig)[0])
     if touched is None:
@@ -101,7 +101,7 @@ def without_touch(record: Record, rig: Rig) -> Record:
 
 
 def _blocks(record: Record) -> tuple[Array, Array, Array]:
-    """Instants, (n, axes) medians of blocks, and the (axes,) standard deviation of a median, rad."""
+    """Instants of blocks, their (n, axes) medians, and the (axes,) standard deviation of a median, rad."""
     length = max(REST.block_s, REST.fewest * float(np.median(np.diff(record.t))))
     number = np.floor((record.t - record.t[0]) / length).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=-1))

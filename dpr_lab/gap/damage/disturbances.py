@@ -1,11 +1,13 @@
-"""Parts of recordings that no property of the rig explains are left out: hands, kicks, readings that step.
+"""Exclusion of parts of recordings that no property of the rig explains: hands, kicks, readings that step.
 
-A kick changes the speeds of the rods, a step the reading of a joint, within one segment and by far more than anything
-else in the recordings (`dpr_lab.gap.damage.jumps`); an effect of the rig acts in many segments. About a kick, the
-readings of a tenth of a second are left out. A push looks like two kicks, at its beginning and at its end: if all
-segments between two kicks fit far worse than every other segment, they are left out too. A reading that returns after a
-while is left out in between. If it stays shifted, the encoder missed counts, whose number the diagnosis estimates; a
-table of angles contains no counts, and the shorter part of it is left out.
+A kick changes the speeds of the rods, and a step the reading of a joint. Both occur within one segment and are far
+larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), whereas an effect of the rig acts in many
+segments.
+
+About a kick, the readings of a tenth of a second are excluded. A push looks like two kicks, at its beginning and at its
+end. If all segments between two kicks fit far worse than every other segment, they are excluded as well. If a reading
+steps and returns after a while, the readings in between are excluded. If it stays shifted, the encoder missed counts,
+whose number the diagnosis estimates. A table of angles contains no counts, so its shorter part is excluded.
 """
 
 from collections.abc import Iterable, Sequence
@@ -31,28 +33,27 @@ from dpr_lab.gap.screen.sensor_faults import AXES, Finding
 
 @dataclass(frozen=True, slots=True)
 class DisturbanceRules:
-    """Limits of the intervals that are left out."""
+    """Limits of the intervals that are excluded."""
 
     kick_s: float = 0.1
-    """Length of the interval about a kick that is left out, s: a hand touches a rod for 20 to 100 ms."""
+    """Length of the excluded interval about a kick, s; a hand touches a rod for 20 to 100 ms."""
     joins_s: float = 0.15
-    """Maximum distance between two such intervals for which they are one disturbance, s."""
+    """Maximum distance between two excluded intervals that count as one disturbance, s."""
     push_s: float = 2.5
     """Maximum time between the two kicks at the ends of a push, s."""
     release_s: float = 0.5
-    """Time from the first reading to a kick within which it is the hand that releases the rods, s. The hand may act
-    with a constant torque before, which is not a kick.
+    """Time after the first reading within which a kick is the hand that releases the rods, s.
+
+    The hand may act with a constant torque before, which is not a kick.
     """
     rounds: int = 6
-    """Maximum number of searches: a large disturbance hides smaller ones."""
+    """Maximum number of searches; a large disturbance hides smaller ones."""
     returns: float = 0.25
-    """Maximum sum of a step and a later step, relative to the first step, for which the reading counts as having
-    returned.
-    """
+    """Maximum sum of a step and a later step, relative to the first step, for a reading that has returned."""
     while_share: float = 0.3
-    """Maximum share of a recording during which a reading is shifted for a while."""
+    """Maximum time for which a reading is shifted and then returns, relative to the duration of the recording."""
     iterations: int = 15
-    """Iterations of a fit of initial states."""
+    """Maximum number of iterations of a fit of initial states."""
 
 
 DISTURBANCE = DisturbanceRules()
@@ -60,7 +61,7 @@ DISTURBANCE = DisturbanceRules()
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Interval that is left out; an infinite end is the end of the recording."""
+    """Interval of a recording that is excluded; an infinite end is the end of the recording."""
 
     since: float
     until: float
@@ -68,21 +69,21 @@ class LeftOut:
 
     @property
     def of_reading(self) -> bool:
-        """Whether a reading steps; otherwise the rods are kicked or pushed."""
+        """Whether a reading steps in the interval; otherwise the rods are kicked or pushed."""
         return any(jump.joint is not None for jump in self.jumps)
 
     @property
     def of_counts(self) -> bool:
-        """Whether an encoder missed counts, so that no readings are left out."""
+        """Whether an encoder missed counts; no readings are then excluded."""
         return self.since == self.until
 
 
 def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
-    """Leave out hands at the beginning, kicks and steps of readings.
+    """Exclude hands at the beginning, kicks and steps of readings.
 
     Args:
         recordings: the runs
-        ratios: (7,) of a robust fit in short segments
+        ratios: (7,) ratios of a robust fit in short segments
 
     Returns:
         the same object if there are no disturbances
@@ -98,15 +99,15 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
 
 
 def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUMP.outstanding) -> Recordings:
-    """Leave out kicks and readings that step, by the residuals of a model.
+    """Exclude kicks and readings that step, according to the residuals of a model.
 
     Args:
         recordings: the runs
         estimate: ratios and effects; the initial states are fitted
-        ratio: minimum ratio of the gain of a kick to the largest one elsewhere
+        ratio: minimum ratio of the gain of a kick to the largest gain elsewhere
 
     Returns:
-        the same object if there are none
+        the same object if there are no kicks and steps
     """
     whole, parts = recordings, [list[LeftOut]() for _ in recordings.records]
     for _ in range(DISTURBANCE.rounds):
@@ -126,7 +127,7 @@ def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUM
 
 
 def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recordings | None:
-    """The recordings without these intervals; None if a recording would have no segment left."""
+    """Recordings without some intervals; None if a recording would have no segment left."""
     records = tuple(map(_without, whole.records, parts))
     remain = all(cut(record.t, np.inf, record.breaks) for record in records)
     return replace(whole, records=records) if remain else None
@@ -135,9 +136,10 @@ def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recording
 def _with_pushes(
     cleaned: Recordings, parts: Sequence[list[LeftOut]], estimate: Estimate, ratio: float
 ) -> list[list[LeftOut]]:
-    """The intervals; two kicks with a push between them are merged.
+    """Excluded intervals of each recording, in which two kicks are merged if a push lies between them.
 
-    Every segment between them has a chi2 per reading that exceeds the largest one elsewhere by the ratio.
+    It is a push if the chi2 per reading of every segment between the kicks exceeds the largest one elsewhere by the
+    ratio.
     """
     pairs = [
         (run, first, last)
@@ -161,19 +163,19 @@ def _with_pushes(
 
 
 def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
-    """A jump at an end of a kick is a part of it, even if it looks like a step of a reading."""
+    """Jump as a part of a kick if it lies near an end of the kick, even if it looks like a step of a reading."""
     kicks = (part for part in parts if not part.of_reading)
     near = any(part.since - DISTURBANCE.joins_s < jump.at < part.until + DISTURBANCE.joins_s for part in kicks)
     return replace(jump, joint=None) if near else jump
 
 
 def _free(record: Record) -> bool:
-    """Whether the rods swing without a known input: torques and a moving arm have errors of their own."""
+    """Whether the rods swing without a known input; torques and a moving arm have errors of their own."""
     return record.run.setup.free and not record.encoder0_moves
 
 
 def _shifted(record: Record, estimate: Estimate) -> bool:
-    """Whether readings are shifted by missed counts that the model does not contain; then no jump stands out."""
+    """Whether missed counts that the model does not contain shift the readings, so that no jump stands out."""
     return bool(record.screened.breaks) and not estimate.params[param_index(MISSED_COUNTS.name, "counts")]
 
 
@@ -199,19 +201,19 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
 
 
 def _followed(recordings: Recordings, estimate: Estimate) -> tuple[Problem, Fit]:
-    """The recordings in segments, and the fit of their initial states."""
+    """Problem with the recordings in segments, and the fit of the initial states."""
     problem, initial = replace(recordings, ratios=None).cut(LENGTHS.working)
     start = problem.with_zeros(estimate.changed(initial=initial))
     return problem, fit(problem, start, (), iterations=DISTURBANCE.iterations)
 
 
 def shows(record: Record, jump: Jump) -> bool:
-    """Whether a jump is a step that the readings show, and not only the residuals of a model that lacks a cause."""
+    """Whether the readings themselves show a jump as a step, and not only the residuals of an incomplete model."""
     return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
 
 def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
-    """Intervals about kicks, between a step and its return, and before or after a step that stays."""
+    """Intervals to exclude: about kicks, between a step and its return, and before or after a step that stays."""
     reach, parts = 0.5 * DISTURBANCE.kick_s, list[LeftOut]()
     steps = sorted((jump for jump in jumps if jump.joint is not None), key=lambda jump: jump.at)
     while steps:
@@ -234,7 +236,7 @@ def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
 
 
 def _without_slips(record: Record) -> Record:
-    """A record without the readings between two opposite steps that were found without a model."""
+    """Record without the readings between two opposite steps that the screening found without a model."""
     steps = [finding for finding in record.screened.findings if finding.name == MISSED_COUNTS.name]
     jumps = [
         Jump(np.inf, 0, finding.at_s, AXES.index(finding.axis), (finding.step,), (-np.inf, np.inf))
@@ -258,7 +260,7 @@ def _returns(record: Record, first: Jump, later: Jump) -> bool:
 
 
 def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
-    """Intervals in their order; neighbouring ones become one."""
+    """Intervals in the order of time, with neighbouring ones merged."""
     merged = list[LeftOut]()
     for part in sorted(parts, key=lambda part: part.since):
         if (
@@ -273,7 +275,7 @@ def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
 
 
 def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
-    """A record without these intervals, and with a finding for each."""
+    """Record without the given intervals, with a finding for each interval."""
     findings = [_finding(record, part) for part in parts]
     for part in parts:
         record = _with_missed_counts(record, part) if part.of_counts else record.left_out(part.since, part.until)
@@ -281,7 +283,7 @@ def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
 
 
 def _with_missed_counts(record: Record, part: LeftOut) -> Record:
-    """A record with a step at which its encoder missed counts; the effect of that name has their number."""
+    """Record with a step at which its encoder missed counts; an effect estimates the number of counts."""
     (step,) = part.jumps
     steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
     breaks = np.sort(np.append(record.breaks, step.at))

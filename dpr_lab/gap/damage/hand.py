@@ -1,8 +1,8 @@
-"""A hand or a latch that still acts at the beginning of a recording.
+"""Detection of a hand or a latch that still acts at the beginning of a recording.
 
-push    The energy of the rods, computed with the fitted ratios, rises at the beginning, or the readings show it before
-        free rods follow them: without a drive the energy only decreases.
-hold    The first segment fits worse than all others, but not without its first readings.
+push    The energy of the rods, computed with the fitted ratios, rises at the beginning, or before free rods follow
+        the readings. Without a drive the energy only decreases.
+hold    The first segment fits worse than all others, but it fits as well as others without its first readings.
 """
 
 from dataclasses import dataclass, replace
@@ -24,40 +24,47 @@ from dpr_lab.gap.screen.sensor_faults import Finding
 
 @dataclass(frozen=True, slots=True)
 class HandRules:
-    """Thresholds of the detection."""
+    """Thresholds of the detection of a hand."""
 
     followed: float = 8.0
-    """Maximum chi2 per reading, relative to the usual one, of a segment that free rods follow."""
+    """Maximum chi2 per reading, relative to its usual value, of a segment that free rods follow."""
     rises: float = 0.05
-    """Minimum rise of the energy, relative to its maximum, that indicates a push by hand."""
+    """Minimum rise of the energy by a push, relative to the maximum of the energy."""
     first: float = 3.0
-    """Limit of the chi-square per reading of the first segment, and of its ratio to the worst other one. Above both,
-    something else than gravity and friction acts in it.
+    """Maximum chi2 per reading of the first segment, and maximum ratio to the worst other segment.
+
+    If both are exceeded, something other than gravity and friction acts in the segment.
     """
     at_rest: float = 0.3
-    """Maximum speed of rods that a hand holds, relative to their maximum speed: a record may begin during the swing."""
+    """Maximum speed of rods that a hand holds, relative to their maximum speed.
+
+    Faster rods are not held: the record begins during the swing.
+    """
     held: float = 0.8
-    """Maximum part of the first segment in which the rods may still be held."""
+    """Maximum part of the first segment in which the rods may still be held, as a fraction of its duration."""
     scatters: float = 5.0
-    """Minimum rise of the energy in standard deviations of its noise."""
+    """Minimum rise of the energy, in standard deviations of the noise of the energy."""
     smoothed: int = 5
     """Number of segments of the running median by which the energy is smoothed."""
     early: float = 0.3
-    """Fraction of the recording within which the rise must occur; later the energy must not rise by half as much."""
+    """Fraction of the recording within which the rise must occur.
+
+    Later the energy must not rise by half as much.
+    """
     iterations: int = 15
-    """Iterations of a fit of initial states."""
+    """Maximum number of iterations of a fit of initial states."""
 
 
 HAND = HandRules()
 
 
 def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
-    """Leave out the readings at the beginning during which a hand acts; the same object if none does.
+    """Exclude the readings at the beginning during which a hand acts; the same object if none does.
 
     Args:
         recordings: the runs
-        record: a free swing of them
-        ratios: (7,) of a robust fit in short segments
+        record: one of the runs, a free swing
+        ratios: (7,) ratios of a robust fit in short segments
     """
     alone = replace(recordings, ratios=None).only([record])
     until = _pushed_until(alone, *_followed(alone, ratios))
@@ -78,7 +85,10 @@ def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
 
 
 def energies(problem: Problem, estimate: Estimate) -> Array:
-    """(segments,) energy at the start of each segment of one run relative to hanging rods, divided by b, 1/s^2."""
+    """(segments,) energy of the rods at the start of each segment of one run, divided by b, 1/s^2.
+
+    The energy is zero for hanging rods at rest.
+    """
     constants, (setup,) = problem.model.constants, problem.segments.setups
     base = base_of_run(whole_of(estimate.ratios), setup, constants.L1, constants.g)
     a, b, d, e1, *_ = (base / estimate.ratios[SCALE]).tolist()
@@ -89,7 +99,7 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
-    """Start of the first segment from which the energy only decreases, if it rose before; otherwise None."""
+    """Start of the first segment from which the energy only decreases after a rise, s; None without a rise."""
     energy = energies(problem, fit.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 4 or not np.isfinite(energy).all():
@@ -111,13 +121,13 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
 
 
 def _first_followed(level: Array, top: int) -> int:
-    """First segment from `top` on that free rods follow.
+    """Index of the first segment from `top` on that free rods follow.
 
     The energy of a segment that contains the push is not the energy at its start.
 
     Args:
         level: (segments,) chi2 per reading
-        top: segment with the maximum energy
+        top: index of the segment with the maximum energy
     """
     usual = max(float(np.median(level[top:])), 1.0)
     followed = np.flatnonzero(level[top:] < HAND.followed * usual)
@@ -125,7 +135,10 @@ def _first_followed(level: Array, top: int) -> int:
 
 
 def _held_until(recordings: Recordings, ratios: Array) -> float | None:
-    """Instant in the first segment from which free rods follow the readings as well as elsewhere; None: its start."""
+    """Instant in the first segment from which free rods follow the readings as well as elsewhere.
+
+    None if nothing holds them.
+    """
     (recording,) = recordings.records
     problem, followed = _followed(recordings, ratios)
     level = followed.linear.chi2_by_segment / np.diff(problem.segments.offsets)
@@ -162,13 +175,13 @@ def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scat
 
 
 def _smoothed(energy: Array) -> Array:
-    """Running medians; at the ends over the nearest segments."""
+    """Running medians of the energy; at the ends the first and the last value are repeated."""
     half = HAND.smoothed // 2
     padded = np.pad(energy, half, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, HAND.smoothed), axis=1))
 
 
 def _scatter(energy: Array) -> float:
-    """Standard deviation of the noise of the energy, from its second differences, which do not contain a slow decay."""
+    """Standard deviation of the noise of the energy, from second differences, in which a slow decay cancels."""
     variance = 1.0 + 4.0 + 1.0  # second difference of white noise of unit variance
     return float(NORMAL_MAD * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(variance))

@@ -1,13 +1,13 @@
-r"""Instants at which the rods or a reading jump: generalised likelihood ratio of a change within one segment.
+"""Instants at which the rods or a reading jump: generalised likelihood ratio of a change within one segment.
 
 In a linearised segment, a change at an instant t_k adds h to the later readings,
 
     kick        h = C(t) Phi(t_k)^-1 [0; M^-1] p     with the impulses p of joints 1 and 2
     step        h = 1 in one joint                   of a reading
 
-The initial state of the segment and torques that are polynomials in time are projected out, so that an error of the
-model, which acts along the whole segment, does not count. With e and h whitened and projected, the change reduces chi2
-by (h e)^2 / h^2 (its gain). All instants follow from sums over the later readings.
+The initial state of the segment and torques that are polynomials in time are projected out. An error of the model acts
+along the whole segment and therefore does not count. With e and h whitened and projected, the change reduces chi2 by
+its gain (h e)^2 / h^2. The gains at all instants follow from sums over the later readings.
 
 Source: Willsky & Jones (1976), A generalized likelihood ratio approach to the detection and estimation of jumps in
 linear systems, IEEE Trans. Autom. Control 21, 108-112.
@@ -28,32 +28,40 @@ from dpr_lab.gap.hypothesis.steps import step_gain
 
 @dataclass(frozen=True, slots=True)
 class JumpRules:
-    """Limits of the detection."""
+    """Limits of the detection of jumps."""
 
     gain: float = 50.0
-    """Minimum gain: three recordings have 1e4 instants, of which white noise of the assumed size reaches 25."""
+    """Minimum gain of a jump.
+
+    Three recordings have 1e4 instants. White noise of the assumed size reaches a gain of 25 in them.
+    """
     outstanding: float = 3.0
-    """Minimum ratio of a gain to the largest one elsewhere, with a model that has effects."""
+    """Minimum ratio of the gain of a jump to the largest gain elsewhere, for a model with effects."""
     outstanding_bare: float = 8.0
-    """Minimum ratio of this kind with the bare model. It was at most 1.7 on 40 undamaged rigs with effects, but
-    load-dependent friction acts mostly where a swing is fastest (5.2).
+    """Minimum ratio of the gain of a jump to the largest gain elsewhere, for the bare model.
+
+    The ratio was at most 1.7 on 40 undamaged rigs with effects, but load-dependent friction acts mostly where a swing
+    is fastest (5.2).
     """
     others: int = 6
-    """Minimum number of segments elsewhere."""
+    """Minimum number of segments elsewhere to which a jump is compared."""
     most: float = 0.1
     """Maximum number of jumps, relative to the number of segments; two are always possible."""
     kick_torques: int = 0
-    """Degree of the torques that are projected out before kicks: a constant. A higher one imitates a kick."""
+    """Degree of the polynomial torques that are projected out before kicks: a constant.
+
+    A higher degree imitates a kick.
+    """
     step_torques: int = 2
-    """Degree of those before steps of a reading, which no torque imitates."""
+    """Degree of the polynomial torques that are projected out before steps of a reading; no torque imitates a step."""
     margin: int = 3
-    """Number of readings at either end of a segment between which no jump is sought."""
+    """Number of readings at either end of a segment in which no jump is sought."""
     kick_s: float = 0.06
     """Time before and after the middle of a kick within which a hand touches a rod, s."""
     near_s: float = 0.1
-    """Distance from a jump within which another segment may still contain a part of it, s."""
+    """Distance in time from a jump within which another segment may still contain a part of it, s."""
     seen: float = 1e-6
-    """Fraction of a change that must remain after the projection."""
+    """Minimum fraction of a change that must remain after the projection."""
 
 
 JUMP = JumpRules()
@@ -61,26 +69,26 @@ JUMP = JumpRules()
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """A change at one instant."""
+    """A jump at one instant: a kick of the rods, or a step of a reading."""
 
     gain: float
-    """Reduction of chi2."""
+    """Reduction of chi2 by the jump."""
     run: int
     at: float
     """Instant midway between two readings, s."""
     joint: int | None
-    """Joint of a reading that steps; None for a kick."""
+    """Index of the joint whose reading steps; None for a kick."""
     size: tuple[float, ...]
-    """Changes of the speeds of both rods by a kick, rad/s; step of the reading, rad."""
+    """Size of the jump: changes of the speeds of both rods by a kick, rad/s, or the step of the reading, rad."""
     span: tuple[float, float]
-    """First and last instant of its segment, s."""
+    """First and last instant of the segment that contains the jump, s."""
 
 
 def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
-    """The jumps with a gain far above the gains of all segments at other times.
+    """Jumps whose gain is far above the gains of all segments at other times.
 
     Args:
-        candidates: the best jump of each segment; segments may overlap
+        candidates: best jump of each segment; segments may overlap
         ratio: minimum ratio of the gains
     """
     events: list[Jump] = []
@@ -95,9 +103,9 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 
 
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
-    """The most significant kick, and the most significant step of a reading, in each segment.
+    """Kick of largest gain, and step of a reading of largest gain, in each segment.
 
-    A joint is given for a step only if a kick of finite duration or a single wrong reading explains less.
+    The joint of a step is stated only if neither a kick of finite duration nor a single wrong reading explains as much.
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
@@ -123,7 +131,7 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
 
 
 def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
-    """(n,) maximum of values (n,) at the instants within a time before and after each."""
+    """(n,) maximum of values (n,) over the instants up to `reach_s` before and after each instant."""
     highest = values.copy()
     for shift in range(1, int(reach_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
         highest[shift:] = np.maximum(highest[shift:], values[:-shift])
@@ -132,7 +140,7 @@ def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
 
 
 def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float, ...]:
-    """Changes of the speeds of both rods by impulses on theta1, theta2, rad/s."""
+    """Changes of the speeds of both rods, rad/s, by impulses on theta1 and theta2, N m s."""
     i = round(float(reference.at[sample]))
     setup = reference.motion.run[i]
     a, b, d, *_ = reference.bases[setup]
@@ -145,26 +153,26 @@ def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float,
 
 @dataclass(frozen=True, slots=True)
 class _Changes:
-    """Residuals of all samples, and the columns that are projected out of them."""
+    """Residuals of all samples, with the columns that are projected out of them."""
 
     e: Array
     """(samples, 2) whitened and projected residual."""
     weight: Array
-    """(samples, 2) of the readings, 1/rad."""
+    """(samples, 2) weights of the readings, 1/rad."""
     Q: Array
-    """(samples, 2, q) orthonormal columns of the initial state and the torques."""
+    """(samples, 2, q) orthonormal columns of the initial state and of the polynomial torques."""
     out: Array
     """(samples, 2, 4) change of the weighted readings per change of the initial state."""
     into: Array
-    """(samples, 4, 2) change of the initial state that an impulse just before the sample is equivalent to."""
+    """(samples, 4, 2) change of the initial state that is equivalent to a unit impulse just before the sample."""
     begins: Integers
-    """(samples,) first sample of the segment of each sample."""
+    """(samples,) index of the first sample of the segment that contains the sample."""
     ends: Integers
-    """(samples,) first sample of the next segment."""
+    """(samples,) index of the first sample of the next segment."""
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> "_Changes":
-        """The residuals of a fit with free initial states, with polynomial torques of this degree projected out."""
+        """Residuals of a fit with free initial states, with polynomial torques of the given degree projected out."""
         owner, offsets = problem.owner, problem.segments.offsets
         residual = np.where(np.isfinite(fitted.linear.residual), fitted.linear.residual, 0.0)
         Q = np.concatenate([fitted.linear.Q, _of_torques(problem, fitted, reference, degree)], axis=2)
@@ -196,7 +204,7 @@ class _Changes:
         return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
 
     def steps(self, joint: int) -> tuple[Array, Array]:
-        """(samples,) gain and (samples,) size of a step of one joint's reading just before each sample, rad."""
+        """(samples,) gain and (samples,) size, rad, of a step in the reading of one joint just before each sample."""
         weight, Q = self.weight[:, joint], self.Q[:, joint]
         score, power = self._later(weight * self.e[:, joint]), self._later(weight**2)
         gain, size = step_gain(score, power, self._later(weight[:, None] * Q), JUMP.seen * np.maximum(power, 1.0))
@@ -209,7 +217,7 @@ class _Changes:
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))
 
     def _later(self, values: Array) -> Array:
-        """Sums from each sample to the end of its segment."""
+        """Sums over the samples from each sample to the end of its segment."""
         sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
         return np.asarray(sums[self.ends] - sums[:-1])
 
@@ -219,7 +227,7 @@ class _Changes:
 
 
 def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> Array:
-    """(segments, m, k) orthonormal response of the readings to polynomial torques, without the initial states."""
+    """(segments, m, k) orthonormal responses of the readings to polynomial torques, without the initial states."""
     t, edges = reference.motion.t, reference.edges
     begin, end = (np.repeat(t[places], np.diff(edges)) for places in (edges[:-1], edges[1:] - 1))
     powers = ((2 * t - begin - end) / (end - begin))[:, None] ** np.arange(degree + 1)

@@ -3,14 +3,18 @@
     E = simulation - measurement,    u_val^2 = u_num^2 + u_input^2 + u_D^2
 
 An error E above 2 u_val is caused by the model itself. All contributions are propagated to a free run whose initial
-state is fitted to the first readings, up to the predictability horizon: u_num by halving the step of the integrator;
-u_input by the measured or assumed constants of the rig (with the ratios refitted each time) and by the noise in the
-fitted values and the initial state; u_D by the noise of the compared readings. No contribution contains the model
-error; otherwise no error would ever exceed them.
+state is fitted to the first readings, up to the predictability horizon:
+
+    u_num      by halving the step of the integrator
+    u_input    by the measured or assumed constants of the rig, with the ratios refitted each time, and by the noise in
+               the fitted values and the initial state
+    u_D        by the noise of the compared readings
+
+No contribution contains the model error; otherwise no error would ever exceed u_val.
 
 If an input is wrong by one standard uncertainty, the readings change by c, of which c' remains after the fitted values
-absorb their part. With f the variance inflation n / n_eff, the recordings themselves reduce the standard
-uncertainty by the factor (1 + |c'|^2 / f)^-1/2, because a larger error would be visible in them.
+absorb their part. With f the variance inflation n / n_eff, the recordings themselves reduce the standard uncertainty by
+the factor (1 + |c'|^2 / f)^-1/2, because a larger error would be visible in them.
 
 Sources: ASME V&V 20-2009, Standard for Verification and Validation in Computational Fluid Dynamics and Heat Transfer;
 JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
@@ -36,16 +40,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class AssumedInputs:
-    """Assumed uncertainties if the rig file gives none; a limit is the half width of a rectangular distribution."""
+    """Assumed uncertainties of constants for which the rig file states none.
+
+    A limit is the half width of a rectangular distribution.
+    """
 
     rule_m: float = 1e-3
-    """Uncertainty of L1 at each end, measured with a steel rule in millimetres."""
+    """Limit of the error of L1, m, measured with a ruler in millimetres."""
     gravity: float = 0.026
-    """Range of g at sea level, from the equator (9.780) to the poles (9.832), m/s^2."""
+    """Half the range of g at sea level, from the equator (9.780) to the poles (9.832), m/s^2."""
     rectangular: float = 3.0**-0.5
     """Standard deviation of a rectangular distribution of half width 1."""
     richardson: float = 16 / 15
-    """Ratio of the error of a fourth-order method to its change when the step is halved."""
+    """Ratio of the error of a fourth-order method to the change of its result when the step is halved."""
 
 
 ASSUMED = AssumedInputs()
@@ -55,13 +62,13 @@ Kind = Literal["numerical", "input", "data"]
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """One contribution, with the standard deviations or variances by which it changes a prediction."""
+    """One contribution to the uncertainty of a prediction."""
 
     name: str
     kind: Kind
     how: str
     variance: Callable[["FreeSwings"], list[Array]]
-    """(n, 2) variance for each recording, rad^2."""
+    """Function that returns the (n, 2) variance of the readings of each recording, rad^2."""
     left: float = 1.0
     """Factor by which the recordings reduce the given standard uncertainty."""
 
@@ -73,7 +80,7 @@ def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
 
 @dataclass(frozen=True, slots=True)
 class _Refit:
-    """The model, fitted again to first order after the predicted readings have changed."""
+    """Refit of the model, to first order, after a change of the predicted readings."""
 
     step: Array
     """(free,) change of the fitted values."""
@@ -82,7 +89,7 @@ class _Refit:
 
     @classmethod
     def of(cls, problem: Problem, model: Hypothesis, other: Problem) -> Self:
-        """Replace the problem by another one, with the same readings."""
+        """Refit after the problem is replaced by another one with the same readings."""
         fit = model.fit
         change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
         step = shifted(fit, change)
@@ -90,7 +97,7 @@ class _Refit:
         return cls(step, float((1 + np.sum(remaining**2) / model.residuals.inflation) ** -0.5))
 
     def variance(self, swings: "FreeSwings", changes: Sequence[Array], factor: float) -> list[Array]:
-        """(n, 2) squared change of each free run, rad^2.
+        """(n, 2) squared change of each free run after the refit, rad^2.
 
         Args:
             swings: the free runs
@@ -104,7 +111,7 @@ class _Refit:
 
 
 def _integrator(problem: Problem, model: Hypothesis) -> _Source:
-    """Numerical error, by the change of a prediction with half the step."""
+    """Contribution of the integrator: the change of a prediction with half the step."""
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
     refit = _Refit.of(problem, model, halved)
     return _Source(
@@ -116,7 +123,7 @@ def _integrator(problem: Problem, model: Hypothesis) -> _Source:
 
 
 def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Source]:
-    """Lengths, gravity and weighed masses, each changed by one standard uncertainty."""
+    """Contributions of lengths, gravity and weighed masses, each changed by one standard uncertainty."""
     for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
         refit = _Refit.of(problem, model, replace(problem, model=problem.model.with_constants(constants)))
 
@@ -127,7 +134,7 @@ def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Sourc
 
 
 def _noise(model: Hypothesis) -> Iterator[_Source]:
-    """Noise of the readings, in the fitted values, in the initial state and in the comparison itself."""
+    """Contributions of the noise of the readings: in the fitted values, the initial state and the comparison itself."""
     level, noise = model.residuals.level, model.residuals.independent_noise
     spread = considered(model.fit, noise)
 
@@ -151,7 +158,7 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
 
 
 def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
-    """Measured constants: name, source, and the rig with the constant changed by one standard uncertainty."""
+    """Measured constants: name, source, and constants of the rig with this one changed by a standard uncertainty."""
     if not fitted:
         std = ASSUMED.rule_m * ASSUMED.rectangular
         description = (
@@ -167,7 +174,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
 
 
 def mean_squares(parts: Sequence[_Source], swings: "FreeSwings", compared: Sequence[Flags]) -> Array:
-    """(sources, swings) mean variance of each source over the compared readings, (n, 2), rad^2."""
+    """(sources, swings) mean variance by each source over the compared readings of each swing, rad^2."""
     by_source = [
         [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts
     ]
@@ -177,7 +184,7 @@ def mean_squares(parts: Sequence[_Source], swings: "FreeSwings", compared: Seque
 def uncertainty_sources(
     by_model: Mapping[str, Sequence[_Source]], pooled: Mapping[str, Array]
 ) -> list[UncertaintySource]:
-    """Rows of the budget, from the sources and pooled mean squares (sources,) before and after."""
+    """Rows of the uncertainty budget, from the sources and pooled mean squares (sources,), before and after."""
     return [
         UncertaintySource(
             name=source.name,

@@ -15,19 +15,19 @@ RODS = ("inner", "outer")
 
 @dataclass(frozen=True, slots=True)
 class MapSettings:
-    """The cells of a map."""
+    """Settings of the cells of an occupancy map."""
 
     angles: int = 24
-    """Number of angle cells: 15 degrees each, less than the period of any effect by angle."""
+    """Number of cells by angle: 15 degrees each, which is less than the period of any effect by angle."""
     speeds: int = 16
-    """Number of speed cells, from the fastest rotation in one direction to the fastest in the other."""
+    """Number of cells by speed, from the fastest rotation in one direction to the fastest in the other."""
 
 
 MAP = MapSettings()
 
 
 def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
-    """Seconds that each rod spent at each angle and speed, by rod; rods that never swung freely are omitted."""
+    """Seconds that each rod spent at each angle and speed; rods that never swung freely are omitted."""
     joints = fitted.rig.encoders.joint_angles
     spent = [[_spent(record, joints.to_rods) for record in part.records] for part in (fitted, held_out)]
     occupancy: dict[str, Occupancy] = {}
@@ -47,7 +47,10 @@ def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
 
 
 Spent = tuple[str, Array, Array, Array]
-"""Name of the rod; (n, 2) angles, rad, and speeds of the rods, rad/s; (n,) duration, s."""
+"""Mounting of a run, and the motion of its rods.
+
+The arrays are (n, 2) angles, rad, (n, 2) speeds, rad/s, and (n,) durations, s.
+"""
 
 
 def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
@@ -59,7 +62,10 @@ def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
-    """Angle, speed and time of a rod for each recording in which it swung; a single rod counts as rod 1."""
+    """Angles, speeds and durations of a rod for each recording in which it swung.
+
+    A single rod is in the first column.
+    """
     for mounting, theta, speed, step in spent:
         if mounting in (rod, "both", "clamped"):
             column = 0 if mounting == rod else RODS.index(rod)

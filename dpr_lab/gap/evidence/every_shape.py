@@ -1,13 +1,13 @@
 """Intervals of the amplitudes of an effect whose shape is unknown: an order, a frequency, a speed.
 
-An equivalence test must not select the shape. The effect is smaller than a limit if it is smaller in every shape, so
-the interval of an amplitude covers its 90 % intervals in all shapes (an intersection-union test). If the effect has
-one of the shapes and an amplitude beyond the limit, the interval of this shape lies inside the limit with a
+An equivalence test must not select the shape. The effect is smaller than a limit if it is smaller in every shape. The
+interval of an amplitude therefore covers its 90 % intervals in all shapes (an intersection-union test). If the effect
+has one of the shapes and an amplitude beyond the limit, the interval of this shape lies inside the limit with a
 probability of at most 5 %, however many other shapes are tested.
 
 A frequency is resolved to half the inverse of the longest recording. Longer recordings would need more frequencies, so
-a frequency is tested in the first 10 s of each. Between the values of another shape parameter the effect changes
-little.
+a frequency is tested in the first 10 s of each recording. Between tested values of any other shape parameter the effect
+changes little.
 
 Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 """
@@ -36,9 +36,9 @@ class ShapeSettings:
     """Settings of the test of all shapes."""
 
     longest_s: float = 10.0
-    """Beginning of each recording in which a frequency is tested, s."""
+    """Length of the beginning of each recording in which a frequency is tested, s."""
     most: int = 800
-    """Maximum number of shapes: frequencies up to 40 Hz in 10 s. The test of more is too slow."""
+    """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s; the test of more is too slow."""
     block: int = 32
     """Number of columns that are processed at a time, to limit the memory."""
 
@@ -47,14 +47,15 @@ SHAPES = ShapeSettings()
 
 
 def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis) -> list[tuple[float, float]] | None:
-    """90 % interval of each amplitude, over all shapes; None if the amplitudes are inseparable in one of the shapes.
+    """90 % interval of each amplitude, over all shapes of an effect.
 
-    Also None for an effect that is not a torque along the swing, or with several shape parameters or too many values.
+    None if the amplitudes are inseparable in one of the shapes. Also None for an effect that is not a torque along the
+    swing, has several shape parameters, or has too many values of its shape parameter.
 
     Args:
         effect: an effect with a shape
         problem: the segments
-        model: the fitted set, without the effect
+        model: fitted set without the effect
     """
     if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
         return None
@@ -75,7 +76,7 @@ def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis)
 
 
 def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
-    """90 % interval of each amplitude, fitted with the other ones of its effect; None if they are not separable.
+    """90 % interval of each amplitude, fitted together with the other amplitudes; None if they are inseparable.
 
     Args:
         given: columns of the amplitudes, with the model projected out
@@ -93,7 +94,7 @@ def _is_frequency(effect: Effect) -> bool:
 
 
 def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]:
-    """The segments that end within `SHAPES.longest_s` after the first reading."""
+    """Problem and estimate with only those segments that end within `SHAPES.longest_s` after the first reading."""
     ends = problem.t[problem.segments.offsets[1:] - 1]
     indices = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
     samples = problem.segments.samples_of(indices)
@@ -107,7 +108,7 @@ def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]
 
 
 def _values(effect: Effect, problem: Problem) -> Array:
-    """Values of the shape parameter; of a frequency, evenly spaced."""
+    """Values of the shape parameter to test; those of a frequency are evenly spaced."""
     (shape,) = effect.shapes
     if not _is_frequency(effect):
         return np.array(shape.scan)

@@ -15,7 +15,7 @@ from dpr_lab.version import __version__
 
 
 def evidence(state: Advised) -> Evidence:
-    """Compute the evidence."""
+    """Compute the evidence of a diagnosis."""
     recordings, problem, selection = state.recordings, state.problem, state.selection
     budget, curves = validation(recordings, problem, selection.models, state.free_runs)
     least, rig = detectable(selection.chosen, selection.final_test), recordings.rig

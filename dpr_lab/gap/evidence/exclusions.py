@@ -1,10 +1,12 @@
-"""Excluded effects: the minimum detectable size of an effect, and the confidence that the effect is smaller.
+"""Excluded effects: the minimum detectable size of each effect, and the confidence that the effect is smaller.
 
 A score test with all named effects in the model gives a linear estimate of each amplitude, and the confidence that the
 effect is smaller than its minimum detectable size (`dpr_lab.gap.hypothesis.detectable.linear_exclusions`).
+
 In this test the other amplitudes of the effect are zero. A limit of one amplitude, for example of the stiffness of a
-cable, must hold for any values of the other amplitudes. Its interval is therefore that of the fit of all amplitudes of
-the effect together, and over all shapes of an effect such as cogging (`dpr_lab.gap.evidence.every_shape`).
+cable, must hold for any values of the other amplitudes. The interval of an amplitude is therefore computed with all
+amplitudes of the effect fitted together, and over all shapes of an effect such as cogging
+(`dpr_lab.gap.evidence.every_shape`).
 """
 
 from collections.abc import Mapping
@@ -21,12 +23,12 @@ from dpr_lab.gap.result.evidence import Exclusion
 def exclusions(
     problem: Problem, model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]
 ) -> list[Exclusion]:
-    """Every amplitude of every effect that is not named and is detectable.
+    """Exclusions of every detectable amplitude of every effect that is not named.
 
     Args:
         problem: the segments
         model: the fitted model
-        test: its score test
+        test: score test of the model
         least: minimum detectable sizes, see `detectable`
     """
     excluded = list[Exclusion]()
@@ -44,7 +46,7 @@ def exclusions(
 
 
 def _intervals(problem: Problem, model: Hypothesis, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
-    """90 % interval of each amplitude; empty if the recordings do not separate them.
+    """90 % interval of each amplitude; empty if the recordings do not separate the amplitudes.
 
     If the shapes of an effect come from the recordings, such as an instant, the interval applies to its best shape.
     """

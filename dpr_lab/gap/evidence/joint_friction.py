@@ -1,16 +1,16 @@
-r"""Friction torque of a joint against its speed, with the uncertainty of the recordings.
+"""Friction torque of a joint against its speed, with the uncertainty of the recordings.
 
-The friction torque at the joint speed u is the sum of the viscous one and of the named friction laws,
+The friction torque at the joint speed u is the sum of the viscous torque and of the torques of the named friction laws,
 
     T(u) = c u + sum over laws of tau_law(u).
 
-A free-form friction curve is added to the corrected model, so that T may have any shape. Its amplitudes are hardly
-distinguishable from each other and from c, but T(u) depends only on their sum. The linear estimate of T(u) has the
-variance g(u)^T C g(u), where C is the covariance of all fitted values and g(u) the derivative of T(u) with respect to
-them.
+A free-form friction curve is added to the corrected model, so that T may have any shape. The amplitudes of the curve
+are hardly distinguishable from each other and from c, but T(u) depends only on their sum. The linear estimate of T(u)
+has the variance g(u)^T C g(u), where C is the covariance of all fitted values and g(u) the derivative of T(u) with
+respect to them.
 
-Joint 0 is that of an arm that is free or driven. The back-EMF of a voltage drive adds ke kt gear^2 / R to its c, and no
-recording separates the two.
+Joint 0 is the joint of an arm that is free or driven. The back-EMF of a voltage drive adds ke kt gear^2 / R to its c,
+and no recording separates the two.
 """
 
 from collections.abc import Sequence
@@ -40,17 +40,17 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import JointFriction
 
 LAWS = ("coulomb", "stribeck", "friction_curve")
-"""Friction laws that depend on the speed of the joint only."""
+"""Friction laws that depend only on the speed of the joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedGrid:
-    """Speeds at which the friction torque is stated."""
+    """Grid of speeds for which the friction torque is computed."""
 
     count: int = 24
     """Number of speeds in each direction."""
     slowest: float = 0.02
-    """Smallest speed, rad/s."""
+    """Smallest absolute speed, rad/s."""
 
     def up_to(self, speed: float) -> Array:
         """Speeds in both directions, ascending, rad/s."""
@@ -67,7 +67,7 @@ def laws_of(joint: int) -> tuple[str, ...]:
 
 
 def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) -> dict[str, JointFriction]:
-    """`joint1`, `joint2`, and `joint0` of a moving arm -> its friction torque, up to the speed reached both ways.
+    """Friction torque of `joint1`, `joint2`, and `joint0` of a moving arm, up to the speed reached in both directions.
 
     Args:
         problem: the segments
@@ -97,7 +97,7 @@ def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) 
 
 
 def _reached(swings: Trajectory) -> dict[int, float]:
-    """Speed that joints 1 and 2, and joint 0 of an arm that moves, reach in both directions, rad/s."""
+    """Joint -> speed that the joint reaches in both directions, rad/s; joint 0 only for an arm that moves."""
     speeds = swings.joint_speed.copy()
     alone = np.array([setup.alone for setup in swings.setups])[swings.motion.run]
     speeds[alone, 1] = 0.0
@@ -105,7 +105,7 @@ def _reached(swings: Trajectory) -> dict[int, float]:
 
 
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
-    """Amplitudes of the free-form friction curve that are not fitted already."""
+    """Amplitudes of the free-form friction curve that the model does not fit already."""
     fitted = {column.place for column in free}
     every = effect_parameters(EFFECTS[f"friction_curve_joint{joint}"])
     return [column for column in every if column.place not in fitted]
@@ -114,7 +114,7 @@ def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
 def linear_torque(
     joint: int, speeds: Array, estimate: Estimate, free: Sequence[FreeParameter], constants: RigConstants
 ) -> tuple[Array, Array]:
-    """(speeds,) friction torque and (speeds, free) its derivatives."""
+    """(speeds,) friction torque, N m, and (speeds, free) derivatives with respect to the fitted values."""
     vectors = np.tile(estimate.vector, (len(free) + 1, 1))
     steps = np.array([column.step for column in free])
     vectors[range(1, len(vectors)), [column.place for column in free]] += steps
@@ -123,7 +123,7 @@ def linear_torque(
 
 
 def _torques(joint: int, speeds: Array, vectors: Array, base: Array, constants: RigConstants) -> Array:
-    """(speeds, vectors) friction torque of a joint, N m."""
+    """(speeds, vectors) friction torque of a joint, N m, for each vector of parameters."""
     n, axes, axis = len(speeds), 2 if joint else 3, joint - 1  # the arm is the last axis
     zero, omega = np.zeros((n, axes)), np.zeros((n, axes))
     hanging = zero + [np.pi, np.pi, 0.0][:axes]

@@ -1,4 +1,4 @@
-"""Structure left in the residuals: autocorrelation, and deviation from a normal distribution.
+"""Structure in the residuals: autocorrelation, and deviation from a normal distribution.
 
 Source: G. E. P. Box & G. M. Jenkins, Time Series Analysis, ch. 8: residual autocorrelation as a check of a model.
 """
@@ -21,22 +21,22 @@ class LookSettings:
     """Settings of the residual analysis."""
 
     lags: int = 40
-    """Number of lags, mostly of 5 ms: 0.2 s, within every segment."""
+    """Number of lags; with readings every 5 ms, they extend over 0.2 s, which is within every segment."""
     quantiles: int = 61
-    """Number of quantiles of the distribution, evenly spaced in probability, without the extremes."""
+    """Number of quantiles of the distribution, evenly spaced in probability, without the extreme values."""
     far: float = 3.0
-    """Standard deviations beyond which a residual is counted as extreme."""
+    """Number of standard deviations beyond which a residual counts as extreme."""
 
 
 LOOK = LookSettings()
 
 
 def residual_look(problem: Problem, models: Mapping[str, Hypothesis]) -> ResidualLook:
-    """Residuals of each joint under each model.
+    """Residual analysis of each joint under each model.
 
     Args:
-        problem: the segments of the fitted runs
-        models: before and after
+        problem: segments of the fitted runs
+        models: models before and after correction
     """
     chances = (np.arange(LOOK.quantiles) + 0.5) / LOOK.quantiles
     joints: dict[str, dict[str, Whiteness]] = {}
@@ -64,7 +64,10 @@ def _look(problem: Problem, model: Hypothesis, joint: int, chances: Array) -> Wh
 
 
 def _autocorrelation(r: Array, read: Flags, owner: Integers, lags: int) -> Array:
-    """(lags + 1,) autocorrelation of the residuals of one segment."""
+    """(lags + 1,) autocorrelation of the residuals of a joint.
+
+    Pairs of readings from different segments are omitted.
+    """
     power = float(np.sum(r**2)) / max(int(read.sum()), 1)
     correlations = [1.0]
     for lag in range(1, min(lags, len(r) - 1) + 1):

@@ -1,4 +1,4 @@
-"""Validation by free runs, before and after: error against uncertainty, areas between distributions, curves.
+"""Validation by free runs, before and after correction: errors, uncertainty, areas between distributions, curves.
 
 Only readings before the predictability horizon are compared. The area between the empirical distributions F of
 simulated and measured angles,
@@ -35,9 +35,9 @@ class CurveSettings:
     """Resolution of the stored curves."""
 
     rate_hz: float = 50.0
-    """Minimum resolution: ten points per period of the fastest swing."""
+    """Minimum rate of the points of a stored curve, Hz: ten points per period of the fastest swing."""
     digits: int = 5
-    """Number of digits after the decimal point, for radians."""
+    """Number of digits after the decimal point of an angle in rad."""
 
 
 CURVE = CurveSettings()
@@ -49,13 +49,13 @@ def validation(
     models: Mapping[str, Hypothesis],
     runs_by_model: Mapping[str, FreeRuns],
 ) -> tuple[Budget, list[Curves]]:
-    """Free runs of the models before and after along all recordings.
+    """Free runs of the models before and after correction along all recordings.
 
     Args:
         recordings: the fitted runs
-        problem: the segments of the fitted runs
-        models: before and after
-        runs_by_model: by model, the free runs of all recordings, the fitted ones first
+        problem: segments of the fitted runs
+        models: models before and after correction
+        runs_by_model: free runs of all recordings by model, the fitted ones first
     """
     by_model = {name: free_swings(runs_by_model[name], model) for name, model in models.items()}
     swings = [
@@ -94,14 +94,14 @@ def validation(
 
 
 def _compared(pair: Pairs, until: float) -> Flags:
-    """(n, 2) whether a reading is compared: after the initial state, before the horizon, simulated by both models."""
+    """(n, 2) mask of the compared readings: after the initial state, before the horizon, simulated by both models."""
     after = pair["after"]
     followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
     return np.asarray(after.compared & (after.t <= until)[:, None] & followed)
 
 
 def _error(swing: FreeSwing, compared: Flags) -> float:
-    """Mean square of the compared readings, rad^2."""
+    """Mean squared error of the compared readings, rad^2."""
     errors = (swing.predicted - swing.measured)[compared]
     return float(np.mean(errors**2)) if len(errors) else 0.0
 
@@ -111,7 +111,7 @@ def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
 
 
 def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
-    """Areas of both models, and of noise alone; mean over the joints."""
+    """Areas between the distributions for both models, and for noise alone, rad; means over the joints."""
     after = pair["after"]
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
     areas: dict[str, list[float]] = {"before": [], "after": [], "noise": []}
@@ -126,7 +126,10 @@ def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
 
 
 def _area_between(first: Array, second: Array) -> float:
-    """Area between two distributions of equally many values: as scipy's wasserstein_distance, whose import is slow."""
+    """Area between two distributions of equally many values.
+
+    The result equals that of scipy's wasserstein_distance, whose import is slow.
+    """
     return float(np.mean(np.abs(np.sort(first) - np.sort(second))))
 
 
@@ -151,7 +154,10 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
 
 
 def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]:
-    """Input of the arm's drive at (n,) times since the first reading, and its name."""
+    """Input of the arm's drive at (n,) times since the first reading, and its name with the unit.
+
+    Empty without an input.
+    """
     run, motor = swing.record.run, recordings.rig.motor
     if run.arm_input is None or motor is None:
         return {}
@@ -161,5 +167,5 @@ def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]
 
 
 def _rounded(values: Array) -> Any:
-    """Nested lists of rounded numbers; zero where a model could not be simulated."""
+    """Rounded numbers as nested lists; zero where a model could not be simulated."""
     return np.round(np.nan_to_num(values), CURVE.digits).tolist()

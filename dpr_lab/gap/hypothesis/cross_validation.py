@@ -4,17 +4,19 @@ The normal equations are sums over segments: H = sum A^T A + P and g = sum A^T e
 effect to a few times its typical size. The fit without run r is therefore one Gauss-Newton step away from the fit to
 all runs,
 
-    dp = (H - H_r)^-1 (g - g_r),    V = (H - H_r)^-1,
+    dp = (H - H_r)^-1 (g - g_r),    V = (H - H_r)^-1.
 
-and the quality of the prediction of r is the logarithm of its predictive density; for Gaussian errors,
+The quality of the prediction of r is the logarithm of its predictive density. For Gaussian errors,
 
     -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
 
-where f is the variance inflation n / n_eff. A parameter that only r determines therefore makes the
-prediction uncertain instead of wrong. The initial states of held-out segments are free: the score measures the motion,
-not its initial state. Shape parameters that hardly any other run determines are also kept free, for example the cubic
-term of a spring that only one run winds up: the other runs would extrapolate it. The size of an effect, its first
-parameter, is always taken from the other runs.
+where f is the variance inflation n / n_eff. A parameter that only r determines therefore makes the prediction uncertain
+instead of wrong. The initial states of held-out segments are free: the score measures the motion, not its initial
+state.
+
+Shape parameters that hardly any other run determines are also free. An example is the cubic term of a spring that only
+one run winds up: the other runs would extrapolate it. The size of an effect, its first parameter, is always taken from
+the other runs.
 """
 
 from collections.abc import Sequence
@@ -27,7 +29,7 @@ from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 
 PRIOR = 10.0
-"""Standard deviation of the prior of an effect, in typical sizes: wide enough for any rig, and finite."""
+"""Standard deviation of the prior of an effect, in typical sizes; it is wide enough for any rig, and finite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,19 +37,23 @@ class FoldSettings:
     """Settings of cross-validation."""
 
     quarters: int = 4
-    """Number of folds of a single recording."""
+    """Number of folds into which a single recording is divided."""
     alone: float = 1e4
-    """A shape parameter is kept free for a run if its variance without this run grows by more than this factor."""
+    """Maximum growth factor of the variance of a shape parameter without a run.
+
+    Above it the parameter is free for this run.
+    """
 
 
 FOLDS = FoldSettings()
 
 
 def folds(problem: Problem) -> Integers:
-    """(segments,) fold of each segment: its run, or its quarter of a single run.
+    """(segments,) fold of each segment: its run or, for a single run, its quarter of the run.
 
-    Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each: a
-    controller may keep them at rest for most of the recording, and data at rest cannot predict the other quarters.
+    Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each quarter.
+    A controller may keep the joints at rest for most of the recording, and data at rest cannot predict the other
+    quarters.
     """
     run, starts = problem.segments.run, problem.segments.offsets[:-1]
     if run.min() < run.max():
@@ -72,7 +78,7 @@ class _Fold:
 
 
 class _Folds:
-    """Normal equations of a fit, of all segments and of each fold, in units of the prior."""
+    """Normal equations of a fit, for all segments and for each fold, in units of the prior."""
 
     def __init__(self, fit: Fit, fold: Integers) -> None:
         free = _within_bounds(fit)
@@ -85,7 +91,7 @@ class _Folds:
         self.H, self.gradient = self._total(self.folds)
 
     def without(self, left_out: _Fold) -> tuple[Array, Array]:
-        """Normal equations of all other folds: as their sum, because in a difference rounding can remove the prior."""
+        """Normal equations of all other folds, as a sum; in a difference, rounding could remove the prior."""
         return self._total([part for part in self.folds if part is not left_out])
 
     def _total(self, parts: Sequence[_Fold]) -> tuple[Array, Array]:
@@ -93,10 +99,10 @@ class _Folds:
         return sum((part.H for part in parts), np.eye(k)), sum((part.gradient for part in parts), np.zeros(k))
 
     def seen_by_one_alone(self, fold: _Fold, V: Array) -> Flags:
-        """(free,) parameters that are free in a held-out run, like its initial state.
+        """(free,) mask of the parameters that are free in a held-out run, like its initial state.
 
         They are the zeros that are set before that run, and shape parameters whose variance V grows too much without
-        it.
+        the run.
         """
         zeros = self.zeros & (np.diag(self.H) - np.diag(fold.H) <= 1.0)
         if not self.shapes.any():
@@ -109,10 +115,10 @@ class _Folds:
 
 
 def _within_bounds(fit: Fit) -> list[int]:
-    """Indices of the free parameters that the minimum of the linear model leaves inside their bounds.
+    """Indices of the free parameters that are inside their bounds at the minimum of the linear model.
 
     A fit may end so near a bound that this minimum is beyond it. The reduction of chi2 beyond the bound cannot be
-    reached: an effect of the wrong sign would count as evidence for the effect.
+    reached. If it counted, an effect of the wrong sign would be evidence for the effect.
     """
     free = fit.inside
     while free:
@@ -128,7 +134,7 @@ def _within_bounds(fit: Fit) -> list[int]:
 
 
 def left_out_chi2(fit: Fit, fold: Integers) -> Array:
-    """(segments,) chi2 of each segment as predicted from the other folds."""
+    """(segments,) chi2 of each segment when it is predicted from the other folds."""
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
     for left_out in parts.folds:

@@ -17,11 +17,13 @@ from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.rig import load_rig
 
 SIGMAS = 5.0
-"""Minimum ratio of a detectable effect to its standard deviation; the maximum of 600 shapes of pure noise is smaller.
+"""Minimum ratio of the size of a detectable effect to its standard deviation.
+
+The maximum of 600 shapes of pure noise is smaller.
 """
 
 SEEN = 1e-6
-"""Fraction of a column's squared length that must remain after projection for its amplitude to be detectable."""
+"""Minimum fraction of a column's squared norm that remains after projection, for a detectable amplitude."""
 
 
 def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
@@ -34,7 +36,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
 
     Args:
         model: the fitted model
-        test: its score test
+        test: score test of the model
     """
     spread = SIGMAS * model.residuals.inflation**0.5
     least: dict[str, dict[str, float | None]] = {}
@@ -59,26 +61,26 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
 
 
 def _size(spread: float, scale: float, remaining: float) -> float | None:
-    """Detectable amplitude of a column; None if it has none.
+    """Minimum detectable amplitude of a column; None if the amplitude is undetectable at any size.
 
     Args:
-        spread: detectable size of a column of unit norm
+        spread: minimum detectable size of a column of unit norm
         scale: reciprocal norm of the column
-        remaining: fraction of its squared norm that the fitted columns do not explain
+        remaining: fraction of the squared norm of the column that the fitted columns do not explain
     """
     return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
 
 
 def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:
-    """Exclusion of each detectable amplitude of an effect, the other amplitudes zero; without intervals.
+    """Exclusion of each detectable amplitude of an effect, with the other amplitudes zero and without intervals.
 
-    A linear estimate a of standard deviation s excludes the minimum detectable size 5 s with the confidence
-    P(|x| < 5 s) = Phi(5 - |a| / s).
+    A linear estimate a of standard deviation s excludes the minimum detectable size 5 s with the confidence P(|x| < 5
+    s) = Phi(5 - |a| / s).
 
     Args:
-        test: score test on the named effects
-        score: the effect in this test
-        sizes: its minimum detectable sizes, see `detectable`
+        test: score test with the named effects in the model
+        score: score of the effect in this test
+        sizes: minimum detectable sizes of its amplitudes, see `detectable`
     """
     given, excluded = test.projected(score.columns), list[Exclusion]()
     for i, column in enumerate(score.columns):
@@ -97,7 +99,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
-    """Count the effects that are detectable at their typical size, and those that are detectable at any size.
+    """Number of effects that are detectable at their typical size, and number of those detectable at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
 
@@ -121,8 +123,8 @@ def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> f
     """Typical size of an amplitude on this rig.
 
     The library states sizes on a laboratory rig. Torques and inertias of larger rods are larger in proportion to their
-    limits, which are the gravity torque and the inertia about the joint. Friction of 1 mN m is typical for rods of
-    0.4 m, and not for rods of 1.4 m.
+    limits, which are the gravity torque and the inertia about the joint. For example, friction of 1 mN m is typical for
+    rods of 0.4 m, but not for rods of 1.4 m.
     """
     if limits is None or parameter.scale_power != 1:
         return parameter.typical
@@ -132,5 +134,5 @@ def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> f
 
 @cache
 def _laboratory_limits() -> Array:
-    """(SIZE,) maximum sizes on the rig of the published measurements, for which typical sizes are stated."""
+    """(SIZE,) maximum sizes on the rig of the published measurements, to which the typical sizes refer."""
     return prior_of(load_rig("paper")).limits

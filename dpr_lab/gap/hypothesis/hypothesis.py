@@ -31,15 +31,17 @@ from dpr_lab.gap.hypothesis.swing_lines import on_swing_line
 
 @dataclass(frozen=True, slots=True)
 class Penalty:
-    """Penalty of the parameters of a set, in chi2 units."""
+    """Penalty of the parameters of a set of effects, in chi2 units."""
 
     parameter: float = 9.0
-    """Penalty of one parameter: the logarithm of some 1e4 samples (BIC)."""
+    """Penalty of one parameter: the logarithm of about 1e4 samples (BIC)."""
     curve: int = 3
-    """Minimum number of amplitudes of a curve, an effect that can imitate a sum of other effects on a small arc."""
-    ordinary: float = 0.1
-    """Maximum size of a curve that is not penalised, relative to the limits of its amplitudes: a typical eccentricity.
+    """Minimum number of amplitudes of an effect that counts as a curve.
+
+    A curve can imitate a sum of other effects on a small arc.
     """
+    ordinary: float = 0.1
+    """Maximum size of a curve without a penalty, relative to the limits of its amplitudes: a typical eccentricity."""
 
 
 PENALTY = Penalty()
@@ -50,12 +52,16 @@ class Refits:
     """Settings of the fits that the search compares."""
 
     preliminary: float = 3e-3
-    """Relative reduction that ends a fit far from the noise. Far from the noise, the residual is an error of the model
-    and sets differ by factors: a change of a thousandth is irrelevant. The fit of the selected set is continued to its
-    minimum.
+    """Relative reduction of the cost at which a fit far from the noise ends.
+
+    Far from the noise, the residual is an error of the model and sets differ by factors: a change of a thousandth is
+    irrelevant. The fit of the selected set is continued to its minimum.
     """
     lost: float = 10.0
-    """The linear prediction is a worse initial value than the original set if its chi2 is larger by this factor."""
+    """Maximum ratio of chi2 at the linear prediction to chi2 of the original set.
+
+    Above it, the linear prediction is a worse initial value than the original set.
+    """
 
 
 REFITS = Refits()
@@ -66,35 +72,35 @@ preliminary_fit = partial(fit, settings=PRELIMINARY)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """A fitted set of effects."""
+    """A set of effects with its fit and its residuals."""
 
     effects: tuple[str, ...]
     fit: Fit
     residuals: ResidualStatistics
     predictive_loss: Array
-    """(folds,) prediction error of each run from the other runs, in units of chi2."""
+    """(folds,) loss of the prediction of each run, or quarter, from the others, in units of chi2."""
     curves: Mapping[str, float]
-    """Effects of `Penalty.curve` amplitudes or more -> their size s, rms of the amplitudes over their limits."""
+    """Curve in the set -> its size s: the rms of its amplitudes relative to their limits."""
     on_line: frozenset[str] = frozenset()
-    """Vibrations at a multiple of the frequency of the swing."""
+    """Vibrations in the set whose frequency is a multiple of the frequency of the swing."""
     of_decay: frozenset[str] = frozenset()
-    """Drifts of friction along one decay, in which amplitude and time cannot be separated."""
+    """Drifts of friction in the set, along one decay in which amplitude and time are inseparable."""
 
     @property
     def cost(self) -> float:
-        """Predictive loss plus the penalty of the parameters times the variance inflation."""
+        """Cost of the set: predictive loss plus the penalty of the parameters times the variance inflation."""
         return self.cost_at(self.residuals.inflation)
 
     def cost_at(self, inflation: float) -> float:
-        """Cost with the variance inflation of another set, whose residual then counts as noise."""
+        """Cost of the set with the variance inflation of another set, whose residual then counts as noise."""
         return float(self.predictive_loss.sum()) + inflation * self.penalty
 
     @property
     def penalty(self) -> float:
         """Penalty of the parameters, in chi2 of independent readings.
 
-        A curve of n amplitudes larger than ordinary is penalised by 2 n ln(s / s0): its prior of unknown common scale
-        has the density s^-n. Amplitudes that cancel each other imitate other effects.
+        A curve of n amplitudes that is larger than ordinary has the penalty 2 n ln(s / s0): its prior of unknown common
+        scale has the density s^-n. This penalises curves whose amplitudes cancel each other to imitate other effects.
         """
         scanned = sum(len(EFFECTS[name].shapes) for name in self.effects)
         penalty = PENALTY.parameter * (len(self.fit.free) + scanned)
@@ -104,17 +110,17 @@ class Hypothesis:
 
     @property
     def key(self) -> frozenset[str]:
-        """The names of its effects, as a set."""
+        """Names of the effects, as a set."""
         return frozenset(self.effects)
 
 
 def beating(model: Hypothesis) -> GaussNewton:
-    """Settings of a preliminary fit that counts only if it becomes better than an earlier one of the same set."""
+    """Settings of a preliminary fit that counts only if it becomes better than a previous fit of the same set."""
     return replace(PRELIMINARY, to_beat=model.fit.chi2)
 
 
 def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothesis:
-    """Compute residual statistics and cost of a fit."""
+    """Hypothesis of a fit, with its residual statistics and cost."""
     residuals = residual_statistics(problem, fitted)
     names, loss = tuple(effects), predictive_loss(fitted, folds(problem), residuals.inflation)
     curves = [name for name in names if len(EFFECTS[name].amplitudes) >= PENALTY.curve]
@@ -126,9 +132,9 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def _one_decay(problem: Problem) -> bool:
-    """Whether the amplitude is one function of the time: of a single free swing, or of equal releases of one rod.
+    """Whether the amplitude is one function of time: in a single free swing, or in equal releases of one rod.
 
-    A single free swing is one release, or pieces of one, whose times do not overlap.
+    A single free swing is one release, or pieces of one release, whose times do not overlap.
     """
     segments = problem.segments
     if not all(setup.free for setup in segments.setups):
@@ -139,7 +145,7 @@ def _one_decay(problem: Problem) -> bool:
 
 
 def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
-    """Whether one rod swings from the same angle in all runs, to a relative tolerance."""
+    """Whether one rod swings from the same angle in all runs, within a relative tolerance."""
     segments = problem.segments
     if not all(setup.alone for setup in segments.setups):
         return False
@@ -156,7 +162,7 @@ def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
 
 
 def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
-    """Ratios, b if identifiable, uncertain rig constants, and all free parameters of some effects."""
+    """Free parameters of a set: ratios, b if identifiable, uncertain rig constants, and parameters of the effects."""
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
     limits = problem.limits
@@ -172,7 +178,7 @@ def refit(
     predicted: Array | None = None,
     settings: GaussNewton = PRELIMINARY,
 ) -> Hypothesis:
-    """Fit a set of effects from an estimate; `predicted` are its readings, if known."""
+    """Fit a set of effects from an initial estimate; `predicted` are the readings at this estimate, if known."""
     free = free_parameters(start, effects, problem)
     end = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=settings)
     return hypothesis(problem, effects, end)
@@ -186,7 +192,7 @@ def started_with(
     iterations: int = 0,
     settings: GaussNewton = PRELIMINARY,
 ) -> Iteration:
-    """Add one effect at the linear solution of its score test; continue by some Gauss-Newton iterations."""
+    """Add one effect at the linear solution of its score test; continue with some Gauss-Newton iterations."""
     linear = test.linear.chosen([*test.fitted_columns, *score.columns])
     first = descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
     if not iterations:
@@ -198,7 +204,7 @@ def started_with(
 def best_start(
     problem: Problem, before: Hypothesis, test: ScoreTest, scores: Sequence[Score], iterations: int
 ) -> Iteration:
-    """Start with one effect in each of several shapes (`started_with`); the best of these fits."""
+    """Best of several starts with one effect, each in another shape (`started_with`)."""
     best = started_with(problem, before, test, scores[0], iterations)
     for score in scores[1:]:
         race = replace(PRELIMINARY, to_beat=best.chi2)
@@ -228,15 +234,17 @@ def refit_with_from_short(
     iterations: int,
     settings: GaussNewton = PRELIMINARY,
 ) -> Hypothesis:
-    """Fit one additional effect to short segments first: slower, but it converges even if the effect is large.
+    """Fit a set with one additional effect, first to short segments.
+
+    This is slower, but it converges even if the effect is large.
 
     Args:
         problem: the segments
-        short: shorter segments of the same runs, and their initial states
-        before: the fit without the effect
+        short: shorter segments of the same runs, with their initial states
+        before: fit without the effect
         score: score of the effect in its initial shape
         iterations: maximum number of iterations of each of the two fits
-        settings: of the second fit
+        settings: settings of the second fit
     """
     short_problem, initial = short
     short_start = replace(shaped(before, score), initial=initial)
@@ -249,7 +257,7 @@ def refit_with_from_short(
 
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:
-    """The fit, with the shape parameters of the effect set to the values of its score."""
+    """Estimate of a fit, with the shape parameters of an effect set to the values of its score."""
     params = before.fit.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value
@@ -259,7 +267,7 @@ def shaped(before: Hypothesis, score: Score) -> Estimate:
 def refit_without(
     problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15
 ) -> Hypothesis:
-    """Refit without one effect, starting from the linearised solution.
+    """Refit a set without one effect, starting from the linearised solution.
 
     If b is not identifiable without the effect, its value is taken from the bare model.
     """

@@ -1,4 +1,4 @@
-"""Residuals of a fit relative to the noise, and their effective number of independent values."""
+"""Residuals of a fit relative to the noise, and the effective number of independent values."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,20 +13,26 @@ from dpr_lab.fitting.problem import Problem
 
 @dataclass(frozen=True, slots=True)
 class NoiseAssumptions:
-    """Assumptions on the residuals."""
+    """Assumptions about the residuals of a fit."""
 
     level: tuple[float, float] = (0.3, 1.3)
-    """Range of the variance ratio in which a wrong noise floor counts as noise, not as a gap."""
+    """Range of the variance ratio in which a deviation counts as a wrong noise floor, not as a gap."""
     most_correlated: float = 0.99
-    """Maximum autocorrelation of neighbours: above it, a record of seconds has an effective sample size of one."""
+    """Maximum autocorrelation of neighbouring residuals.
+
+    Above it, a record of seconds has an effective sample size of one.
+    """
     lone: float = 8.0
-    """Standard deviations by which a single residual must differ from its neighbours."""
+    """Minimum deviation of an isolated outlier from its neighbours, in standard deviations."""
     lone_among: float = 6.0
-    """Ratio of this difference to the differences of the neighbouring residuals."""
+    """Minimum ratio of the deviation of an isolated outlier to the deviations of the neighbouring residuals."""
     lone_quantile: float = 0.8
-    """Quantile of the neighbouring differences: a second outlier among them does not hide the first."""
+    """Quantile of the neighbouring deviations that is compared; a second outlier among them does not hide the first."""
     wildest: float = 1e6
-    """Maximum residual of a reading, in standard deviations, where a segment cannot be simulated."""
+    """Residual of the readings in a segment that cannot be simulated, in standard deviations.
+
+    The largest possible one.
+    """
 
 
 ASSUMPTIONS = NoiseAssumptions()
@@ -39,11 +45,11 @@ class ResidualStatistics:
     chi2: float
     dof: int
     level: float
-    """Variance of the rough part of the residual, in units of the noise that was assumed for the fit."""
+    """Variance of the rough part of the residual, in units of the noise that the fit assumed."""
     autocorrelation: float
-    """Correlation of neighbouring residuals: the fraction of their variance that is smooth."""
+    """Correlation of neighbouring residuals: the smooth fraction of their variance."""
     noise_correlation: float = 0.0
-    """Correlation of neighbouring reading errors."""
+    """Correlation of the errors of neighbouring readings."""
 
     @property
     def excess(self) -> float:
@@ -52,15 +58,15 @@ class ResidualStatistics:
 
     @property
     def uncertainty(self) -> float:
-        """Standard deviation of the excess for noise alone."""
+        """Standard deviation of the excess chi-square for noise alone."""
         rho = self.noise_correlation
         return self.level * (self.dof * (1 + rho) / (1 - rho)) ** 0.5
 
     @property
     def independent_noise(self) -> float:
-        """Variance of white noise that has the same influence on fitted values, level (1 + rho) / (1 - rho).
+        """Variance of white noise with the same influence on fitted values, in units of the noise that the fit assumed.
 
-        In units of the noise that was assumed for the fit.
+        It is level (1 + rho) / (1 - rho), with rho the correlation of the errors of neighbouring readings.
         """
         return self.level * (1 + self.noise_correlation) / (1 - self.noise_correlation)
 
@@ -87,7 +93,7 @@ def degrees_of_freedom(problem: Problem) -> Integers:
 
 
 def bounded_residual(problem: Problem, fit: Fit) -> Array:
-    """(samples, 2) whitened residual; the maximum value in a segment that cannot be simulated."""
+    """(samples, 2) whitened residual; the residual is `wildest` in a segment that cannot be simulated."""
     wildest = ASSUMPTIONS.wildest
     return np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
 
@@ -95,11 +101,11 @@ def bounded_residual(problem: Problem, fit: Fit) -> Array:
 def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     """Compare the smooth and the rough part of a residual: equal for white noise, unequal for a missing effect.
 
-    Noise with the correlation rho between neighbouring readings is as rough as white noise of 1 - rho its variance. The
-    noise level is estimated from differences of neighbouring residuals (von Neumann), so that an error of the noise
-    floor by a few per cent is not taken for a gap. A residual that is rougher than the floor allows counts as excess
-    too. The difference of chi2 and its rough part is the sum of products of neighbours, which for white noise has the
-    variance dof.
+    Noise with the correlation rho between neighbouring readings is as rough as white noise of 1 - rho times its
+    variance. The noise level is estimated from differences of neighbouring residuals (von Neumann), so that an error of
+    the noise floor by a few per cent does not count as a gap. A residual that is rougher than the floor allows counts
+    as excess, too. The difference between chi2 and its rough part is the sum of products of neighbours. For white noise
+    this sum has the variance dof.
 
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
     Annals of Mathematical Statistics 12(4), 367-395.
@@ -120,11 +126,11 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
 
 
 def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
-    """(samples, 2) isolated outliers: readings with a wrong value, up to three in a row.
+    """(samples, 2) mask of isolated outliers: readings with a wrong value, up to three in a row.
 
-    The residual of an outlier is far from the robust straight line (Theil and Sen) through the seven residuals around
-    it, farther than its neighbours are from their lines, and the next residuals return. In contrast, the residual of a
-    missing effect is smooth, or large for some time, or a step.
+    The robust straight line (Theil and Sen) through the seven residuals around an outlier is far from its residual,
+    farther than for its neighbours, and the next residuals return to their previous level. In contrast, the residual of
+    a missing effect is smooth, or large for some time, or a step.
     """
     r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(estimate)))
     off, across = np.zeros_like(r), np.full_like(r, np.inf)

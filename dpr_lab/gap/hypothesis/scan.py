@@ -1,7 +1,6 @@
 """Scan of shapes: orders and frequencies of torques, and instants at which a reading may have stepped.
 
-Hundreds of shapes are compared on one linearised fit; the best few are examined by the score test and by nonlinear
-fits.
+Hundreds of shapes are compared by one linearised fit. The score test and nonlinear fits examine the best few.
 """
 
 from dataclasses import dataclass
@@ -24,29 +23,32 @@ class ScanSettings:
     """Settings of the scan over shapes."""
 
     many: int = 24
-    """Effects with more shapes are scanned along the swing before the score test."""
+    """Number of shapes above which an effect is scanned along the swing before the score test."""
     kept: int = 2
-    """Number of shapes that are kept: the best one, and the best one that is not its neighbour."""
+    """Number of shapes that a scan returns: the best one, and the best one that is not its neighbour."""
     neighbours: float = 0.1
     """Maximum relative difference between the frequencies or orders of two neighbouring shapes."""
     finer: int = 13
-    """Number of shapes between two of the grid: the width of a peak is the inverse of the record length."""
+    """Number of additional shapes around a shape of the grid.
+
+    The width of a peak is the inverse of the record length.
+    """
     reach: float = 0.75
-    """Distance on either side, in steps of the grid."""
+    """Range of the additional shapes on either side, in steps of the grid."""
     block: int = 32
     """Number of columns that are processed at a time, to fit in the cache."""
     amplitudes: int = 2
     """Number of leading amplitudes of an effect that a scan fits."""
     periods: int = 2
-    """Number of periods that a joint must cover: a pattern that does not repeat is not known to be periodic."""
+    """Minimum number of periods that a joint must cover; a pattern that does not repeat is not known to be periodic."""
     gap_rad: float = 0.5
-    """Maximum interval of the circle without an angle for a joint to count as revolving, rad."""
+    """Maximum interval of the circle without any angle for a joint that counts as revolving, rad."""
 
 
 SCAN = ScanSettings()
 
 ORDER = "order"
-"""Shape parameter: number of periods of a torque per turn of its joint.
+"""Name of the shape parameter for the number of periods of a torque per turn of its joint.
 
 On an arc of fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. Such a polynomial
 fits any smooth force and any nonlinearity of the encoder, and is evidence of neither.
@@ -54,7 +56,7 @@ fits any smooth force and any nonlinearity of the encoder, and is evidence of ne
 
 
 def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, recorded: Recorded) -> list[Shape]:
-    """The shapes of an effect for the score test."""
+    """Shapes of an effect for the score test."""
     proposed = proposed_shapes(effect, recorded)
     if proposed is not None:
         return proposed
@@ -73,7 +75,8 @@ def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, re
 def arc(angle: Array) -> float:
     """Arc that angles (n,) cover, rad: the circle without the largest interval between two neighbouring angles.
 
-    For a joint that revolves it is the whole range of the angles, because a periodic pattern repeats in each turn.
+    For a joint that revolves, the arc is the whole range of the angles, because a periodic pattern repeats in each
+    turn.
     """
     around = np.sort(np.mod(angle, 2 * np.pi))
     gap = float(np.diff(around, append=around[0] + 2 * np.pi).max())
@@ -81,7 +84,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """The best shapes, without neighbours of a better one."""
+    """Best shapes, without those that are neighbours of a better one."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]
@@ -93,10 +96,10 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
 
 
 def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> list[Shape]:
-    """The best shapes between the shapes of the grid, if the shape varies continuously.
+    """Best shapes between the shapes of the grid, if the shape parameter is continuous.
 
-    The width of a frequency peak is the inverse of the record length, which is too narrow for a nonlinear fit to find
-    it.
+    The width of a frequency peak is the inverse of the record length. It is too narrow for a nonlinear fit that starts
+    from the grid.
     """
     shape = effect.shapes[0]
     if len(effect.shapes) > 1 or not shape.continuous:
@@ -108,7 +111,7 @@ def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, 
 
 
 def _gains(effect: Effect, candidates: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> Array:
-    """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model already projected out."""
+    """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model projected out."""
     amplitudes, linear = effect.amplitudes[: SCAN.amplitudes], fit.linear
     fitted, count = ColumnSpace.of(*linear.flat), len(amplitudes)
     rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
@@ -130,7 +133,7 @@ def _gains(effect: Effect, candidates: list[Shape], problem: Problem, fit: Fit, 
 
 
 def _within(columns: Array, others: Array, count: int) -> Array:
-    """(shapes, many, many) products of the columns (segments, rows, shapes * many) of each shape."""
+    """(shapes, many, many) inner products between the columns of each shape, from (segments, rows, shapes * many)."""
     diagonals = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)]
     blocks = np.empty((columns.shape[2] // count, count, count))
     for i, j in product(range(count), repeat=2):
@@ -139,7 +142,7 @@ def _within(columns: Array, others: Array, count: int) -> Array:
 
 
 def _unit(effect: Effect, amplitude: str, shape: Shape) -> Array:
-    """(SIZE,) parameters of one typical amplitude of an effect in a shape."""
+    """(SIZE,) parameters with one typical amplitude of an effect in a given shape."""
     params, index = effect_params({}), param_index(effect.name, amplitude)
     params[index] = effect.parameters[index - SLICES[effect.name].start].typical
     for shape_index, value in shape:

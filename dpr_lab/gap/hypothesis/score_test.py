@@ -1,11 +1,11 @@
 """Score test: predicted reduction of chi2 by each effect of the library, from one linearised fit.
 
-With A the Jacobian of the fitted parameters and C that of a candidate (initial states projected out of both), the
-predicted reduction of chi2 is that of the bounded least-squares problem
+With A the Jacobian of the fitted parameters and C the Jacobian of a candidate, initial states projected out of both,
+the predicted reduction of chi2 is that of the bounded least-squares problem
 
     min | e - A dp - C a |^2,    friction and other one-signed amplitudes non-negative.
 
-Nothing is integrated again, and the solution is the initial value of the candidate's nonlinear fit.
+No swing is integrated again, and the solution is the initial value of the candidate's nonlinear fit.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,34 +33,34 @@ class Score:
     gain: float
     """Predicted reduction of chi2."""
     columns: tuple[int, ...]
-    """Columns of its amplitudes in the test; absorbed ones are excluded, unless all are absorbed."""
+    """Columns of the effect's amplitudes in the test; absorbed amplitudes are excluded, unless all are absorbed."""
     free: tuple[FreeParameter, ...]
-    """Columns of the fit and of the effect's amplitudes."""
+    """Free parameters of the fit, followed by the amplitudes of the effect."""
     amplitudes: Array
-    """(columns,) linear solution."""
+    """(columns,) amplitudes by the linear solution."""
     absorbed: Mapping[str, str] = field(default_factory=dict)
     """Amplitude -> parameter of the fit from which it is indistinguishable."""
 
     @property
     def named_amplitudes(self) -> dict[str, float]:
-        """The linear solution by name."""
+        """Amplitudes by the linear solution, by their names."""
         columns = self.free[len(self.free) - len(self.columns) :]
         return {p.name: float(value) for p, value in zip(columns, self.amplitudes, strict=True)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:
-    """A fit, linearised with the columns of a whole library."""
+    """A fit that is linearised with the columns of a whole library, and the scores of all effects."""
 
     fit: Fit
     linear: Linearisation
     free: tuple[FreeParameter, ...]
-    """Names of all columns: first the columns of the fit, then the columns of the candidates."""
+    """Parameters of all columns: first those of the fit, then those of the candidates."""
     space: ColumnSpace
     prior: RigPrior
     """Prior of all columns."""
     ranking: tuple[Score, ...] = ()
-    """Scores, best first; of several shapes of an effect, the best."""
+    """Scores of all effects, best first; an effect with several shapes has the score of its best one."""
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
     """Scores of all shapes of each effect, best first."""
 
@@ -70,21 +70,24 @@ class ScoreTest:
         return tuple(range(len(self.fit.free)))
 
     def of(self, effect: str) -> Score | None:
-        """The best score of one effect; None if it was not tested."""
+        """Best score of one effect; None if the effect was not tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def prior_of(self, columns: Sequence[int]) -> RigPrior:
-        """The prior of some columns, which include all columns of the fit."""
+        """Prior of some columns, which must include all columns of the fit."""
         rows = columns if len(self.prior.A) else ()  # no prior without a rig file
         free = tuple(self.free[i] for i in columns)
         return replace(self.prior, free=free, A=self.prior.A[np.ix_(rows, columns)], e=self.prior.e[list(rows)])
 
     def projected(self, columns: Sequence[int]) -> ColumnSpace:
-        """Columns of the candidates, with the fitted parameters projected out."""
+        """Column space of candidates, with the fitted parameters projected out."""
         return self.space.given(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Cosine between a change by `target` and the nearest by `other`, fitted parameters projected out."""
+        """Cosine between a change of the readings by `target` and the nearest change by `other`.
+
+        The fitted parameters are projected out of both changes.
+        """
         count = len(target.columns)
         direction = target.amplitudes if target.amplitudes.any() else self.space.scale[list(target.columns)]
         space = self.projected((*target.columns, *other.columns))
@@ -92,12 +95,12 @@ class ScoreTest:
 
 
 def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorded: Recorded) -> ScoreTest:
-    """Test every effect.
+    """Test every effect of a library against a fit.
 
     Args:
         problem: segments and noise
-        fitted: the fit to improve
-        library: the effects to test
+        fitted: fit to improve
+        library: effects to test
         recorded: properties of the recordings from which shapes are proposed
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
@@ -146,14 +149,14 @@ def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
 def _bounded_step(
     test: ScoreTest, free: Sequence[FreeParameter], chosen: ColumnSpace, prior: Array, mean: Array
 ) -> Array:
-    """(columns,) step within the bounds, with the rows of the prior; zero for columns that the fit absorbs."""
+    """(columns,) step within the bounds, including the prior; zero for columns that the fit absorbs."""
     room = bounds(test.fit.estimate, free)
     room[:, list(test.fit.absorbed)] = 0.0
     return chosen.with_prior(prior, mean).solution(room)
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Name of the parameter whose signature is nearest to the signature of an amplitude."""
+    """Name of the parameter whose signature is nearest to that of a candidate's amplitude."""
     before = [*test.fitted_columns, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0

@@ -1,8 +1,8 @@
-"""Instants of lasting steps of an encoder reading: found by the screening, or likely by the residuals.
+"""Instants of lasting steps of an encoder reading, found by the screening or indicated by the residuals.
 
-A step must be visible in the readings themselves, not only in the residual of a fit: the zero of an encoder that
-differs between recordings, or a friction that holds a rod away from the vertical, changes a residual like a step, but
-the readings before and after the instant lie on one smooth curve.
+A step must be visible in the readings themselves, not only in the residual of a fit. The zero of an encoder that
+differs between recordings, or a friction that holds a rod away from the vertical, changes a residual like a step. The
+readings before and after the instant, however, then lie on one smooth curve.
 """
 
 from collections.abc import Sequence
@@ -26,28 +26,29 @@ class StepSettings:
     """Settings of the search for steps."""
 
     kept: int = 3
-    """Number of steps of a residual that are tried; a recording with more lost counts is not worth fitting."""
+    """Maximum number of steps of a residual that are tried; a recording with more lost counts is not worth fitting."""
     before_s: float = 1e-4
-    """Time between a step and the first reading that shows it, s: shorter than any sample period."""
+    """Time between a step and the first reading that contains it, s; shorter than any sample period."""
     blind: float = 1e-6
-    """Fraction of a step's squared length that must remain after the initial state is projected out, for it to be
-    visible.
-    """
+    """Minimum fraction of a step's squared norm that remains without the initial state, for a visible step."""
     side: int = 8
     """Number of readings on either side of a step to which a polynomial is fitted."""
     degree: int = 5
     """Degree of the polynomial."""
     reach: int = 3
-    """Number of readings by which the residual may misplace a step."""
+    """Maximum number of readings by which the residual may misplace a step."""
     part: float = 0.5
-    """Fraction of the step of a residual that the readings must be able to contain."""
+    """Minimum ratio of the step in the readings to the step of the residual."""
     errors: float = 3.0
-    """Standard errors by which the readings may show less than the step of the residual. A step of the readings is
-    visible from this number of standard errors on.
+    """Number of standard errors by which the step in the readings may be smaller than the step of the residual.
+
+    A step in the readings is visible from this number of standard errors on.
     """
     counts: float = 1.5
-    """Maximum size, in counts, of a step that is due to the resolution of an encoder. An encoder counts an edge at the
-    same angle in both directions. Readings taken at edges therefore change by one count at a reversal.
+    """Maximum size, in counts, of a step that is due to the resolution of an encoder.
+
+    An encoder counts an edge at the same angle in both directions. Readings taken at edges therefore change by one
+    count at a reversal.
     """
 
 
@@ -58,13 +59,13 @@ class ReadingStep(NamedTuple):
     """A step that would explain a part of a residual."""
 
     gain: float
-    """Reduction of chi2 of its segment."""
+    """Reduction of chi2 of the segment that contains the step."""
     joint: int
     run: int
     at: float
-    """Instant, s."""
+    """Instant of the step, s."""
     size: float
-    """Change of the reading, rad."""
+    """Size of the step, rad."""
 
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
@@ -79,7 +80,7 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
 def visible_steps(
     records: Sequence[Record], steps: list[ReadingStep], rig: RigConstants
 ) -> list[tuple[int, int, float]]:
-    """Joint, run and instant of the steps that the readings can contain, of encoders that report counts; best first."""
+    """Joint, run and instant of each step that the readings of an encoder with counts can contain, best first."""
     least = [2 * np.pi * STEPS.counts / abs(counts) for counts in (rig.counts_per_rev1, rig.counts_per_rev2)]
     possible = (
         step for step in steps if records[step.run].screened.on_grid[step.joint] and abs(step.size) > least[step.joint]
@@ -89,11 +90,11 @@ def visible_steps(
 
 
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
-    """Whether the readings about an instant contain a step: a polynomial with a step is fitted to them.
+    """Whether the readings around an instant contain a step, by a fit of a polynomial with a step.
 
-    The step of the readings must not be far below the step of the residual, and it must be visible. A small step of a
+    The step in the readings must not be far below the step of the residual, and it must be visible. A small step of a
     residual may be within the errors of readings without a step. The readings must therefore be nearer to this step
-    than to zero. With fewer readings before or after it, a step counts as a zero error of the recording.
+    than to zero. If too few readings lie before or after the instant, the step counts as a zero error of the recording.
 
     Args:
         record: the recording
@@ -120,10 +121,10 @@ def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
 
 
 def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
-    """Step at the best sample of each segment, the largest gain first, by cumulative sums from the end.
+    """Best step of each segment, largest gain first, by cumulative sums from the end of the segment.
 
-    A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs; the
-    nonlinear fit determines the exact offset.
+    A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs. The
+    nonlinear fit determines the exact size of the step.
     """
     segments, steps = problem.segments, list[ReadingStep]()
     firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
@@ -148,10 +149,10 @@ def step_gain(score: Array, power: Array, on_nuisances: Array, least: Array) -> 
     """Gain and size of a change h of the readings, as functions of its instant.
 
     Args:
-        score: (...) h e, with the whitened and projected residual e
-        power: (...) h^2
+        score: (...) inner product h e with the whitened and projected residual e
+        power: (...) squared norm h^2
         on_nuisances: (..., q) components of h along the orthonormal columns that are projected out
-        least: (...) length h^2 after the projection from which a change is visible
+        least: (...) squared norm after the projection from which a change is visible
 
     Returns:
         (...) reduction of chi2, (h e)^2 / h^2 with the projected h, and (...) size (h e) / h^2; zero if not visible

@@ -1,8 +1,8 @@
-"""Frequencies at which the swing of a rod alone repeats, and vibrations that are indistinguishable from its harmonics.
+"""Frequencies at which the swing of a single rod repeats, and vibrations that are indistinguishable from its harmonics.
 
-Any law of angle or speed that the model lacks leaves a residual at multiples of the frequency of the swing, which falls
-slowly with the amplitude. A vibration of the base at such a multiple follows this residual along one release. The
-frequency of a true vibration is independent of the swing, so such a match is not evidence of a vibration.
+Any law of angle or speed that the model lacks leaves a residual at multiples of the frequency of the swing. This
+frequency changes slowly with the amplitude. A vibration of the base at such a multiple follows this residual along one
+release. The frequency of a true vibration is independent of the swing, so such a match is not evidence of a vibration.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.problem import Problem
 
 FREQUENCY = "frequency_hz"
-"""Shape parameter of a force at a fixed frequency, or of a resonance."""
+"""Name of the shape parameter for the frequency of a force or of a resonance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,9 +23,12 @@ class LineSettings:
     """Limits of the harmonics of a swing."""
 
     harmonics: int = 5
-    """Highest multiple of the frequency of the swing; friction, drag and errors of the readings cause few others."""
+    """Highest tested multiple of the frequency of the swing.
+
+    Friction, drag and errors of the readings cause few higher ones.
+    """
     resolution: float = 0.5
-    """Half width of a line, in units of the inverse duration of the recording."""
+    """Half width of a spectral line, in units of the inverse duration of the recording."""
     swings: int = 2
     """Minimum number of half swings for the estimate of a frequency."""
 
@@ -37,9 +40,9 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
     """Whether an effect is a force of fixed frequency at a multiple of the frequency of the swing.
 
     Args:
-        problem: segments of free swings of a rod alone; other swings have no such frequency
+        problem: segments of free swings of a single rod; other swings have no such frequency
         effect: name of the effect
-        estimate: with its frequency
+        estimate: estimate with the frequency of the effect
     """
     spec = EFFECTS[effect]
     if not any(p.name == FREQUENCY for p in spec.shapes) or len(spec.shapes) > 1:
@@ -56,7 +59,7 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
 
 
 def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
-    """Lowest and highest frequency of the swing of one run about hanging, Hz, and its duration, s."""
+    """Lowest and highest frequency of the swing of one run about hanging, Hz, and duration of the run, s."""
     offsets = problem.segments.offsets
     segments = [
         slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run

@@ -1,4 +1,4 @@
 """The result of a diagnosis, as it is saved."""
 
 RECORD = "diagnosis.json"
-"""File in the folder of `diagnose --out`: the output of `diagnose --json`."""
+"""Name of the file in the folder of `diagnose --out` that contains the output of `diagnose --json`."""

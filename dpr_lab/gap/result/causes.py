@@ -5,20 +5,20 @@ from pydantic import Field
 from dpr_lab.gap.result.saved import Interval, Number, Saved
 
 PROBABLE = 0.05
-"""Minimum probability of an effect that is listed as a cause."""
+"""Minimum probability with which an effect is listed as a cause."""
 
 
 class EffectSize(Interval):
-    """A parameter of an effect: `value` and `interval90` at the assumed b, ratio to b, and absolute interval.
+    """Size of one parameter of an effect: value and interval at the assumed b, ratio to b^k, and absolute interval.
 
-    `interval90` contains the uncertainty of the fit only; together with `value` it is a ratio to the assumed b, in
-    other units.
+    `interval90` contains the uncertainty of the fit only. Together with `value` it represents a ratio to the assumed b,
+    in other units.
     """
 
     ratio: Number | None = None
     """value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
     ratio_unit: str = ""
-    """SI."""
+    """Unit of the ratio, SI."""
     ratio_interval90: tuple[Number, Number] | None = None
     """90 % interval of the ratio."""
     interval90_with_scale: tuple[Number, Number] | None = None
@@ -29,23 +29,24 @@ class NamedEffect(Saved):
     """One effect of the selected set."""
 
     name: str
-    """A name of `dpr_lab.effects.EFFECTS`."""
+    """Name of the effect, a key of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
     """The effect and the effects that are indistinguishable from it in these recordings."""
     odds: dict[str, Number] = {}
     """Share of the probability for each member of the class, by the plausibility of its size."""
     forms: list[str] = []
-    """Richer forms of the members whose additional amplitudes are all excluded at their minimum detectable sizes, so
-    that they count as the simpler form.
+    """Richer forms of the members that count as the simpler form.
+
+    All their additional amplitudes are excluded at the minimum detectable sizes.
     """
     probability: Number
     """Probability that the cause is one of the members."""
     outside: Number | None = None
-    """Probability of a cause outside the library in its place; None in a file of an older version."""
+    """Probability that a cause outside the library replaces the effect; None in a file of an older version."""
     parameters: dict[str, EffectSize]
-    """Parameter -> its size, SI."""
+    """Parameter -> size of the parameter, SI."""
     share: Number
-    """Share of the excess that returns without the effect."""
+    """Unique contribution: share of the excess that returns without the effect."""
 
 
 class NamedFamily(Saved):
@@ -54,9 +55,9 @@ class NamedFamily(Saved):
     name: str
     """Name of the family."""
     words: str
-    """Description."""
+    """Description of the component, for readers."""
     effects: list[str]
-    """The named effects that belong to it."""
+    """Named effects that belong to the family."""
     probability: Number
     """Probability that all of them are present."""
     share: Number
@@ -67,12 +68,12 @@ class RivalEffect(Saved):
     """An alternative to a named effect."""
 
     name: str
-    """A name of `dpr_lab.effects.EFFECTS`."""
+    """Name of the alternative, a key of `dpr_lab.effects.EFFECTS`."""
     members: list[str] = Field(alias="class")
     """The effect and the effects that are indistinguishable from it in these recordings."""
     probability: Number
-    """Probability that it is the cause instead."""
+    """Probability that the alternative is the cause instead."""
     cosine: Number
     """Cosine similarity between the signatures of this effect and of the named effect; 1 for equal shapes."""
     instead_of: str = ""
-    """The named effect that it could replace; empty if no effect is named."""
+    """Named effect that the alternative could replace; empty if no effect is named."""

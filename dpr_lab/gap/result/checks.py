@@ -1,4 +1,4 @@
-"""Recommended checks, and the results of those that were done."""
+"""Recommended checks, and the results of completed checks."""
 
 import re
 from typing import Any, Self
@@ -14,37 +14,35 @@ SENTENCE_END = re.compile(r"(?<=\.) (?=[A-Z])")
 
 
 class AdvisedRelease(Saved):
-    """A recommended release."""
+    """A recommended release, from rest."""
 
     theta1_rad: Number
-    """Absolute angles of the rods at the release, at rest."""
+    """Absolute angle of the inner rod at the release, rad."""
     theta2_rad: Number
-    """Angle of the outer rod, rad."""
+    """Absolute angle of the outer rod at the release, rad."""
     duration_s: Number
     """Duration of the recording, s."""
     added_mass: AddedMass | None = None
-    """Known mass to attach."""
+    """Known mass to attach to a rod; None without one."""
 
 
 class Quantity(Saved):
     """Quantity and unit of a measurement."""
 
     name: str
-    """Name, for example `extra friction torque at rest, joint 2`."""
+    """Name of the quantity, for example `extra friction torque at rest, joint 2`."""
     unit: str
-    """`N m`; `1` for a ratio."""
+    """Unit of the quantity, for example `N m`; `1` for a ratio."""
     symbol: str
     """Symbol in the equation of the effect."""
     parameters: tuple[str, ...]
-    """The amplitudes of the effect that form the quantity; the root of the sum of their squares if there are
-    several.
-    """
+    """Amplitudes of the effect that form the quantity; several ones form the root of the sum of their squares."""
     definition: str = ""
-    """Definition, if the name is ambiguous."""
+    """Definition of the quantity, if the name is ambiguous."""
 
     @classmethod
     def of(cls, effect: str, parameter: str) -> Self:
-        """The quantity to which an amplitude of an effect belongs."""
+        """Quantity to which an amplitude of an effect belongs."""
         bench = EFFECTS[effect].bench_quantity(parameter)
         unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
         (*_, joint) = effect.rpartition("_joint")
@@ -58,55 +56,55 @@ class Quantity(Saved):
 
     @property
     def label(self) -> str:
-        """`extra friction torque at rest, joint 2 (S), in N m`."""
+        """Name, symbol and unit, for example `extra friction torque at rest, joint 2 (S), in N m`."""
         definition = f" = {self.definition}" if self.definition else ""
         return f"{self.name} ({self.symbol}{definition}), in {'% or ppm' if self.unit == '1' else self.unit}"
 
     def shown(self, value: float) -> str:
-        """`0.0061 N m`; a ratio in percent."""
+        """Value with its unit, for example `0.0061 N m`; a ratio in percent."""
         return f"{100 * value:.4g} %" if self.unit == "1" else f"{value:.4g} {self.unit}"
 
 
 class AdvisedCheck(Saved):
-    """A recording or a measurement that distinguishes a named effect from its alternatives."""
+    """A recommended recording or measurement that distinguishes a named effect from its alternatives."""
 
     id: str
-    """Identifier, unique among diagnoses."""
+    """Identifier of the check, unique among diagnoses."""
     kind: str
     """Key of `dpr_lab.gap.advice.advise.CHECK_KINDS`: `recording`, or `measurement` of an amplitude at the bench."""
     text: str
-    """Instruction."""
+    """Instruction to the operator."""
     about: str
-    """The named effect whose class or alternatives it distinguishes."""
+    """Named effect that the check distinguishes from the members of its class or from its alternatives."""
     splits: list[str]
-    """The effects that it distinguishes."""
+    """Effects that the check distinguishes from each other."""
     expected_bits: Number
-    """Expected reduction of the uncertainty about them."""
+    """Expected reduction of the entropy between these effects, in bits."""
     measures: str = ""
-    """The effect whose amplitude a measurement measures: the amplitude is about zero if that effect is not the
-    cause."""
+    """Effect whose amplitude a measurement determines; the amplitude is about zero if this effect is not the cause."""
     quantity: Quantity | None = None
     """Measured quantity; None for a recording."""
     expected: Interval | None = None
-    """Size of the quantity predicted by the recordings if the measured effect is the cause, with its 90 % interval.
-    None for a recording, and if nothing was fitted.
+    """Size of the quantity that the recordings predict if the measured effect is the cause, with its 90 % interval.
+
+    None for a recording, and if no size was fitted.
     """
     release: AdvisedRelease | None = None
-    """The release to record."""
+    """Release to record; None for a measurement."""
 
     def is_part_of(self, advice: str) -> bool:
-        """Whether a recommendation contains every sentence of the instruction."""
+        """Whether a recommendation contains every sentence of the instruction of this check."""
         return all(sentence in advice for sentence in SENTENCE_END.split(self.text))
 
     @property
     def measurand(self) -> Quantity:
-        """The quantity of a measurement."""
+        """Quantity that a measurement determines."""
         assert self.quantity is not None
         return self.quantity
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
-        """The amplitudes that a measurement measures."""
+        """Amplitudes that form the quantity of a measurement."""
         of_measured = _amplitudes(self.measures)
         return tuple(of_measured[name] for name in self.quantity.parameters) if self.quantity else ()
 
@@ -139,23 +137,24 @@ NONE_OF_THEM = "unexplained"
 
 
 class CheckDone(Saved):
-    """Result of a recommended check and the probabilities before and after it."""
+    """Result of a recommended check, with the probabilities before and after it."""
 
     check: AdvisedCheck
-    """The check."""
+    """Recommended check that was done."""
     result: str
-    """Description of its result."""
+    """Description of the result."""
     value: Number | None = None
     """Measured value, in the unit of the quantity; None for a recording."""
     std: Number | None = None
-    """Its standard uncertainty."""
+    """Standard uncertainty of the measured value, in the unit of the quantity; None for a recording."""
     before: dict[str, Number]
     """Probability of each candidate before the check, and of a cause outside the candidates ("unexplained")."""
     after: dict[str, Number]
     """Probability of each candidate after the check."""
     log10_bayes_factor: dict[str, Number] = {}
-    """Base-10 logarithm of the Bayes factor of each candidate against all others together; positive if the result
-    supports it.
+    """Base-10 logarithm of the Bayes factor of each candidate against all others together.
+
+    A positive value means that the result supports the candidate.
     """
     recordings: list[str] = []
-    """SHA-256 of the run files that were its result; empty for a measurement."""
+    """SHA-256 of the run files that contain the result; empty for a measurement."""

@@ -1,4 +1,4 @@
-"""The result of a diagnosis, as `dpr-lab diagnose --json` prints it."""
+"""Result of a diagnosis, as `dpr-lab diagnose --json` prints it."""
 
 import json
 from pathlib import Path
@@ -29,7 +29,7 @@ Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexpl
 Basis = Literal["one release", "releases left out", "held-out runs"]
 
 UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain."
-"""Last sentence of the verdict if effects explain the whole gap, but none of the causes is certain."""
+"""Last sentence of the verdict if effects explain the whole gap but none of the causes is certain."""
 
 
 class SensorFinding(Saved):
@@ -40,25 +40,30 @@ class SensorFinding(Saved):
     run: str
     """Name of the run."""
     axis: str | None
-    """The encoder: `joint1`, `joint2` or `joint0`; None for all."""
+    """Encoder with the fault: `joint1`, `joint2` or `joint0`; None for all encoders."""
     at_s: Number | None
-    """Instant, s since the release; None for the whole run."""
+    """Instant of the fault, s since the release; None for the whole run."""
     evidence: str
     """Description of the evidence."""
     count: int = 1
-    """Number of such faults; `at_s` is the instant of the first."""
+    """Number of faults of this kind; `at_s` is the instant of the first one."""
 
 
 class Diagnosis(Shown, Saved):
-    """The gap between simulation and rig: its location, its causes, their probabilities, and its reduction."""
+    """Result of a diagnosis: the location of the gap, its causes, their probabilities, and its reduction."""
 
     verdict: Verdict
-    """`no_gap`, `inconclusive` (the recordings cannot show a gap), `named`, `partly_explained` or `unexplained`."""
+    """Verdict: `no_gap`, `inconclusive`, `named`, `partly_explained` or `unexplained`.
+
+    `inconclusive` means that the recordings cannot show a gap.
+    """
     sentence: str
-    """The verdict, up to three sentences: causes, gap reduction, remainder; more after checks."""
+    """Verdict in up to three sentences: causes, gap reduction, remainder; more sentences after checks."""
     notes: list[str] = []
-    """Notes in addition to the verdict: effects that do not carry over or differ between recordings, components that
-    several effects form, and the unmodelled remainder.
+    """Notes in addition to the verdict, in sentences.
+
+    They state effects that do not carry over or differ between recordings, components that several effects form, and
+    the unmodelled remainder.
     """
     hints: list[str] = []
     """Evidence for a wrong description of the recordings, with the option or key of the rig file that corrects it."""
@@ -67,106 +72,116 @@ class Diagnosis(Shown, Saved):
     transfer: dict[str, dict[str, Interval]] = {}
     """Effect -> held-out run -> share of the gap without the effect that the effect closes."""
     withdrawn: list[str] = []
-    """Effects that explain these recordings but do not carry over to held-out data."""
+    """Effects that explain the fitted recordings but do not carry over to held-out data."""
     gap: Gap
-    """Size of the gap before and after correction: rms of a reading above the noise, unless a field states
-    otherwise.
-    """
+    """Size of the gap before and after correction."""
     where: list[Where]
-    """Possible locations of the gap, the one with the largest share first."""
+    """Possible locations of the gap, largest share first."""
     where_sentence: str
-    """The location in one sentence."""
+    """Location of the gap in one sentence."""
     effects: list[NamedEffect]
-    """The named effects, in the order in which they were selected."""
+    """Named effects, in the order in which they were selected."""
     families: list[NamedFamily] = []
-    """Components that several of them form."""
+    """Components that several of the named effects form."""
     rivals: list[RivalEffect]
-    """Effects that could replace them, the most probable first."""
+    """Effects that could replace the named ones, most probable first."""
     probabilities: dict[str, Number]
     """Probability of `no_gap`, of `unexplained`, and of each effect."""
     detectable: dict[str, dict[str, Number | None]]
     """Effect -> parameter -> minimum detectable size at the assumed b, SI; None if it is undetectable at any size."""
     absorbed: dict[str, dict[str, str]] = {}
-    """Effect -> amplitude -> the quantity from which it is indistinguishable in these recordings: a ratio, the
-    initial states, or another amplitude. It is not fitted.
+    """Effect -> amplitude -> quantity from which the amplitude is indistinguishable in these recordings.
+
+    The quantity is a ratio, the initial states, or another amplitude. The amplitude is not fitted.
     """
     sensor_findings: list[SensorFinding]
-    """Sensor faults that were detected without a model, and disturbances, of all recordings, held-out ones included."""
+    """Sensor faults that were detected without a model, and disturbances, of all recordings including held-out ones."""
     remedies: list[str] = []
-    """Remedies for the named effects, in their order."""
+    """Remedies for the named effects, in the order of the effects."""
     advice: list[str]
     """The next recording or measurement, in sentences."""
     checks: list[AdvisedCheck] = []
     """Recommended checks as data; `dpr-lab check` accepts their results."""
     checks_done: list[CheckDone] = []
-    """Results of the completed checks, the latest last."""
+    """Results of the completed checks, latest last."""
     parent: str = ""
-    """SHA-256 of the diagnosis from which a check produced this one."""
+    """SHA-256 of the diagnosis from which a check produced this one; empty without such a check."""
     ratios: dict[str, Interval]
-    """a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model; for an inner rod alone, the ratios of
-    `determined`.
+    """Ratios a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model.
+
+    For an inner rod alone, the ratios of `determined`.
     """
     fitted: list[Interval] = []
-    """For the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of the parts that are
-    not mounted. They are initial values for other commands, not a result. Empty for both rods."""
+    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b for an inner rod alone; empty for both rods.
+
+    Parts that are not mounted have values of the rig file. These ratios are initial values for other commands, not a
+    result.
+    """
     ratio_covariance: list[list[Number]]
-    """(5, 5) covariance of the ratios, in their order."""
+    """(5, 5) covariance of the ratios a/b, d/b, e1/b, c1/b, c2/b."""
     determined: dict[str, Interval] = {}
-    """Ratios that the recordings determine: to b or, for the inner rod alone, to its a; also A/b and c0/b of a moving
-    arm. All other entries of `ratios` are taken from the rig file. Empty in a file of an older version.
+    """Ratios that the recordings determine: to b or, for the inner rod alone, to its a.
+
+    They include A/b and c0/b of a moving arm. All other entries of `ratios` come from the rig file. Empty in a file of
+    an older version.
     """
     determined_covariance: list[list[Number]] = []
     """Covariance matrix of the values of `determined`, in the same order."""
     chi2_per_dof: Number
     """Reduced chi-square of the corrected model, over segments of 0.5 s."""
     exact_torques: bool = False
-    """Whether measured torques were assumed to be exact, because the remainder is far above the influence of their
-    noise.
+    """Whether measured torques were assumed to be exact.
+
+    This is the case if the remainder is far above the influence of their noise.
     """
     segments: int
     """Number of segments of 0.5 s."""
     scale_b: Number
-    """Inertia b to which all sizes refer, kg m^2; from the rig file after free swings, which show only ratios to b."""
+    """Inertia b to which all sizes refer, kg m^2.
+
+    It comes from the rig file if the recordings determine only ratios to b.
+    """
     scale: Scale | None = None
-    """The b that absolute sizes assume, its interval and its source; None in a file of an older version."""
+    """Value of b that absolute sizes assume, with its interval and source; None in a file of an older version."""
     p_over_b: Number | None = None
-    """m2 L1^2 / b, which together with the ratios determines the swing of the inner rod alone."""
+    """Ratio m2 L1^2 / b, which together with the other ratios determines the swing of the inner rod alone."""
     search: list[SearchStep] = []
-    """Trials of the search for the set of effects; empty in a file of an older version."""
+    """Steps of the search for the set of effects; empty in a file of an older version."""
     posterior: list[PosteriorComponent] = []
-    """Fitted sets of effects, the selected one first, with the joint covariance of their values; empty in a file of
-    an older version.
+    """Fitted sets of effects with the joint covariance of their values, the selected set first.
+
+    Empty in a file of an older version.
     """
     model_effects: dict[str, dict[str, Number]]
-    """The effects of the corrected model with all parameters, as input of `dpr_lab.effects.effect_params`."""
+    """Effects of the corrected model with all parameters, as input of `dpr_lab.effects.effect_params`."""
     assumptions: list[str]
-    """Assumptions, in sentences."""
+    """Assumptions of the diagnosis, in sentences."""
     evidence: Evidence | None = None
-    """Evidence; None in a diagnosis of an older version."""
+    """Evidence for the result; None in a diagnosis of an older version."""
     trust: Trust | None = None
-    """Blind trials on simulated plants similar to this rig, if requested."""
+    """Blind trials on simulated plants similar to this rig; None unless requested."""
     seconds: Number
     """Computing time, s."""
 
     @property
     def all_ratios(self) -> dict[str, Interval]:
-        """The five ratios of the fit, which may contain values of the rig file."""
+        """The five ratios of the fit; for an inner rod alone, some are values of the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     @property
     def stated_ratios(self) -> dict[str, Interval]:
-        """The ratios that the recordings determine; of a file of an older version, the five ratios of the fit."""
+        """Ratios that the recordings determine; for a file of an older version, the five ratios of the fit."""
         return self.determined or self.all_ratios
 
     @property
     def unknowns(self) -> Array:
-        """(7,) the ratios, b and p/b (nan if no run contains a single rod), as initial values of another fit."""
+        """(7,) ratios, b and p/b, as initial values of another fit; p/b is nan if no run contains a single rod."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])
 
     @property
     def only_uncertain(self) -> bool:
-        """Whether the gap is explained to the noise floor, so that only its causes are uncertain."""
+        """Whether effects explain the gap to the noise floor, so that only the causes are uncertain."""
         return UNCERTAIN in self.sentence
 
     def _heading(self) -> str:
@@ -177,16 +192,16 @@ class Diagnosis(Shown, Saved):
         return [("effect", "probability", "share of the excess"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
-        """The diagnosis as a plain object with the public names."""
+        """Diagnosis as a plain object with the public names."""
         return self.model_dump(by_alias=True)
 
 
 ADDED_BY_COMMANDS = ("files", "simulator")
-"""Keys of `diagnosis.json` in addition to those of the diagnosis (`dpr_lab.report.schemas.printed`)."""
+"""Keys of `diagnosis.json` that commands add to the keys of the diagnosis (`dpr_lab.report.schemas.printed`)."""
 
 
 def diagnosis_file(path: Path) -> Path:
-    """The file of a diagnosis, which may be given by its folder."""
+    """File of a diagnosis; `path` is the file or its folder."""
     return path / RECORD if path.is_dir() else path
 
 
@@ -195,7 +210,7 @@ def load_diagnosis(path: Path) -> Diagnosis:
 
     Raises:
         RunError: the file is missing, is not JSON, is not a diagnosis (the message names the key), or contains effects
-        that this version does not know.
+            that this version does not know.
     """
     try:
         path = diagnosis_file(path)

@@ -8,14 +8,14 @@ from dpr_lab.gap.result.saved import Number, Saved
 
 
 class RecordingUsed(Saved):
-    """One recording and its role in the diagnosis."""
+    """One recording of a diagnosis, with its role."""
 
     name: str
     file: str
     sha256: str
-    """SHA-256 of its file; empty if there is none."""
+    """SHA-256 of the file of the recording; empty without a file."""
     recorded_utc: str
-    """Start of the recording, ISO 8601; empty where unknown."""
+    """Start of the recording, ISO 8601; empty if unknown."""
     pose: str
     mounting: str
     driven: bool
@@ -30,7 +30,7 @@ class Occupancy(Saved):
     """Time that a rod spent in each range of angle and speed."""
 
     angle_edges_rad: list[Number]
-    """Edges of the angles: 0 is upright, pi hanging, full turns subtracted."""
+    """Edges of the cells by angle, rad, in a full turn: 0 is upright, pi is hanging."""
     speed_edges_rad_per_s: list[Number]
     fitted_s: list[list[Number]]
     """(angles, speeds) time in each cell over the fitted recordings, s."""
@@ -39,21 +39,21 @@ class Occupancy(Saved):
 
 
 class Closing(Saved):
-    """Remaining gap after one additional effect in the model."""
+    """Gap that remains after one additional effect in the model."""
 
     effect: str
-    """Added effect; empty for the bare model."""
+    """Name of the added effect; empty for the bare model."""
     left_rad: Number
-    """Gap above the noise, rms of a reading, on the data on which the verdict was tested."""
+    """Remaining gap on the data on which the verdict was tested: rms of a reading above the noise, rad."""
     closed: Number
-    """Share of the gap closed so far."""
+    """Share of the gap that the effects added so far close."""
 
 
 class Whiteness(Saved):
     """Residuals of one joint under one model, in standard deviations of the noise."""
 
     autocorrelation: list[Number]
-    """Autocorrelation at lag 1, 2 and so on."""
+    """Autocorrelation of the residuals at lag 1, 2 and so on."""
     quantiles: list[Number]
     """Quantiles of the residuals at `ResidualLook.normal`."""
     beyond3: Number
@@ -61,45 +61,49 @@ class Whiteness(Saved):
 
 
 class ResidualLook(Saved):
-    """Residuals of the fitted recordings with free initial states of the segments."""
+    """Residual analysis of the fitted recordings, with free initial states of the segments."""
 
     spacing_s: Number
-    """Time between neighbouring readings."""
+    """Time between neighbouring readings, s."""
     readings: int
     """Number of residuals of a joint."""
     normal: list[Number]
-    """Quantiles of the standard normal distribution."""
+    """Quantiles of the standard normal distribution, to which the residuals are compared."""
     joints: dict[str, dict[str, Whiteness]]
-    """Joint -> residuals before and after."""
+    """Joint -> `before`, `after` -> residual analysis."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExclusionLevels:
-    """Minimum confidence with which an effect is excluded at its minimum detectable size."""
+    """Minimum confidence of an excluded effect at its minimum detectable size."""
 
     sure: float = 0.95
-    """For an effect of known shape: its estimate is below 3.4 standard deviations."""
+    """Minimum confidence for an effect of known shape, whose estimate is then below 3.4 standard deviations."""
     of_shapes: float = 0.84
-    """For an effect of unknown shape: its largest estimate over all shapes is below 4 standard deviations."""
+    """Minimum confidence for an effect of unknown shape.
+
+    The largest estimate over all shapes is then below 4 standard deviations.
+    """
 
 
 EXCLUDED = ExclusionLevels()
 
 
 class Exclusion(Saved):
-    """An effect that is excluded above a size."""
+    """Exclusion of an effect above a size."""
 
     effect: str
     parameter: str
     size: Number
-    """Minimum detectable size."""
+    """Minimum detectable size of the amplitude, SI."""
     estimate: Number
-    """Estimate of the amplitude from these recordings with all named effects in the model."""
+    """Estimate of the amplitude from these recordings, with all named effects in the model, SI."""
     confidence: Number
     """Confidence that the effect is smaller than `size`, 0 to 1."""
     interval90: tuple[Number, Number] | None = None
-    """90 % interval of the amplitude, fitted together with the others of its effect, over all shapes of the effect;
-    None if the recordings do not separate them.
+    """90 % interval of the amplitude, fitted together with the other amplitudes, over all shapes of the effect.
+
+    None if the recordings do not separate the amplitudes.
     """
 
     @property
@@ -107,8 +111,8 @@ class Exclusion(Saved):
         """Whether the effect is smaller than `size`, by an equivalence test.
 
         The estimate of an effect of unknown order, frequency or speed is the largest of some hundred. It exceeds the
-        limit of the others, 3.4 standard deviations, by chance on one rig in four. Its limit is 4, which excludes 5.6
-        standard deviations instead of 5 with the same confidence.
+        limit of 3.4 standard deviations for other effects by chance on one rig in four. Its limit is therefore 4. This
+        excludes a size of 5.6 standard deviations, instead of 5, with the same confidence.
         """
         return self.confidence >= (EXCLUDED.of_shapes if EFFECTS[self.effect].shapes else EXCLUDED.sure)
 
@@ -117,13 +121,16 @@ class JointFriction(Saved):
     """Friction torque of a joint against its speed: viscous friction, named laws, and a free-form curve."""
 
     speed_rad_per_s: list[Number]
-    """Speeds of the joint, ascending, both directions; the joint reaches the last one in both."""
+    """Speeds of the joint in both directions, ascending, rad/s.
+
+    The joint reaches the largest one in both directions.
+    """
     torque_Nm: list[Number]
-    """Friction torque, positive against a positive speed, at the assumed b."""
+    """Friction torque at each speed, at the assumed b, N m; positive against a positive speed."""
     std_Nm: list[Number]
-    """Its standard deviation at each speed."""
+    """Standard deviation of the friction torque at each speed, N m."""
     coefficients: int
-    """Number of fitted values on which it depends."""
+    """Number of fitted values on which the friction torque depends."""
     back_emf: bool = False
     """Whether the torque contains the back-EMF of a voltage drive, which acts like viscous friction."""
 
@@ -134,41 +141,42 @@ class UncertaintySource(Saved):
     name: str
     kind: Literal["numerical", "input", "data"]
     how: str
-    """Source of the value, and the assumed uncertainty."""
+    """Origin of the value, and the assumed uncertainty."""
     left: Number
-    """Factor by which the recordings reduce the assumed uncertainty under the corrected model, because a larger
-    error would be visible.
+    """Factor by which the recordings reduce the assumed uncertainty under the corrected model.
+
+    The recordings would show a larger error.
     """
     before_rad: Number
-    """Resulting change of a prediction of the bare model, rms."""
+    """Rms change of a prediction of the bare model by this source, rad."""
     after_rad: Number
-    """Resulting change of a prediction of the corrected model, rms."""
+    """Rms change of a prediction of the corrected model by this source, rad."""
 
 
 class RunBudget(Saved):
-    """Error and uncertainty of one free run, both rms over its compared part."""
+    """Error and uncertainty of one free run, both as rms over its compared part."""
 
     run: str
     held_out: bool
     until_s: Number
-    """End of the comparison, s after the first reading: the horizon, or the end of the free run."""
+    """End of the comparison, s after the first reading: the predictability horizon, or the end of the free run."""
     reaches_horizon: bool
-    """Whether the horizon lies within the free run."""
+    """Whether the predictability horizon lies within the free run."""
     growth_per_s: Number
-    """Largest rate at which an initial error of the angles grows until then."""
+    """Largest growth rate of an initial error of the angles until the end of the comparison, 1/s."""
     error_before_rad: Number
     error_after_rad: Number
     u_before_rad: Number
     u_after_rad: Number
     area_before_rad: Number
-    """Area between the distributions of the measured and of the simulated angles."""
+    """Area between the distributions of the measured angles and of those simulated by the bare model, rad."""
     area_after_rad: Number
     area_noise_rad: Number
-    """Area between the distributions of the corrected model and of the same model with noise of the readings."""
+    """Area between the distributions of the corrected model and of the same model with noise of the readings, rad."""
 
 
 class Budget(Saved):
-    """Validation uncertainty: possible error of a prediction by a correct model."""
+    """Validation uncertainty: the possible error of a prediction by a correct model."""
 
     sources: list[UncertaintySource]
     error_before_rad: Number
@@ -179,31 +187,31 @@ class Budget(Saved):
 
 
 class Curves(Saved):
-    """Measured curve, and free runs of the bare and of the corrected model."""
+    """Measured curves of one recording, with free runs of the bare and of the corrected model."""
 
     run: str
     held_out: bool
     settled_s: Number
     """End of the interval to which the initial state was fitted, s after the first reading."""
     until_s: Number
-    """The predictability horizon, or the end of the free run."""
+    """Predictability horizon, or end of the free run, s after the first reading."""
     t_s: list[Number]
     measured_rad: list[list[Number]]
-    """(n, 2) angles of the inner and outer rod, 0 = upright."""
+    """(n, 2) angles of the inner and outer rod, rad, 0 = upright."""
     before_rad: list[list[Number]]
     after_rad: list[list[Number]]
     rods: int = 2
-    """Number of rods that swing separately: with one, only the first angle has a meaning."""
+    """Number of rods that swing separately; with one rod, only the first angle has a meaning."""
     arm_rad: list[list[Number]] = []
-    """(n, 3) angle of an arm that is free or driven: measured, before and after."""
+    """(n, 3) angle of an arm that is free or driven, rad: measured, before and after correction."""
     input: list[Number] = []
-    """(n,) input of the arm's drive."""
+    """(n,) input of the arm's drive, in the unit of `input_name`."""
     input_name: str = ""
     """Name of the input with its unit."""
 
 
 class Evidence(Saved):
-    """The evidence for a diagnosis."""
+    """Evidence for a diagnosis."""
 
     version: str
     made_utc: str
@@ -211,11 +219,11 @@ class Evidence(Saved):
     rig_sha256: str
     recordings: list[RecordingUsed]
     coverage: dict[str, Occupancy]
-    """Rod -> map."""
+    """Rod -> time that the rod spent in each range of angle and speed."""
     closing: list[Closing]
     residuals: ResidualLook
     exclusions: list[Exclusion]
     friction: dict[str, JointFriction] = {}
-    """Joint -> its friction torque; empty in a file of an older version."""
+    """Joint -> friction torque of the joint; empty in a file of an older version."""
     budget: Budget
     curves: list[Curves]

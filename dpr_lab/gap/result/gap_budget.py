@@ -1,4 +1,4 @@
-"""Reproducible share of the gap, and its explained part."""
+"""Reproducible share of the gap, and the part of it that the effects explain."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -16,7 +16,7 @@ class ChangedRig:
     """Limits beyond which the parameters of a rig changed between its recordings."""
 
     share: float = 0.5
-    """Minimum share of the gap for which varying parameters are its main part."""
+    """Minimum share of the gap that varying parameters remove if they are its main part."""
     scatter: float = 0.05
     """Maximum relative scatter of a ratio between recordings of an unchanged rig."""
 
@@ -28,17 +28,17 @@ class VaryingParameter(Saved):
     """A parameter of the corrected model that differs between recordings."""
 
     effect: str
-    """A name of `dpr_lab.effects.EFFECTS`; empty for a ratio of the rods."""
+    """Name of the effect, a key of `dpr_lab.effects.EFFECTS`; empty for a ratio of the rods."""
     name: str
-    """The parameter."""
+    """Name of the parameter."""
     values: dict[str, Number]
-    """Recording or quarter -> value of the parameter in it, with all others common, SI."""
+    """Recording or quarter -> value of the parameter in it, SI; all other parameters are common."""
     std: Number
     """Standard deviation of one value due to noise and disturbances, SI."""
     spread: Number
-    """Standard deviation between recordings, corrected for the standard deviation of one value, SI."""
+    """Standard deviation of the value between recordings, SI, without the part due to `std`."""
     sigmas: Number
-    """Scatter of the values, in standard deviations of one value; 1 = chance."""
+    """Scatter of the values, in standard deviations of one value; 1 is expected by chance."""
 
 
 class GapBudget(Saved):
@@ -49,22 +49,23 @@ class GapBudget(Saved):
     """
 
     basis: Literal["recordings", "pieces of one recording"]
-    """Predicted units: whole recordings, or the quarters of a single one."""
+    """Units that are predicted: whole recordings, or the quarters of a single recording."""
     explained: Share
-    """Share removed by the named effects; it is confirmed on other recordings."""
+    """Share that the named effects remove, confirmed on other recordings."""
     varying: Share
-    """Share removed by parameters that differ between recordings."""
+    """Share that parameters remove if they may differ between recordings."""
     unmodelled: Share
     """Reproducible share that no effect of the model explains."""
     not_reproducible: Share
-    """Share above the noise that is different in each recording."""
+    """Share above the noise that differs from recording to recording."""
     noise: Share
-    """Noise of the readings."""
+    """Share of the noise of the readings."""
     parameters: list[VaryingParameter] = []
-    """Parameters that differ, the most significant first."""
+    """Parameters that differ between recordings, most significant first."""
     undecided: str = ""
-    """Reason why the shares cannot be determined; the unexplained part then counts as not reproducible. Otherwise
-    empty.
+    """Reason why the shares cannot be determined; empty if they can.
+
+    With a reason, the unexplained part counts as not reproducible.
     """
 
     @property
@@ -75,13 +76,16 @@ class GapBudget(Saved):
 
     @property
     def of_reproducible(self) -> float | None:
-        """Explained share of its reproducible part; None if no part is known to be reproducible."""
+        """Explained share of the reproducible part of the gap; None if no part is known to be reproducible."""
         reproducible = self.explained + self.unmodelled
         return self.explained / reproducible if reproducible > 0 and not self.undecided else None
 
     @property
     def changed_ratio(self) -> VaryingParameter | None:
-        """Ratio, other than of friction, that differs between recordings by more than an unchanged rig allows."""
+        """Ratio, other than of friction, that differs between recordings by more than an unchanged rig allows.
+
+        None without one.
+        """
         if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None
         ratios = (

@@ -1,4 +1,4 @@
-"""Size of the gap before and after correction, and its possible locations."""
+"""Size of the gap before and after correction, and possible locations of the gap."""
 
 from typing import Any
 
@@ -10,56 +10,64 @@ class ClosedShare(Saved):
     """Share of the gap above the noise floor that the named effects close, on data not used for the fit."""
 
     estimate: Number
-    """Share closed on the held-out runs; without any, on each run predicted from the other runs."""
+    """Share that closes on the held-out runs or, without such runs, on each run predicted from the other runs."""
     interval90: tuple[Number, Number]
     """90 % interval of the estimate."""
     per_run: dict[str, Number]
     """Run -> share of the gap that closes on it."""
     held_out: dict[str, Number] = {}
-    """Share closed on whole recordings that were held out on request."""
+    """Run -> share of the gap that closes on whole recordings that were held out on request."""
 
 
 class Gap(Saved):
-    """Size of the gap before and after correction: rms of a reading above the noise, with exceptions."""
+    """Size of the gap before and after correction.
+
+    The size is the rms of a reading above the noise, unless a field states another quantity.
+    """
 
     floor_rad: dict[str, Number]
     """Joint -> noise floor, rad."""
     before_rad: dict[str, Number]
-    """Joint -> rms above the noise of the bare model, rad."""
+    """Joint -> rms of the residual of the bare model above the noise, rad."""
     after_rad: dict[str, Number]
-    """Joint -> rms above the noise of the corrected model, rad."""
+    """Joint -> rms of the residual of the corrected model above the noise, rad."""
     before_Nm: dict[str, Number]
-    """Joint -> rms of the torque that is missing in the bare model, N m at the assumed b."""
+    """Joint -> rms of the torque that the bare model lacks, N m at the assumed b."""
     explained_share: Number
-    """Share of the excess chi2 of the bare model that the model explains."""
+    """Share of the excess chi-square of the bare model that the corrected model explains."""
     closed_held_out: ClosedShare
-    """Share that is closed on data that were not fitted."""
+    """Share of the gap that closes on data that were not fitted."""
     by_horizon: dict[str, dict[str, Number]] = {}
-    """Segment length s -> before, after -> rms above the noise, rad."""
+    """Segment length in s -> `before`, `after` -> rms above the noise, rad."""
     free_run_rad: dict[str, dict[str, Number]] = {}
-    """Run -> before, after -> rms error of a free run from its release, rad."""
+    """Run -> `before`, `after` -> rms error of a free run from the release, rad."""
     waterfall: list[dict[str, Any]] = []
-    """Effects in the order of their contribution: `effect`, and `gap_rad`, the gap with this effect and all before
-    it in the model: rms of a reading above the noise, over all axes, rad. `rms_rad`, the root of the sum over the axes,
-    is kept for one version.
+    """Gap after each effect, with the effects in the order of their contribution.
+
+    Each entry has the name `effect` and the gap `gap_rad` with this effect and all previous ones in the model: the rms
+    of a reading above the noise, over all axes, rad. `rms_rad`, the root of the sum over the axes, is kept for one
+    version.
     """
     remainder_Nm: dict[str, Number] = {}
-    """Joint -> rms torque of a discrepancy term fitted to the residual of the model, N m; empty if that is noise."""
+    """Joint -> rms torque of a discrepancy term fitted to the residual of the model, N m.
+
+    Empty if the residual is noise.
+    """
     remainder_rad: dict[str, Number] = {}
     """Joint -> rms encoder error of the discrepancy term, rad."""
     budget: GapBudget | None = None
-    """Reproducible share of the gap, and its explained part; None in a file of an older version."""
+    """Reproducible share of the gap, and the part that effects explain; None in a file of an older version."""
 
 
 class Where(Saved):
-    """One location of the gap."""
+    """One possible location of the gap."""
 
     site: str
-    """A joint, an encoder, or the base."""
+    """Site of the location: a joint, an encoder, or the base."""
     coordinate: str
     """Coordinate of the map: `angle`, `speed`, `time` or `load`."""
     share: Number
-    """Share of the excess that a map at this location explains."""
+    """Share of the excess chi-square that a map at this location explains."""
     sentence: str
     """Description of the map."""
     knots: list[Number] = []

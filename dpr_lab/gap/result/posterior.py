@@ -15,24 +15,25 @@ class PosteriorComponent(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     probability: Annotated[float, Field(ge=0, le=1)]
-    """Probability among the fitted sets; a cause outside the library is not included."""
+    """Probability of the set among the fitted sets, without a cause outside the library."""
     ratios: dict[str, Number]
-    """a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
+    """Ratios a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
     effects: dict[str, dict[str, Number]]
-    """Effect -> parameter -> value, SI, with b of `ratios`, or with b of the diagnosis if `ratios` has none."""
+    """Effect -> parameter -> value, SI, for the b of `ratios` or, if it has none, for the b of the diagnosis."""
     free: list[str]
-    """Fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
+    """Names of the fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[Number]]
-    """(free, free) covariance, SI."""
+    """(free, free) covariance of the fitted values, SI."""
     between: list[list[Number]] = []
-    """(free, free) covariance of the differences between the values of another recording and these, SI, beyond the
-    noise of the readings. It is zero if the recordings do not differ significantly, and empty in a file of an older
-    version.
+    """(free, free) covariance between the values of another recording and these, SI, beyond the noise of the readings.
+
+    It is zero if the recordings do not differ significantly, and empty in a file of an older version.
     """
 
     left_out: list[list[Number]] = []
-    """(recordings, free) values fitted without each recording, SI; empty in a file of an older version, and for a
-    single recording.
+    """(recordings, free) values fitted without each recording, SI.
+
+    Empty in a file of an older version, and for a single recording.
     """
 
     @property

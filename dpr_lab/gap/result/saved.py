@@ -18,6 +18,6 @@ class Interval(Saved):
     """A number with its 90 % interval."""
 
     value: Number
-    """Value, SI."""
+    """Value of the number, SI."""
     interval90: tuple[Number, Number]
-    """90 % interval, SI."""
+    """Limits of the 90 % interval, SI."""

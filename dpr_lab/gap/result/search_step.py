@@ -7,16 +7,16 @@ class SearchStep(Saved):
     """One trial of the search for the set of effects."""
 
     move: str
-    """Kind of change."""
+    """Kind of change that was tried, the name of a move."""
     before: list[str]
     """Effects of the current set."""
     tried: list[str]
-    """Effects of the proposed set."""
+    """Effects of the proposed set, which was tried."""
     criterion: Number | None = None
-    """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters. None if its fit failed."""
+    """Criterion of the proposed set: held-out chi-square plus the penalty of the parameters; None if the fit failed."""
     change: Number | None
-    """Change of the criterion from the current set to the proposed one; negative is better. None if a fit failed."""
+    """Change of the criterion from the current set to the proposed one; negative is better, None if a fit failed."""
     accepted: bool
     """Whether the proposed set became the current one."""
     reason: str
-    """Reason."""
+    """Reason why the proposed set was accepted or rejected."""

@@ -1,22 +1,22 @@
-"""Trustworthiness of a diagnosis on one rig: blind trials on simulated plants similar to it."""
+"""Trustworthiness of a diagnosis of one rig: blind trials on simulated plants similar to it."""
 
 from typing import Literal
 
 from dpr_lab.gap.result.saved import Number, Saved
 
 NOTHING = "nothing"
-"""Entry of the confusion matrix if the plant has no further effect, or if the diagnosis names none."""
+"""Entry of the confusion matrix for a plant without a further effect, or a diagnosis that names none."""
 
 
 REFUSED = "refused"
-"""Verdict of a plant whose recordings could not be diagnosed."""
+"""Verdict for a plant whose recordings could not be diagnosed."""
 
 
 class TrustTrial(Saved):
-    """One simulated plant near the fitted estimate, recorded with the sensors of the rig, and its diagnosis."""
+    """One simulated plant near the fitted estimate, recorded with the sensors of the rig, with its diagnosis."""
 
     kind: Literal["as found", "another", "clean"]
-    """Effects of the plant: those that were named, one drawn from the library, or none."""
+    """Kind of effects of the plant: those that were named, one drawn from the library, or none."""
     truth: dict[str, dict[str, Number]]
     """Effects of the plant with all parameters, SI."""
     named: list[str]
@@ -30,7 +30,7 @@ class TrustTrial(Saved):
 
 
 class ConfusionCell(Saved):
-    """Frequency with which one effect is named in a plant with another effect."""
+    """Number of trials in which one effect is named for a plant with another effect."""
 
     true: str
     named: str
@@ -38,7 +38,7 @@ class ConfusionCell(Saved):
 
 
 class TrustShare(Saved):
-    """Frequency of an outcome in the blind trials."""
+    """Frequency of an outcome in the blind trials: `held` of `of` trials."""
 
     held: int
     of: int
@@ -47,16 +47,16 @@ class TrustShare(Saved):
 
 
 class Trust(Saved):
-    """Blind trials of a diagnosis and their summary."""
+    """Blind trials of a diagnosis, with their summary."""
 
     seed: int
     seconds_each: Number
-    """Median computing time of a trial."""
+    """Median computing time of a trial, s."""
     trials: list[TrustTrial]
     confusion: list[ConfusionCell]
     right: TrustShare
-    """Number of trials with effects in which all of them and nothing else were named."""
+    """Trials with effects in which all effects of the plant and nothing else were named."""
     wrong: TrustShare
-    """Number of trials with effects in which a wrong effect was named."""
+    """Trials with effects in which a wrong effect was named."""
     false_alarms: TrustShare
-    """Number of clean trials in which an effect was named."""
+    """Clean trials in which an effect was named."""

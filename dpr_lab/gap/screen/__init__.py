@@ -1,1 +1,1 @@
-"""Screened and thinned recordings, the input of the diagnosis."""
+"""Screening and thinning of the recordings, the input of the diagnosis."""

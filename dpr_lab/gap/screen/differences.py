@@ -14,47 +14,48 @@ from dpr_lab.fitting.spread import NORMAL_MAD
 
 @dataclass(frozen=True, slots=True)
 class SpeedNoiseSettings:
-    """Settings of the test for noise that increases with speed, in bins of speed."""
+    """Settings of the test for noise that increases with speed."""
 
     bins: int = 12
-    """Number of bins with equally many readings, by speed."""
+    """Number of bins by speed, with equally many readings."""
     fewest: int = 40
     """Minimum number of readings in a bin; with fewer readings, the test is omitted."""
     uneven: float = 0.9
     """Maximum deviation of the sampling interval in a neighbourhood, in sampling periods."""
     overlap: float = 4.0
-    """Number of overlapping differences per independent one."""
+    """Number of overlapping differences per independent difference."""
     relative_variance: float = 2.7
-    """Variance factor of the level of a bin: the inverse of the efficiency, 0.37, of a median deviation of normal
-    values.
+    """Factor on the variance of the level of a bin.
+
+    It is the inverse of the efficiency, 0.37, of the median deviation of normal values.
     """
     least_level: float = 0.1
-    """Minimum uncertainty of a bin, as a fraction of the square of the highest bin."""
+    """Minimum uncertainty of the squared level of a bin, relative to the largest squared level."""
 
 
 SPEED_NOISE = SpeedNoiseSettings()
 
 
 def sixth(values: Array, stride: int = 1) -> Array:
-    """Sixth differences of every `stride`-th value, at unit gain on white noise; degree 5 gives zero."""
+    """Sixth differences of every `stride`-th value, at unit gain on white noise; zero for a polynomial of degree 5."""
     return np.diff(values[::stride], ORDER, axis=0) / math.sqrt(math.comb(2 * ORDER, ORDER))
 
 
 def tamed_rms(values: Array, wildest: float = 8.0) -> float:
-    """Root mean square; isolated outliers are limited to a number of robust standard deviations."""
+    """Root mean square of values, with isolated outliers limited to `wildest` robust standard deviations."""
     most = wildest * spread(values)
     return float(np.sqrt(np.mean(np.minimum(np.abs(values), most) ** 2)))
 
 
 def spread(values: Array) -> float:
-    """Standard deviation of normal values from their median absolute value: robust against a few outliers."""
+    """Standard deviation of normal values from their median absolute value, robust against a few outliers."""
     return float(NORMAL_MAD * np.median(np.abs(values)))
 
 
 def stride_ratio(values: Array, floor: float) -> float:
-    """Ratio of the noise of every third sample to that of neighbours: 1 for white noise, larger if smoothed.
+    """Ratio of the noise of every third sample to the noise of neighbours: 1 for white noise, larger if smoothed.
 
-    `floor` is the least noise of neighbours, rad: a slow reading of a coarse encoder repeats itself between counts.
+    `floor` is the minimum noise of neighbours, rad: a slow reading of a coarse encoder repeats itself between counts.
     """
     near, far = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
     return far / max(near, floor) if near > 0 else 1.0
@@ -67,15 +68,15 @@ def noise_by_speed(
     period: float,
     keep: Flags | None = None,
 ) -> tuple[float, float]:
-    """Timing error s of sigma^2 = sigma_0^2 + (s omega)^2, and the significance of s^2 in standard errors.
+    """Timing error s of the model sigma^2 = sigma_0^2 + (s omega)^2, and the significance of s^2 in standard errors.
 
     Args:
         t: (n,) instants, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, rad: in slow segments, a coarse encoder shows less without a fault
+        floor: (2,) standard deviation at rest, rad; in slow parts, a coarse encoder shows less without a fault
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
         keep: (n, 2) readings without a fault; the level is then a root mean square, which rare large time-stamp errors
-        increase, otherwise a robust estimate
+            increase; without it, a robust estimate
 
     Returns:
         s (s), and its significance

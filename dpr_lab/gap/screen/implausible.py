@@ -12,37 +12,37 @@ class ImplausibleSettings:
     """Limits of the motion of a rod."""
 
     fastest: float = 200.0
-    """Maximum speed, rad/s: no laboratory rod rotates thirty times per second."""
+    """Maximum speed of a rod, rad/s; no laboratory rod rotates thirty times per second."""
     moved: float = 8.0
-    """Minimum motion of a rod, in standard deviations, for which an unchanged reading is a repeated one."""
+    """Minimum motion of a rod, in standard deviations, for which an unchanged reading counts as repeated."""
     goes_on: float = 0.25
-    """Fraction of the motion per sample by which the rod must move just before and after a repeated reading."""
+    """Minimum motion of the rod just before and after a repeated reading, relative to the usual motion per sample."""
     catches_up: float = 0.6
-    """Minimum change of the first new reading after repeated ones, in units of the motion since the last new one. It
-    contains the motion that the repeated readings lack; a vibrating rod that was at rest continues from its last
-    position.
+    """Minimum change of the first new reading after repeated ones, relative to the motion since the last new one.
+
+    The change contains the motion that the repeated readings lack. A vibrating rod that was at rest continues from its
+    last position instead.
     """
     reach: int = 4
-    """Number of samples on either side for the speed, so that a single wrong instant has little influence."""
+    """Number of samples on either side for the estimate of the speed; one wrong instant then has little influence."""
 
 
 IMPLAUSIBLE = ImplausibleSettings()
 
 
 def too_fast(t: Array, joints: Array) -> Flags:
-    """(n, 2) readings, single or in bursts, that are too far from both neighbours for a rod."""
+    """(n, 2) mask of readings, single or in bursts, that are too far from both neighbours for a rod."""
     jumps = np.abs(np.diff(joints, axis=0)) > IMPLAUSIBLE.fastest * np.diff(t)[:, None]
     edge = np.zeros((1, joints.shape[1]), dtype=bool)
     return np.concatenate([edge, jumps]) & np.concatenate([jumps, edge])
 
 
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
-    """Readings equal to the previous one although the rod moves by many standard deviations per sample.
+    """Mask of readings that equal the previous one although the rod moves by many standard deviations per sample.
 
-    Wrong instants may make the readings of one axis equal by chance, but rarely those of both axes; and at a turning
-    point, two samples on either side may be equal. Samples that repeat one after the other are judged together, by the
-    motion of both axes since the last new sample: a jump after them is no missed count. A single turning axis is no
-    evidence.
+    Wrong instants may make the readings of one axis equal by chance, but rarely those of both axes. At a turning point,
+    two samples on either side may be equal. Samples that repeat one after the other are judged together, by the motion
+    of both axes since the last new sample: a jump after them is no missed count. A single turning axis is no evidence.
 
     Args:
         t: (n,) instants, s
@@ -52,7 +52,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
         period: nominal sampling interval, s
 
     Returns:
-        (n, 2)
+        (n, 2) mask
     """
     reach = IMPLAUSIBLE.reach
     if len(t) <= 2 * reach:
@@ -80,7 +80,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 
 
 def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
-    """(n,) rows whose next new reading contains most of the motion since the last new one."""
+    """(n,) mask of rows whose next new reading contains most of the motion since the last new one."""
     n = np.arange(len(held))
     last_new = np.maximum.accumulate(np.where(held, 0, n))
     next_new = np.minimum.accumulate(np.where(held, len(held) - 1, n)[::-1])[::-1]
@@ -89,7 +89,7 @@ def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
 
 
 def _before(step: Array) -> Array:
-    """(n, 2) the last non-zero change before each reading; zero if there is none."""
+    """(n, 2) last non-zero change before each reading; zero if there is none."""
     moves = np.where(np.nan_to_num(step) != 0.0, np.arange(len(step))[:, None], 0)
     last = np.maximum.accumulate(np.roll(moves, 1, axis=0) * (np.arange(len(step)) > 0)[:, None], axis=0)
     return np.nan_to_num(np.take_along_axis(step, last, axis=0))

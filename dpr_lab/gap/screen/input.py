@@ -1,4 +1,4 @@
-"""Sign and unit of the input of a driven arm, sign and scale of its angle: alternatives are tested and named."""
+"""Sign and unit of the input of a driven arm, and sign and scale of its angle, by tests of alternatives."""
 
 from dataclasses import dataclass, replace
 
@@ -34,11 +34,13 @@ class InputRules:
     """Thresholds of the test for an arm that stands still, and of the fits of other interpretations."""
 
     still: float = 6.0
-    """Maximum range of the arm's angle for which the arm counts as at rest, in standard deviations of a reading."""
+    """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
-    """Effects that most arms have: without them, a strong cable hides which sign is right."""
+    """Effects that most arms have; in a model without them, a strong cable hides which sign is right."""
     alike: float = 1.1
-    """Maximum ratio of chi-square with the rods' other zero to chi-square with the given zero for an equally good fit.
+    """Maximum ratio of chi-square with the other zero of the rods to chi-square with the given zero.
+
+    Up to this ratio both fits count as equally good.
     """
 
 
@@ -50,7 +52,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 
     Args:
         recordings: the runs
-        start: (7,) ratios, b and p/b to start from
+        start: (7,) initial ratios, b and p/b
 
     Raises:
         RunError: the arm does not move, although it is described as moving.
@@ -79,7 +81,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 
 
 def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
-    """Whether gravity pulls a rod of any recording upwards, so that its angle is measured from the other zero."""
+    """Whether gravity pulls a rod of any recording upwards; its angle is then measured from the other zero."""
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(
         base_of_run(fitted.estimate.whole, recording.setup, rig.L1, rig.g)[e1] < 0.0 for recording in recordings.records
@@ -87,19 +89,19 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
 
 
 def _gain(fitted: Fit) -> float:
-    """Ratio of the fitted torque per input to the value of the rig file."""
+    """Ratio of the fitted torque per unit of the input to the value of the rig file."""
     return 1.0 + float(fitted.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)])
 
 
 def _reduced(fitted: Fit) -> float:
-    """Reduced chi-square."""
+    """Reduced chi-square of a fit."""
     return fitted.chi2 / fitted.linear.residual.size
 
 
 def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
-    """Whether another interpretation reduces chi-square by a factor, in total and in most of the segments that misfit.
+    """Whether another interpretation reduces chi-square by a factor, in total and in most segments that misfit.
 
-    A fit that has failed leaves large residuals in a few segments, whichever interpretation is right.
+    A failed fit leaves large residuals in a few segments, irrespective of the right interpretation.
     """
     if not factor * other.chi2 < as_read.chi2:
         return False
@@ -109,7 +111,9 @@ def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
 
 
 def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> None:
-    """Refuse the opposite sign of theta0, another zero of the rods, and half or twice the angles.
+    """Refuse recordings that other angles explain: the opposite sign of theta0, another zero, or another scale.
+
+    The zero is that of the rods; the tested scales are half and twice the angles.
 
     Raises:
         IdentificationError: one of these interpretations explains the recordings; the message names it.
@@ -125,7 +129,7 @@ def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> 
 
 
 def _moving(recordings: Recordings) -> list[Run]:
-    """The swings whose arm moved."""
+    """Swings of the recordings whose arm moved."""
     return [record.run.swing for record in recordings.records if record.setup.arm_moves]
 
 
@@ -140,7 +144,7 @@ def _refuse_still(recordings: Recordings) -> None:
 
 
 def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ()) -> Fit:
-    """Fit a model with a free gain and some effects to short segments, from the gain of the best-fitting unit."""
+    """Fit of a model with a free gain and some effects to short segments, starting from the gain of the best unit."""
     problem, initial = recordings.cut(LENGTHS.first)
     estimate = Estimate.of(start, recordings.start_params, initial)
     if recordings.driven_arm and recordings.rig.motor:

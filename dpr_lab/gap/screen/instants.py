@@ -22,10 +22,10 @@ from dpr_lab.fitting.spread import NORMAL_MAD
 
 @dataclass(frozen=True, slots=True)
 class InstantSettings:
-    """Limits of the test of time stamps."""
+    """Limits of the tests of time stamps."""
 
     uneven: float = 1e-3
-    """Maximum standard deviation of even stamps about an even clock, in periods."""
+    """Maximum standard deviation of the stamps about an even clock for stamps that count as even, in periods."""
     widest: float = 0.5
     """Maximum distance of a stamp from the even clock for which no sample is missing, in periods."""
     drift: int = 50
@@ -37,35 +37,36 @@ class InstantSettings:
     block: int = 32
     """Number of consecutive samples that are judged together."""
     contrary: float = 1.5
-    """Minimum evidence of a block for its time stamps, in standard errors, if the whole recording fits even instants
-    better. Blocks with less evidence use even instants.
+    """Minimum evidence of a block for its own time stamps, in standard errors, if even instants fit better overall.
+
+    Blocks with less evidence use even instants.
     """
     preferred: float = 4.0
-    """Standard errors by which the windows that are smoother on even instants must outnumber the others."""
+    """Minimum excess of windows that are smoother on even instants over all others, in standard errors."""
     likelihood: float = 6.0
-    """Log-likelihood ratio, nats, that is sufficient by itself, for few stamps that are very late."""
+    """Minimum log-likelihood ratio, nats, that is sufficient by itself, for few stamps that are very late."""
     fewest: int = 48
     """Minimum number of readings."""
     fast: float = 0.4
-    """Fraction of the windows that are compared, the fastest ones: at rest, all instants are equivalent."""
+    """Fraction of the windows that are compared, those of highest speed; at rest, all instants are equivalent."""
     cycle: int = 64
     """Maximum distance between two late readings, in samples."""
     significance: float = 8.0
-    """Standard errors by which a periodic delay must differ from zero."""
+    """Minimum periodic delay, in standard errors."""
     contrast: float = 2.0
     """Minimum ratio of the delay of the late reading to the largest other delay in the cycle."""
     likely: float = 0.3
-    """Minimum significance of another cycle to be fitted as well, relative to the largest one."""
+    """Minimum significance of another cycle that is fitted as well, relative to the largest significance."""
     unshared: float = 0.15
-    """Quantile of the scatter over the positions of a cycle: late readings do not affect it."""
+    """Quantile that measures the scatter over the positions of a cycle; late readings do not affect it."""
     least: float = 0.1
     """Minimum delay, in periods; a smaller one counts as noise."""
     wild: float = 8.0
-    """Standard deviations to which a single reading is limited in the search for a cycle."""
+    """Limit of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
-    """Quantile of the readings to which a reading is limited if it exceeds `wild`: a cycle has many late readings."""
+    """Quantile of the readings that replaces the limit `wild` if it is larger; a cycle has many late readings."""
     reach: int = 4
-    """Number of samples on either side for the speed."""
+    """Number of samples on either side for the estimate of the speed."""
 
 
 INSTANTS = InstantSettings()
@@ -73,35 +74,34 @@ INSTANTS = InstantSettings()
 
 @dataclass(frozen=True, slots=True)
 class PeriodicDelay:
-    """Every `cycle`-th reading is taken `delay_s` after its stamp."""
+    """Periodic delay: every `cycle`-th reading is taken `delay_s` after its stamp."""
 
     cycle: int
-    """Samples from one late reading to the next, including lost ones."""
+    """Number of samples from one late reading to the next, including lost samples."""
     delay_s: float
     std_s: float
     """Standard error of the delay, s."""
     late: Flags
-    """(n,) whether a reading is late."""
+    """(n,) mask of the late readings."""
 
 
 def even_instants(t: Array, joints: Array) -> Array | None:
-    """Evenly spaced instants instead of stamps with jitter, if the angles are smoother at them.
+    """Evenly spaced instants in place of stamps with jitter, if the angles are smoother at even instants.
 
     For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
     Even instants are chosen if they are better in significantly more windows, or by the likelihood ratio
 
-        sum over joints of  k / 7 ln(rms on stamps / rms on even instants),    k windows, of which one in seven is
-        independent.
+        sum over joints of  k / 7 ln(rms on stamps / rms on even instants)
 
-    The likelihood ratio takes the size of each difference into account. Large differences are limited in the same way
-    on both sides, because a wrong reading affects both.
+    for k windows, of which one in seven is independent. The likelihood ratio takes the size of each difference into
+    account. Large differences are limited in the same way on both sides, because a wrong reading affects both.
 
     Args:
         t: (n,) stamps, s
         joints: (n, m) angles, rad
 
     Returns:
-        (n,) s; None if the stamps are even, or correct
+        (n,) instants, s; None if the stamps are even, or correct
     """
     if len(t) < INSTANTS.fewest:
         return None
@@ -131,7 +131,7 @@ def even_instants(t: Array, joints: Array) -> Array | None:
 
 
 def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
-    """Log-likelihood ratio, nats, of even instants to stamps: of the differences (w, m) of the windows that count."""
+    """Log-likelihood ratio of even instants to stamps, nats, from the differences (w, m) of the windows that count."""
     ratio = 0.0
     for stamped, even in ((on_stamps[k, m], on_even[k, m]) for m, k in enumerate(counts.T) if k.any()):
         most = INSTANTS.wild * NORMAL_MAD * max(float(np.median(stamped)), float(np.median(even)))
@@ -142,9 +142,9 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 
 
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
-    """An even clock near stamps (n,): its period, s, its instants (n,), s, and (n,) where no sample is lost nearby.
+    """Even clock near stamps (n,): its period, s, its instants (n,), s, and (n,) where no sample is lost nearby.
 
-    Stamps may come in bursts, so the period is that over many samples. A lost sample moves the clock by a period.
+    Stamps may come in bursts, so the period is a mean over many samples. A lost sample moves the clock by a period.
     Without lost samples and with a steady clock, a straight line through all stamps has the least noise.
     """
     index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
@@ -161,7 +161,7 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
 
 
 def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
-    """The cycle with the most significant late readings; None without any.
+    """Cycle with the most significant late readings; None if no cycle is significant.
 
     With the divided differences r = W theta of windows of seven and a reading i late by d, r = W_i d omega_i. Therefore
 
@@ -210,7 +210,10 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
 
 
 def _ticks(t: Array, period: float) -> Integers:
-    """(n,) number of each sample, lost ones included: a short interval follows a late stamp, but not a loss."""
+    """(n,) number of each sample, counting lost samples.
+
+    After a late stamp, in contrast to a lost sample, the next interval is short.
+    """
     spacing = np.diff(t)
     around = np.convolve(np.pad(spacing, 1, mode="edge"), np.ones(3), mode="valid")
     lost = (spacing > 1.5 * period) & (around > 3.5 * period)
@@ -218,13 +221,13 @@ def _ticks(t: Array, period: float) -> Integers:
 
 
 def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights: Array) -> PeriodicDelay:
-    """The delay of every `cycle`-th reading by least squares over the divided differences.
+    """Delay of every `cycle`-th reading, by least squares over the divided differences.
 
     Args:
-        cycle: samples from one late reading to the next
-        late: (n,) these readings
-        usable: for each joint its divided differences (windows,) and speed (n,), in standard deviations
-        weights: (windows, 7) of the divided differences
+        cycle: number of samples from one late reading to the next
+        late: (n,) mask of these readings
+        usable: divided differences (windows,) and speed (n,) of each joint, in standard deviations
+        weights: (windows, 7) weights of the divided differences
     """
     shapes = [(differences, _differences(speed * late, weights)) for differences, speed in usable]
     known = sum(float(shape @ shape) for _, shape in shapes)
@@ -239,7 +242,7 @@ def _by_place(position: Integers, cycle: int, score: Array, information: Array) 
 
 
 def _largest(z: Array, contrast: float) -> tuple[float, int]:
-    """Size and position of the largest delay (cycle,); 0 if others in the cycle are nearly as large."""
+    """Size and position of the largest delay (cycle,); size 0 if other delays in the cycle are nearly as large."""
     size = np.abs(z)
     first = int(np.argmax(size))
     separation = np.abs((np.arange(len(z)) - first + len(z) // 2) % len(z) - len(z) // 2)
@@ -262,13 +265,13 @@ def _to_samples(values: Array, samples: int) -> Array:
 
 
 def _speed(t: Array, angle: Array, reach: int) -> Array:
-    """(n,) speed from neighbours on either side, so that a single wrong instant has little influence."""
+    """(n,) speed from neighbours on either side, so that one wrong instant has little influence."""
     speed = np.gradient(angle, t)
     speed[reach:-reach] = (angle[2 * reach :] - angle[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])
     return speed
 
 
 def _median_of_neighbours(values: Array, half: int) -> Array:
-    """(n,) median of each value (n,) and `half` neighbours on either side."""
+    """(n,) median over each value (n,) and `half` neighbours on either side."""
     padded = np.pad(values, half, mode="reflect", reflect_type="odd")
     return np.median(sliding_window_view(padded, 2 * half + 1), axis=1)

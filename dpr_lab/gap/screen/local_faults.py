@@ -13,33 +13,44 @@ from dpr_lab.arrays import Array, Flags, Integers
 
 @dataclass(frozen=True, slots=True)
 class LocalFaultSettings:
-    """Detection limits."""
+    """Limits of the detection of local faults."""
 
     half_window_s: float = 0.014
-    """Half the length of the local polynomial."""
+    """Half the length of the local polynomial, s."""
     fewest_half: int = 5
-    """Minimum number of samples in half a window, used below 360 Hz: the polynomial has six coefficients."""
+    """Minimum number of samples in half a window; the polynomial has six coefficients.
+
+    The limit applies below 360 Hz.
+    """
     most_half: int = 16
-    """Maximum number of samples in half a window, used above 1.1 kHz."""
+    """Maximum number of samples in half a window; the limit applies above 1.1 kHz."""
     degree: int = 5
-    """Degree of the polynomial: over 28 ms it fits a rotation at 5 Hz to 1e-5 rad."""
+    """Degree of the polynomial; over 28 ms it fits a rotation at 5 Hz to 1e-5 rad."""
     stands_out: float = 6.0
-    """Threshold in standard deviations. Three runs contain 6e4 readings; noise alone exceeds the threshold in about one
-    of 1e4 such sets.
+    """Minimum significance of a fault, in standard deviations.
+
+    Three runs contain 6e4 readings. Noise alone exceeds the threshold in about one of 1e4 such sets.
     """
     above_surroundings: float = 4.0
-    """Ratio to the usual level of the surroundings: violent motion increases all residuals, a fault only its own."""
+    """Minimum ratio of a fault to the usual level of its surroundings.
+
+    Violent motion increases all residuals, but a fault only its own.
+    """
     usual: float = 0.9
-    """Quantile of the surroundings, at a distance of 2 to 10 half windows, that defines the usual level."""
+    """Quantile of the surroundings that defines the usual level.
+
+    The surroundings are the readings at a distance of 2 to 10 half windows.
+    """
     reach: int = 3
-    """Number of samples around a peak in which the fault is located."""
+    """Number of samples on either side of a peak among which the fault is located."""
     least_seen: float = 1e-3
-    """Minimum fraction of a step or outlier that remains after the polynomial is fitted."""
+    """Minimum fraction of a step or outlier that remains after the fit of the polynomial."""
     smooth: int = 4
-    """Number of samples on either side for the speed, so that a single wrong instant has little influence."""
+    """Number of samples on either side for the estimate of the speed; one wrong instant then has little influence."""
     bends: float = 1 / 23040
-    """Coefficient of (speed times half a window)^6 rad: residual of cos(w t) after the best polynomial of degree 5
-    (Chebyshev).
+    """Coefficient of (speed times half a window)^6 in the residual of the best polynomial of degree 5, rad.
+
+    The residual is that of cos(w t) (Chebyshev).
     """
 
 
@@ -53,7 +64,7 @@ class LocalFaults:
     outliers: Integers
     """Isolated outliers."""
     steps: tuple[tuple[int, float], ...]
-    """First reading after each step, and the size of the step, rad."""
+    """First reading after each step, by its index, and size of the step, rad."""
 
 
 def local_faults(
@@ -63,12 +74,12 @@ def local_faults(
     noise: tuple[float, float],
     period: float,
 ) -> LocalFaults:
-    """Outliers and steps of one encoder.
+    """Detect the outliers and steps of one encoder.
 
     Args:
         t: (n,) instants, s
         angle: (n,) readings, rad
-        keep: (n,) whether a reading is plausible at all
+        keep: (n,) mask of the readings that are plausible at all
         noise: standard deviation of a reading at rest (rad) and of an instant (s)
         period: nominal sampling interval, s
     """
@@ -98,7 +109,7 @@ def local_faults(
 def _significance(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
     """(n,) significance of a step or an outlier at each sample, in standard deviations; 0 at the ends.
 
-    A swing that is too fast for the polynomial leaves residuals of its own; only larger deviations are accepted.
+    A swing that is too fast for the polynomial leaves a residual. Only larger deviations are significant.
     """
     reach = LOCAL_FAULTS.smooth
     level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
@@ -112,7 +123,7 @@ def _significance(even: Array, half: int, noise: tuple[float, float], period: fl
 
 @cache
 def _filters(half: int, degree: int) -> tuple[Array, Array]:
-    """Weights that estimate a step before the middle sample, and an outlier at the middle sample.
+    """Weights of two estimates: a step before the middle sample, and an outlier at the middle sample.
 
     Both are scaled to unit variance for unit white noise.
     """
@@ -126,7 +137,7 @@ def _filters(half: int, degree: int) -> tuple[Array, Array]:
 
 
 def _highest(values: Array, half: int) -> Array:
-    """(n,) maximum of (n,) positive values over `half` neighbours on either side."""
+    """(n,) maximum of positive values (n,) over each value and `half` neighbours on either side."""
     highest, width = np.pad(values, half), 1
     while width <= 2 * half:
         shift = min(width, 2 * half + 1 - width)
@@ -135,13 +146,13 @@ def _highest(values: Array, half: int) -> Array:
 
 
 def _peaks(z: Array, half: int) -> Integers:
-    """Local maxima that exceed zero and their surroundings significantly."""
+    """Indices of local maxima that significantly exceed zero and their surroundings."""
     highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= _highest(z, half)))
     return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half, LOCAL_FAULTS.usual)]
 
 
 def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
-    """(places,) quantile of the values 2 to 10 half windows from each place; zero if there are none."""
+    """(places,) quantile of the values 2 to 10 half windows away from each place; zero if there are none."""
     reach = 10 * half
     away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])
     around = np.sort(np.pad(z, reach, constant_values=np.inf)[reach + centres[:, None] + away], axis=1)
@@ -152,7 +163,7 @@ def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
 
 
 def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tuple[int, float | None]:
-    """The most likely fault in a few samples: an outlier (its index), or a step at a sample.
+    """Most likely fault among a few samples: an outlier at one of them, or a step.
 
     Args:
         t: (n,) instants, s
@@ -161,7 +172,7 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
         period: sampling interval, s
 
     Returns:
-        index of the sample, and the size of the step, rad; no size for an outlier
+        index of the sample, and size of the step, rad; None as size for an outlier
     """
     away, candidates = np.abs(t - centre), np.arange(len(t))[:, None]
     near = int((away < (LOCAL_FAULTS.reach + 0.5) * period).sum())
@@ -182,7 +193,8 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
 def _spline(t: Array, y: Array, instants: Array, sweeps: int = 40) -> Array:
     """Values at some instants of the cubic spline through readings, with not-a-knot conditions at the ends.
 
-    Its slopes s at the readings make the curvature continuous. With spacings h and difference quotients d,
+    The slopes s of the spline at the readings make the curvature continuous. With spacings h and difference quotients
+    d,
 
         s_i = 1.5 (w d_i-1 + (1 - w) d_i) - 0.5 (w s_i-1 + (1 - w) s_i+1),    w = h_i / (h_i-1 + h_i)
 

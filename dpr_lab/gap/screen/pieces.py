@@ -14,9 +14,9 @@ class PieceSettings:
     """Settings of the division."""
 
     length_s: float = 10.0
-    """Length of a piece: as long as the releases for which thresholds and probabilities were calibrated."""
+    """Length of a piece, s: as long as the releases for which thresholds and probabilities were calibrated."""
     from_s: float = 20.0
-    """Minimum length of a record that is divided into two or more pieces, s."""
+    """Minimum length of a record that is divided into pieces, s."""
 
 
 PIECES = PieceSettings()
@@ -28,15 +28,16 @@ def whole(name: str) -> str:
 
 
 def are_pieces(names: Iterable[str]) -> bool:
-    """Whether the list of names is not empty and contains only names of pieces."""
+    """Whether a list of names is not empty and contains only names of pieces."""
     names = list(names)
     return bool(names) and all(whole(name) != name for name in names)
 
 
 def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run], str]:
-    """The runs to fit, the runs to hold out, and a sentence if a long record was divided.
+    """Runs to fit, runs to hold out, and a sentence if a long record was divided.
 
-    Only a single record is divided: several records validate each other. The time continues from piece to piece.
+    Only a single record is divided, because several records validate each other. The time continues from piece to
+    piece.
     """
     if len(runs) != 1 or held_out or runs[0].duration < PIECES.from_s:
         return runs, held_out, ""

@@ -1,16 +1,16 @@
 """Rows that wait in the queue of a saturated link: their delay varies within a recording.
 
 A logger sends a row whenever an encoder counts, and the row is stamped when it arrives. While the rods move fast, there
-are more changes than the link can transmit: the queue is full, the logger waits for room before it reads the next
+are more changes than the link can transmit. The queue is then full, the logger waits for room before it reads the next
 count, and successive rows differ by several counts. All these rows have the same delay, that of the full queue,
 
     D = (B + b) / r,    B bytes in the queue, b bytes per row, r bytes per second.
 
-Near a turning point the rods count slowly and the queue drains while no row is written. After it, each single count is
-a row until the queue is full again. These rows arrive at the even intervals of the link, as if the speed were constant,
-with a delay between that of an empty and that of a full queue. Therefore
+Near a turning point the rods count slowly, and the queue drains while no row is written. After it, each single count is
+a row until the queue is full again. These rows arrive at the even intervals of the link, as if the speed were constant.
+Their delay lies between that of an empty and that of a full queue. Therefore
 
-    a row that differs from the one before by several counts     has the delay D,
+    a row that differs from the previous one by several counts   has the delay D,
     a row in a series of single counts                           has an unknown delay up to D.
 
 Rows sampled at an even rate do not show this pattern: if the reading changes by one count per row before and after a
@@ -30,28 +30,32 @@ class QueueSettings:
     """Limits of the test for rows that wait in a queue."""
 
     series: int = 4
-    """Minimum number of successive single counts after a turning point that shows a queue. With an even sampling rate
-    there are at most three, because the acceleration is nearly constant there.
+    """Minimum number of successive single counts after a turning point that indicates a queue.
+
+    With an even sampling rate there are at most three, because the acceleration is nearly constant there.
     """
     turns: int = 2
-    """Minimum number of turning points that are followed by such a series."""
+    """Minimum number of turning points that are followed by a series of single counts."""
     most_turns: float = 0.5
-    """Minimum fraction of turning points that are followed by it: noise of the readings causes turning points too."""
+    """Minimum fraction of turning points that are followed by a series.
+
+    Noise of the readings causes turning points, too.
+    """
     excluded: int = 2
-    """Minimum number of successive single counts after which the queue may not be full, so that the row is excluded."""
+    """Minimum number of successive single counts for which a row is excluded, because the queue may not be full."""
     repeats: float = 0.01
-    """Maximum fraction of rows that repeat the one before, outside of pauses."""
+    """Maximum fraction of rows that repeat the previous one, outside of pauses."""
     full: float = 0.5
     """Minimum fraction of the rows with a full queue; the other rows are excluded."""
     least: float = 1.0
-    """Minimum time by which a series deviates from the motion around it, in median intervals of the rows. It is zero if
-    each row is stamped when it is read.
+    """Minimum time by which a series deviates from the motion around it, in median intervals of the rows.
+
+    The time is zero if each row is stamped when it is read.
     """
     span: float = 1.5
-    """Number of rows on either side of a series to which a polynomial is fitted, relative to the number in the series.
-    """
+    """Number of rows on either side of a series to which a polynomial is fitted, relative to the rows in the series."""
     degree: int = 4
-    """Degree of the polynomial, from which the delay of the series is measured."""
+    """Degree of the polynomial from which the delay of a series is measured."""
     grid: int = 1000
     """Number of instants at which the polynomial is compared with the readings."""
 
@@ -61,18 +65,18 @@ QUEUE = QueueSettings()
 
 @dataclass(frozen=True, slots=True)
 class QueuedRows:
-    """Rows that were sent while the queue was not full."""
+    """Rows that were sent while the queue was not full, with the evidence for them."""
 
     rows: Flags
-    """(n,) whether a row was sent while the queue was not full."""
+    """(n,) mask of rows that were sent while the queue was not full."""
     series: int
-    """Number of series of such rows that follow a turning point."""
+    """Number of series of such rows after turning points."""
     differ_s: float
-    """Median difference between the delay of these rows after a turning point and the delay of a full queue, s."""
+    """Median difference between the delay of these rows and the delay of a full queue, s."""
 
     @property
     def evidence(self) -> str:
-        """Evidence of the finding, and what to do."""
+        """Evidence of the finding, with the remedy, in words."""
         return (
             f"a row is sent for each count, over a saturated link: after {self.series} turning points the rows arrive"
             " at even intervals, one count each, with a delay that differs from that of the other rows by"
@@ -82,7 +86,7 @@ class QueuedRows:
 
 
 def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
-    """Rows with an unknown delay after turning points; None if the rows are not sent at each change over a full link.
+    """Rows with an unknown delay after turning points; None if rows are not sent at each change over a full link.
 
     Args:
         t: (n,) stamps, s
@@ -115,7 +119,7 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
 
 
 def _difference(t: Array, joints: Array, rows: Flags, series: slice) -> float:
-    """Median time by which a series of rows deviates from the polynomial through the rows around it, s."""
+    """Median time by which a series of rows deviates from the polynomial through the surrounding rows, s."""
     length = series.stop - series.start
     around = np.arange(
         max(0, series.start - int(QUEUE.span * length)), min(len(t), series.stop + int(QUEUE.span * length))

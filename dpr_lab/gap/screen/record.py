@@ -1,7 +1,7 @@
 """A run thinned for the diagnosis: block averages of the encoder readings, each with its own noise.
 
-The average over a block of 5 ms keeps all information in the presence of white encoder noise. It shifts a curved swing
-by half its acceleration times the variance of the block's instants, which is subtracted:
+The average over a block of 5 ms keeps all information in the presence of white encoder noise. In a curved swing it is
+shifted by half the acceleration times the variance of the block's instants. This shift is subtracted:
 
     y = mean(theta) - alpha var(t) / 2
 
@@ -28,38 +28,41 @@ from dpr_lab.run import Run
 from dpr_lab.setup import Setup
 
 RATE_HZ = 200.0
-"""Rate of a thinned record: blocks of 5 ms, over which most swings are a parabola."""
+"""Rate of a thinned record, Hz: blocks of 5 ms, over which most swings are a parabola."""
 
 
 @dataclass(frozen=True, slots=True)
 class ThinningSettings:
-    """Settings for the readings that are kept and averaged."""
+    """Settings of the selection and the averaging of readings."""
 
     after_release_s: float = 0.03
-    """Time of the first reading used: the latch may touch the rod before it, and an initial state lies 20 ms before its
-    segment."""
+    """Time of the first reading that is used, s after the release.
+
+    Before it the latch may touch the rod, and an initial state lies 20 ms before its segment.
+    """
     gap_s: float = 0.03
     """Maximum duration of a gap within a segment, s."""
     gap_spacings: float = 4.5
-    """Duration of a gap in median sampling intervals, for slow recordings; the larger of the two limits applies. A
-    camera's frames are 33 ms apart, and a few of them may be lost.
+    """Maximum duration of a gap within a segment, in median sampling intervals, for slow recordings.
+
+    The larger of the two limits applies. The frames of a camera are 33 ms apart, and a few of them may be lost.
     """
     averaged_from: float = 1.5
     """Minimum ratio of the sampling rate to the rate of the blocks for which a recording is averaged."""
     bent: float = 0.092
-    """Coefficient of (speed times a block)^4 rad: remaining curvature bias of a block mean."""
+    """Coefficient of (speed times a block)^4 in the remaining curvature bias of a block mean, rad."""
     most_bias: float = 6.0
-    """Maximum bias, in standard deviations of a block, at the highest speeds: 27 was significant, 7 was not."""
+    """Maximum bias at the highest speeds, in standard deviations of a block: 27 was significant, 7 was not."""
     fastest: float = 0.995
-    """Quantile of the speed that is used as the highest speed."""
+    """Quantile of the speed that counts as the highest speed."""
     turn: float = 0.1
     """Maximum rotation of a rod in one step of the integrator, rad."""
     least_kept: float = 0.5
-    """Minimum fraction of the usual number of trusted readings in a block."""
+    """Minimum number of trusted readings in a block, relative to the usual number."""
     distinct: float = 0.6
-    """Minimum fraction of different changes of neighbouring readings, if the readings have no fixed step."""
+    """Minimum fraction of distinct changes of neighbouring readings for readings without a fixed step."""
     arm_moves: float = 5.0
-    """Maximum lag-1 autocorrelation of encoder 0, in standard errors, for which the arm counts as at rest."""
+    """Maximum lag-1 autocorrelation of encoder 0 for an arm that counts as at rest, in standard errors."""
 
 
 THINNING = ThinningSettings()
@@ -78,19 +81,19 @@ class Record:
     sigma: Array
     """(n, 2) standard deviation of each reading, rad."""
     breaks: Array
-    """Instants that no segment may contain, s."""
+    """Instants that no segment may span, s."""
     encoder0_moves: bool | None
     """Whether the arm moved according to encoder 0; None if it was not recorded."""
     noise_correlation: float
     """Autocorrelation of the errors of neighbouring readings at rest, caused by a filter or a tracker."""
     step: float
-    """Maximum step of an integrator for these rods, s."""
+    """Maximum step of the integrator for these rods, s."""
     setup: Setup
     """Mounted rods, known torques, and motion of the arm."""
     kicks: Array = field(default_factory=lambda: np.zeros(0))
-    """Breaks at which the rods were kicked, so that no free run continues across them, s."""
+    """Breaks at which the rods were kicked, s; no free run continues across them."""
     shown: Array | None = None
-    """(n, 2) readings before the correction of a rolling shutter, rad; None without one."""
+    """(n, 2) readings before the correction of a rolling shutter, rad; None without a correction."""
 
     @property
     def may_be_film(self) -> bool:
@@ -111,27 +114,27 @@ class Record:
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
 
     def with_noise(self, factor: Array, correlation: float) -> "Record":
-        """The record with the noise of joints 1 and 2 multiplied by a factor (2,), and its autocorrelation."""
+        """Record with the noise of joints 1 and 2 multiplied by a factor (2,), and with another autocorrelation."""
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
-        """The record with its readings corrected for a rolling shutter; an earlier correction is replaced."""
+        """Record with its readings corrected for a rolling shutter; a previous correction is replaced."""
         shown = self.joints if self.shown is None else self.shown
         joints = shutter.corrected(self.t, shown, constants, alone=self.setup.alone)
         return replace(self, joints=joints, shown=shown)
 
     def with_finding(self, name: str, evidence: str) -> "Record":
-        """The record with a fault of the whole run; an earlier fault of this name is replaced."""
+        """Record with a fault of the whole run; a previous fault of this name is replaced."""
         others = [finding for finding in self.screened.findings if finding.name != name]
         finding = Finding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
     def without(self, t: Array, off: Flags) -> "Record":
-        """Copy without the instants at which a reading is an outlier, with a finding for each of these readings.
+        """Record without the instants at which a reading is an outlier, with a finding for each of these readings.
 
         Args:
             t: (n,) instants, s
-            off: (n, axes) whether the reading is an outlier
+            off: (n, axes) mask of the outliers
         """
         evidence = "an outlier: the model fits all other readings"
         findings = [
@@ -141,7 +144,7 @@ class Record:
         return self.only(~np.isin(self.t, t[off.any(axis=1)])).with_findings(findings)
 
     def left_out(self, since: float, until: float) -> "Record":
-        """The record without the readings of an interval, s, in which the rods did not swing freely."""
+        """Record without the readings of an interval, s, in which the rods did not swing freely."""
         inside = (self.t >= since) & (self.t < until)
         edges = [edge for edge in (since, until) if np.isfinite(edge)]
         return replace(
@@ -149,11 +152,11 @@ class Record:
         )
 
     def with_findings(self, findings: Iterable[Finding]) -> "Record":
-        """The record with further findings."""
+        """Record with additional findings."""
         return replace(self, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
     def only(self, samples: slice | Flags) -> "Record":
-        """The record with selected samples only."""
+        """Record with selected samples only."""
         shown = None if self.shown is None else self.shown[samples]
         return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples], shown=shown)
 
@@ -191,10 +194,11 @@ def record(run: Run, rig: Rig) -> Record:
 
 
 def _screen_edges(run: Run, rig: Rig) -> Screened:
-    """A run with a row for each count (`dpr_lab.estimation.counted_rows`), and the errors of its instants.
+    """Screen a run with one row for each count (`dpr_lab.estimation.counted_rows`).
 
     The rows follow the motion: there are few at turning points, and neighbours differ by one count. Tests for missing
-    rows, steps, outliers, late or repeated readings compare rows with an even clock, and do not apply.
+    rows, steps, outliers, late or repeated readings compare rows with an even clock and do not apply. Only the errors
+    of the instants are estimated.
     """
     t, noise = run.swing.t, noise_floor(run, rig).std_joint
     joints = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
@@ -216,7 +220,7 @@ def _screen_edges(run: Run, rig: Rig) -> Screened:
 
 
 def _fastest(screened: Screened, quantile: float) -> float:
-    """Highest speed of a joint, rad/s, over spacings of a block, which noise and single faults hardly affect."""
+    """Highest speed of a joint, rad/s, over intervals of a block, which noise and single faults hardly affect."""
     t, trusted = screened.t, screened.keep.all(axis=1)
     stride = max(1, round(1 / RATE_HZ / float(np.median(np.diff(t)))))
     joints, instants = screened.joints[trusted][::stride], t[trusted][::stride]
@@ -226,7 +230,10 @@ def _fastest(screened: Screened, quantile: float) -> float:
 
 
 def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | None:
-    """The lowest rate at which the bias of a block mean is below its noise, in factors of two; None: as read."""
+    """Lowest rate of blocks, Hz, at which the bias of a block mean is below its noise; None: no averaging.
+
+    The rate is `RATE_HZ` times a power of two.
+    """
     blocks = RATE_HZ
     while rate_hz >= THINNING.averaged_from * blocks:
         noise = np.sqrt(screened.noise**2 * blocks / rate_hz + (screened.jitter_s * fastest) ** 2).min()
@@ -237,14 +244,17 @@ def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | N
 
 
 def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
-    """Instants, readings (nan where a reading is not trusted) and their standard deviations."""
+    """Instants, readings and their standard deviations, without averaging; nan for a reading that is not trusted."""
     speed = np.gradient(screened.joints, screened.t, axis=0)
     sigma = np.sqrt(screened.noise**2 * screened.shared + (screened.jitter_s * speed) ** 2)
     return screened.t, np.where(screened.keep, screened.joints, np.nan), sigma
 
 
 def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
-    """Means over blocks of 1 / `rate_hz`; without dither, fewer readings are independent."""
+    """Instants, readings and standard deviations as means over blocks of 1 / `rate_hz`.
+
+    Without dither, fewer readings are independent.
+    """
     number = np.floor(screened.t * rate_hz + 1e-6).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
     keep = screened.keep.all(axis=1).astype(float)
@@ -268,9 +278,9 @@ def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Arra
 
 
 def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
-    """(n, m) second derivative at a rate, from the parabola through seven neighbours.
+    """(n, m) second derivative at a given rate, from the parabola through seven neighbours.
 
-    Values at the ends of a uniform segment are repeated; segments that are too short have none.
+    At the ends of a uniform segment the nearest value is repeated. Segments that are too short have the value zero.
 
     Three neighbours would suffice for the swing, but would correlate the noise of neighbouring averages.
 
@@ -287,7 +297,7 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
 
 
 def _arm_moves(run: Run, standard_errors: float) -> bool | None:
-    """Whether neighbouring readings of encoder 0 are correlated, in contrast to noise."""
+    """Whether neighbouring readings of encoder 0 are correlated, in contrast to noise; None if it was not recorded."""
     swing = run.swing.theta[:, 0]
     if run.arm_read is False or (run.counts is None and np.ptp(swing) == 0.0):
         return None

@@ -1,4 +1,4 @@
-"""Screened recordings of one rig, and the fitting problem of their segments."""
+"""Screened recordings of one rig, and the fit problem of their segments."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,17 +30,20 @@ class SegmentLengths:
     """Segment lengths of the fits, s."""
 
     first: float = 0.25
-    """Length at which the fit converges from any rig file within 20 % of the truth."""
+    """Length of the first fit, which converges from any rig file within 20 % of the truth."""
     working: float = 0.5
-    """Length at which effects are distinguished: it is four to seven times as sensitive as the first length, and
-    Gauss-Newton still converges."""
+    """Length at which effects are distinguished.
+
+    It is four to seven times as sensitive as the first length, and Gauss-Newton still converges.
+    """
     steady: float = 2.0
-    """Length for a single rod, which is not chaotic: the influence of friction accumulates over several swings."""
+    """Maximum length for a single rod, which is not chaotic; the influence of friction accumulates over swings."""
     steady_parts: int = 5
-    """Minimum number of segments in each recording of a single rod, to estimate their scatter."""
+    """Minimum number of segments in each recording of a single rod, from which their scatter is estimated."""
     growths: float = 7.0
-    """Maximum length of the segments of a single driven rod, in units of sqrt(L1 / (1.5 g)). A torque may keep the rod
-    upright, where a deviation grows by a factor e within this time.
+    """Maximum length of the segments of a single driven rod, in units of sqrt(L1 / (1.5 g)).
+
+    A torque may keep the rod upright, where a deviation grows by a factor e within this time.
     """
 
 
@@ -49,14 +52,14 @@ LENGTHS = SegmentLengths()
 
 @dataclass(frozen=True, slots=True)
 class InitialGuess:
-    """Settings of the initial state estimate from neighbouring readings."""
+    """Settings of the estimate of initial states from neighbouring readings."""
 
     near_s: float = 0.03
-    """Time over which readings are used: a cubic fits any swing in this time."""
+    """Time before and after the start from which readings are used, s; a cubic fits any swing in this time."""
     fewest: int = 6
-    """Number of readings for a cubic; if they are not within this time, the next ones are used."""
+    """Minimum number of readings for a cubic; if fewer are within this time, the nearest ones are used."""
     before: int = 4
-    """Number of readings before the first one of a segment that are used in that case."""
+    """Number of readings before the first one of a segment that are used in this case."""
 
 
 GUESS = InitialGuess()
@@ -69,30 +72,29 @@ class TrackingNoise:
     correlation: float
     """Autocorrelation of the errors of neighbouring readings."""
     factor: Array
-    """(2,) ratio of the standard deviation of the errors of joints 1 and 2 to the standard deviation of their rough
-    part.
-    """
+    """(2,) standard deviation of the errors of joints 1 and 2, relative to that of their rough part."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recordings:
-    """Preprocessed runs of a diagnosis, and their rig."""
+    """Preprocessed runs of a diagnosis, with their rig."""
 
     records: tuple[Record, ...]
     rig: Rig
     ratios: Array | None = None
-    """(7,) ratios, b and p/b for the response of the rods to torque noise; None until they are known."""
+    """(7,) ratios, b and p/b that determine the response of the rods to torque noise; None while they are unknown."""
     exact_torques: bool = False
     """Whether known torques are assumed to be exact."""
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
-    """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit."""
+    """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit, N m."""
     tracking: TrackingNoise | None = None
-    """Correlated errors that a fit has shown; None if the errors are white, or known from the recordings alone."""
+    """Correlated errors that a fit has found; None if the errors are white, or known from the recordings alone."""
     shutter: Shutter | None = None
-    """Rolling shutter for which the readings are corrected."""
+    """Rolling shutter for which the readings are corrected; None without a correction."""
     torques_earlier: float = 0.0
-    """Share of the interval between rows by which known torques act before their rows: 0 if they are held from row to
-    row, one half for samples of a continuous signal.
+    """Time by which known torques act before their rows, as a share of the interval between rows.
+
+    It is 0 if they are held from row to row, and one half for samples of a continuous signal.
     """
 
     @property
@@ -102,7 +104,7 @@ class Recordings:
 
     @property
     def prior(self) -> Prior:
-        """Prior of the ratios and sizes from the rig file."""
+        """Prior of the ratios and of the sizes of effects, from the rig file."""
         return prior_of(self.rig)
 
     @property
@@ -157,7 +159,7 @@ class Recordings:
         return effect_params(arm if self.arm_moves else {})
 
     def with_tracking(self, noise: TrackingNoise | None) -> "Recordings":
-        """The recordings with these correlated errors, unless the noise is known by other means."""
+        """Recordings with correlated errors, unless the noise is known by other means."""
         if noise is None or self.tracking is not None:
             return self
         evidence = (
@@ -173,7 +175,7 @@ class Recordings:
         return replace(self, records=tuple(records), tracking=noise)
 
     def with_shutter(self, shutter: Shutter | None) -> "Recordings":
-        """The recordings with the readings at the instants of their frames, for a camera with this rolling shutter."""
+        """Recordings corrected for the rolling shutter of a camera, with readings at the instants of its frames."""
         if shutter is None:
             return self
         delay_ms = 1e3 * abs(shutter.delay) * self.rods_length
@@ -190,19 +192,19 @@ class Recordings:
         return replace(self, records=tuple(records), shutter=shutter)
 
     def with_earlier_torques(self, share: float) -> "Recordings":
-        """Shift known torques to earlier times, by a share of the interval between rows."""
+        """Recordings with known torques at earlier times, by a share of the interval between rows."""
         setups = [record.setup for record in self.records]
         earlier = [s if s.torques is None else replace(s, torques=s.torques.earlier(share)) for s in setups]
         records = [replace(record, setup=setup) for record, setup in zip(self.records, earlier, strict=True)]
         return replace(self, records=tuple(records), torques_earlier=share)
 
     def _widened(self, values: Array) -> Array:
-        """(n, axes) readings or weights; nan or zero for a clamped arm if the arm of another run moves."""
+        """(n, axes) values padded with zeros for a clamped arm, if the arm of another run moves."""
         missing = (3 if self.arm_moves else 2) - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
     def cut(self, length: float) -> tuple[Problem, Array]:
-        """Segments of approximately one length, s, and (segments, 4) initial states estimated from the readings."""
+        """Problem with segments of about one length, s, and (segments, 4) initial states from the readings."""
         records = self.records
         cuts = [cut(record.t, length, record.breaks) for record in records]
         slices = [(i, s) for i, pieces in enumerate(cuts) for s in pieces]
@@ -233,7 +235,7 @@ class Recordings:
         return problem, initial
 
     def without(self, problem: Problem, off: Flags) -> "Recordings":
-        """Recordings without some readings (samples, 2): faults that are only detectable with a model."""
+        """Recordings without the readings of a mask (samples, 2): faults that are only detectable with a model."""
         if not off.any():
             return self
         run = problem.segments.run[problem.owner]
@@ -251,7 +253,7 @@ def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) ->
     """(segments, states) initial states from cubics through the readings; at rest after a release.
 
     Returns:
-        theta1, theta2, omega1, omega2, rad and rad/s
+        theta1, theta2, omega1, omega2, and theta0, omega0 of a moving arm, rad and rad/s
     """
     begins = np.array([segment_start(float(record.t[s.start])) for s in slices])
     near = [_near(record, s.start, begin) for s, begin in zip(slices, begins, strict=True)]
@@ -278,7 +280,7 @@ def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) ->
 
 
 def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
-    """(segments, 6) initial states with the arm: theta0 and omega0 last; a clamped arm rests at its mean angle."""
+    """(segments, 6) initial states with theta0 and omega0 of the arm last; a clamped arm rests at its mean angle."""
     states = _initial_states(record, slices, relative2)
     if record.setup.arm_moves:
         return states
@@ -287,9 +289,9 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 
 
 def _near(record: Record, start: int, begin: float) -> Integers:
-    """Indices of readings near an instant, between the breaks around it.
+    """Indices of the readings near an instant, between the breaks around it.
 
-    If there are too few, those near the first reading of the segment.
+    If there are too few, the result contains those near the first reading of the segment.
     """
     first, last = np.searchsorted(record.t, _between(record.breaks, float(record.t[start]))).tolist()
     i = max(first, int(np.searchsorted(record.t, begin - GUESS.near_s, side="right")))
@@ -300,7 +302,7 @@ def _near(record: Record, start: int, begin: float) -> Integers:
 
 
 def _between(breaks: Array, t: float) -> tuple[float, float]:
-    """The breaks before and after an instant."""
+    """Last break before and first break after an instant, s; infinite if there is none."""
     after = int(np.searchsorted(breaks, t, side="right"))
     edges = [-np.inf, *breaks.tolist(), np.inf]
     return edges[after], edges[after + 1]

@@ -12,7 +12,7 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
     undithered_quantisation     constant counts at rest: rounding does not average out
     stamp_jitter                time stamps with jitter, readings taken evenly: replaced by even instants
     periodic_delay              every n-th reading is taken later than its stamp, or before it: excluded
-    queued_rows                 rows wait in the queue of a saturated link, with a delay that varies: excluded
+    queued_rows                 rows that wait in the queue of a saturated link, with a varying delay: excluded
 """
 
 from collections.abc import Sequence
@@ -33,10 +33,10 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 AXES = ("joint1", "joint2")
-"""Encoders of the rods, as named in findings and results."""
+"""Names of the encoders of the rods in findings and results."""
 
 ALL_AXES = (*AXES, "joint0")
-"""Encoders of the rods and of a moving arm, in the order of the columns of a problem."""
+"""Names of the encoders of the rods and of a moving arm, in the order of the columns of a problem."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,42 +46,42 @@ class ScreenSettings:
     gap_periods: float = 1.5
     """Maximum distance of two samples between which no sample is missing, in sampling periods."""
     gap_near: int = 10
-    """Number of samples compared before and after such a distance; the later ones must lag by half a period."""
+    """Number of samples compared before and after such a distance.
+
+    If one is missing, the later ones lag by half a period.
+    """
     noise_ratio: float = 1.5
-    """Ratio of the noise to the value in the rig file, in either direction; and ratio of the noise over wider spacings
-    to the noise of neighbours.
+    """Minimum ratio of two noise levels that is a finding.
+
+    They are measured and stated noise, in either direction, or noise of wider spacings and of neighbours.
     """
     still_counts: float = 0.2
-    """Maximum noise before rounding for which the rounding errors of neighbouring readings are equal, in counts."""
+    """Maximum noise before rounding for which the rounding errors of neighbouring readings are dependent, in counts."""
     fewest_at_rest: int = 20
     """Minimum number of readings at rest for the detection of constant counts."""
     colour_hz: float = 500.0
-    """Minimum sample rate for comparing the noise over spacings, Hz; at lower rates the spacings contain the swing
-    itself.
-    """
+    """Minimum sample rate for a comparison of the noise over spacings, Hz; at lower rates they contain the swing."""
     significance: float = 6.0
-    """Standard errors by which noise must increase with speed."""
+    """Minimum significance of an increase of the noise with speed, in standard errors."""
     on_grid: float = 0.7
-    """Minimum mean of exp(2 pi i reading / count) for which readings of a table are on the grid; the mean is zero for
-    an even distribution.
-    """
+    """Minimum mean of exp(2 pi i reading / count) for a table on the grid of counts; zero for an even distribution."""
     repeating: float = 0.5
-    """Minimum fraction of the readings at one position of a cycle that equal the previous reading, for a cycle of
-    repeated instead of late readings.
-    """
+    """Minimum fraction of repeated readings at one position of a cycle of repeated instead of late readings."""
     repeating_in_part: float = 0.05
     """Minimum excess of this fraction over that of the other readings, if only a part of the recording repeats."""
     rows_in_short_period: float = 80.0
-    """Minimum number of samples in the faster small oscillation for steps of two free rods: in large swings without a
-    fault, the local polynomial finds steps of 5 to 12 counts with 58 and 68 samples, and no steps in 72 swings with 75
-    samples or more.
+    """Minimum number of samples in the faster small oscillation for the detection of steps of two free rods.
+
+    Large swings without a fault contained steps of 5 to 12 counts with 58 and 68 samples. There were none in 72 swings
+    with 75 samples or more.
     """
     rows_in_period: float = 20.0
-    """Minimum number of samples in a small oscillation for steps of one rod: of 40 simulated swings without a fault, 29
-    contained a step with 6 samples, 2 with 15, none with 20 or more.
+    """Minimum number of samples in a small oscillation for the detection of steps of a single rod.
+
+    Of 40 simulated swings without a fault, 29 contained a step with 6 samples, 2 with 15, and none with 20 or more.
     """
     shown: int = 20
-    """Number of findings of one kind on one axis that are listed individually."""
+    """Maximum number of findings of one kind on one axis that are listed individually."""
 
 
 SCREEN = ScreenSettings()
@@ -95,28 +95,28 @@ class Finding:
     run: str
     axis: str | None
     at_s: float | None
-    """Instant since the release, s; None for a property of the whole run."""
+    """Instant of the fault, s since the release; None for a property of the whole run."""
     evidence: str
     step: float | None = None
-    """Size of the step of a reading, rad, if there is one."""
+    """Size of the step of a reading, rad; None for other faults."""
     count: int = 1
-    """Number of such faults; `at_s` is the instant of the first."""
+    """Number of faults of this kind; `at_s` is the instant of the first one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """A swing with its sensor faults."""
+    """A swing, with its sensor faults."""
 
     run: Run
-    """The run, with the corrected sampling instants."""
+    """Run with the corrected sampling instants."""
     t: Array
     """(n,) instants since the release, s."""
     joints: Array
     """(n, 2) readings of the encoders of joints 1 and 2, rad."""
     keep: Flags
-    """(n, 2) whether a reading is trusted."""
+    """(n, 2) mask of the trusted readings."""
     breaks: tuple[tuple[float, int], ...]
-    """Instants of a step (s) and its axis (0 or 1): no segment may contain it."""
+    """Instant of each step (s) and its axis (0 or 1); no segment may contain a step."""
     noise: Array
     """(2,) standard deviation of a reading at rest, rad."""
     jitter_s: float
@@ -126,9 +126,9 @@ class Screened:
     dithered: Flags
     """(2,) whether rounding errors of neighbouring readings are independent."""
     shared: Array
-    """(n, 2) number of readings with the same rounding error: 1 unless the readings stay within one step."""
+    """(n, 2) number of readings with the same rounding error: 1 unless readings stay within one step."""
     on_grid: Flags
-    """(2,) whether readings are on the grid of the encoder's counts, so that counts can be missed."""
+    """(2,) whether readings are on the grid of the encoder's counts; only then can counts be missed."""
     findings: tuple[Finding, ...]
 
 
@@ -182,7 +182,7 @@ def screen(run: Run, rig: Rig) -> Screened:
 
 
 def with_arm(screened: Screened, rig: Rig) -> Screened:
-    """A screened run with the arm's encoder as a third axis."""
+    """Screened run with the arm's encoder as a third axis."""
     swing = screened.run.swing
     theta0, noise = swing.theta[:, 0], arm_noise(screened.run, rig, still=False)
     still, shared = same_rounding(screened.run, swing.theta[:, :1], rig.radians_per_count[:1])
@@ -214,7 +214,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
-    """The run with even instants if its stamps jitter about them."""
+    """Run with even instants if its stamps jitter about them, and the finding; otherwise the same run."""
     if (even := even_instants(run.t, _read_joints(run, rig))) is None:
         return run, []
     even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
@@ -227,7 +227,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
-    """(n,) whether each reading of the swing waited in the queue of a saturated link; and the finding."""
+    """(n,) mask of the readings of the swing that waited in the queue of a saturated link, and the finding."""
     swing, waited = run.t >= 0.0, np.zeros(len(run.t), dtype=np.bool_)
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
     if queue is None:
@@ -237,7 +237,7 @@ def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
 
 
 def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
-    """(n,) whether each reading is periodically late or repeated, perhaps only in a part of the recording; findings."""
+    """(n,) mask of periodically late or repeated readings, possibly in a part of the recording; and the findings."""
     read = joints[:, :1] if run.setup.alone else joints
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
     if delay is None:
@@ -273,7 +273,7 @@ def _read_joints(run: Run, rig: Rig) -> Array:
 
 
 def _without_joint2(screened: Screened) -> Screened:
-    """Faults in the swing of a single rod: encoder 2 has no readings."""
+    """Screened swing of a single rod, for which encoder 2 has no readings."""
     return replace(
         screened,
         keep=np.repeat(screened.keep[:, :1], 2, axis=1),
@@ -284,13 +284,13 @@ def _without_joint2(screened: Screened) -> Screened:
 
 
 def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], count: float) -> list[Finding]:
-    """A finding for each step of a reading, in counts of so many rad."""
+    """Finding for each step of a reading; `count` is the size of a count, rad."""
     sizes = [(float(t[i]), size, f"the reading steps by {size / count:+.1f} counts") for i, size in steps]
     return [Finding(MISSED_COUNTS.name, run, axis, at_s, evidence, step=size) for at_s, size, evidence in sizes]
 
 
 def _events(finding: Finding, instants: list[float]) -> list[Finding]:
-    """A finding for each instant, or one for all if there are many."""
+    """Finding for each instant, or one finding for all if there are many."""
     if len(instants) > SCREEN.shown:
         return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]
@@ -314,7 +314,7 @@ def _gaps(name: str, t: Array, period: float) -> list[Finding]:
 
 
 def _count_size(run: Run, rig: Rig) -> Array:
-    """(2,) smallest change of a reading, rad: a coarse encoder with a finer counter changes by several counts."""
+    """(2,) smallest change of a reading, rad; a coarse encoder with a finer counter changes by several counts."""
     if run.counts is None:
         return np.zeros(2)
     steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
@@ -330,7 +330,7 @@ def _on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
 
 
 def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
-    """Whether rounding errors are independent: the noise before rounding reaches a fifth of a count at rest.
+    """(2,) whether rounding errors are independent: the noise before rounding reaches a fifth of a count at rest.
 
     Without readings at rest, independence is assumed, except for tables in which most readings equal the previous one.
     """
@@ -345,7 +345,7 @@ def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
 
 
 def _changing(readings: Array, still: Flags) -> Flags:
-    """(m,) whether more than half of the readings (n, m) that leave their step differ from the previous reading."""
+    """(m,) whether more than half of those readings (n, m) that leave their step differ from the previous reading."""
     changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
     moves = np.isfinite(changes).any(axis=0)
     return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)
@@ -379,7 +379,7 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 
 
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
-    """(2,) factor from the noise of neighbours to that of wider spacings, 1 for white noise; and the findings."""
+    """(2,) ratio of the noise of wider spacings to that of neighbours, 1 for white noise, and the findings."""
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
         evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"

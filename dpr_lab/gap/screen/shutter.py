@@ -1,4 +1,4 @@
-"""Rolling shutter: a camera reads its picture line by line, so that the instant of a reading depends on its place.
+"""Rolling shutter: a camera reads its picture line by line, so the instant of a reading depends on its place.
 
 The picture shows a point with the position p (m, from the pivot) at the instant
 
@@ -19,7 +19,7 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.joint_angles import JointAngles
 
 NORMALS = {"horizontal": (0.0, -1.0), "vertical": (1.0, 0.0)}
-"""Direction of the lines of a picture -> their normal, downwards or to the right."""
+"""Direction of the lines of a picture -> normal of the lines, downwards or to the right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +29,10 @@ class Shutter:
     lines: str
     """Direction of the lines, a key of `NORMALS`."""
     delay: float
-    """Delay k of lines 1 m farther along their normal, s/m."""
+    """Delay k, s/m: by this time per metre along their normal, lines are read later."""
 
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
-        """Readings at the instants of the line of the pivot.
+        """Readings converted to the instants of the line of the pivot.
 
         The positions p_i of the ends of the rods, at t_i + k n . p_i, are interpolated to t_i by cubic splines.
 
@@ -43,7 +43,7 @@ class Shutter:
             alone: whether only the inner rod is mounted
 
         Returns:
-            (n, 2) rad
+            (n, 2) readings, rad
         """
         from scipy.interpolate import CubicSpline  # slow to import, and few recordings need it
 
@@ -61,5 +61,5 @@ class Shutter:
 
 
 def _end(theta: Array, length: float) -> Array:
-    """(n, 2) end of a rod relative to its joint, x to the right and y upwards, m."""
+    """(n, 2) position of the end of a rod relative to its joint, x to the right and y upwards, m."""
     return length * np.column_stack([-np.sin(theta), np.cos(theta)])

@@ -1,9 +1,10 @@
-"""Time base of recordings of a single rod, judged by gravity.
+"""Test of the time base of recordings of a single rod by gravity.
 
 A rod swings like a mass point at the distance I / S from its joint, with inertia I and first moment S. If all mass is
 between the joint and the end of the rod at L, this equivalent length is at most L (Huygens). Time stamps that are k
-times too long make it k^2 times longer, and have no other effect: the motion of one rod determines I / S only together
-with the unit of time. With two rods the unit of time is identifiable, because the coupling d relates gravity to L1.
+times too long make the equivalent length k^2 times longer, and have no other effect: the motion of one rod determines I
+/ S only together with the unit of time. With two rods the unit of time is identifiable, because the coupling d relates
+gravity to L1.
 
 Source: Huygens (1673), Horologium oscillatorium, part 4.
 """
@@ -26,26 +27,28 @@ class TimeScaleRules:
     """Limits beyond which the equivalent length of a rod contradicts the rig file."""
 
     longer: float = 1.5
-    """Maximum ratio of the equivalent length to the length of the rod. It exceeds 1 because a rod may extend past the
-    specified length and may have a small counterweight.
+    """Maximum ratio of the equivalent length to the length of the rod.
+
+    It exceeds 1 because a rod may extend past the specified length and may have a small counterweight.
     """
     apart: float = 3.0
-    """Maximum factor between the equivalent length and its value from the rig file, above or below. It is large because
-    some values in the file are guesses.
+    """Maximum factor between the equivalent length and its value from the rig file, above or below.
+
+    It is large because some values in the file are guesses.
     """
     swings: int = 10
-    """Number of swings to be timed with a stopwatch."""
+    """Number of swings that the evidence recommends to time with a stopwatch."""
 
 
 TIME_SCALE = TimeScaleRules()
 
 
 def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
-    """Add a finding to the first recording whose time stamps contradict gravity.
+    """Recordings with a finding for the first one whose time stamps contradict gravity.
 
     Args:
         recordings: the runs
-        ratios: (7,) ratios that were fitted to them
+        ratios: (7,) ratios that were fitted to the runs
     """
     for number, record in enumerate(recordings.records):
         if evidence := _contradiction(record, recordings.rig, ratios):
@@ -58,7 +61,7 @@ def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
 
 
 def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
-    """I / S of a single rod, m, from (7,) base parameters of the whole rig."""
+    """Equivalent length I / S of a single rod, m, from (7,) base parameters of the whole rig."""
     inner, outer, _, gravity, *_ = base_of_run(whole, setup, rig.L1, rig.g).tolist()
     return rig.g * (inner + outer) / gravity if gravity > 0 else math.inf
 

@@ -1,14 +1,14 @@
 """Correlated errors of angles that were tracked in a video, if the recording does not show them at rest.
 
 A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
-errors and underestimate the noise; the smooth part looks like an effect of the rig. The residual of the bare model
-contains both. Within a segment its covariance is
+errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model
+contains both parts. Within a segment its covariance is
 
     K(i, j) = s^2 rho^|i - j| + v^2 exp(-(t_i - t_j)^2 / (2 l^2)),
 
-a first-order autoregressive error and a smooth error of the motion, with free s, v, rho and correlation time l. The
-spectrum of the first term falls with the square of the frequency, that of the second much faster; this difference
-separates them. rho is its maximum likelihood estimate.
+the sum of a first-order autoregressive error and a smooth error of the motion, with free s, v, rho and correlation time
+l. The spectrum of the first term decreases with the square of the frequency, that of the second much faster. This
+difference separates them. rho is its maximum likelihood estimate.
 
 Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
 """
@@ -30,7 +30,7 @@ class TrackingNoiseSettings:
     """Settings of the likelihood."""
 
     shorter: float = 0.2
-    """Fraction of the segments that may be shorter than a window."""
+    """Maximum fraction of the segments that may be shorter than a window."""
     fewest: int = 10
     """Minimum number of readings in a window: half a second at 20 frames per second."""
     most: int = 64
@@ -44,10 +44,11 @@ class TrackingNoiseSettings:
     smooth: tuple[float, ...] = (0.5, 1.0)
     """Tested times l of the smooth remainder, in units of sqrt(L1 / g)."""
     significant: float = 10.8
-    """Minimum of twice the logarithm of the likelihood ratio to white noise: by chance in 0.1 % of cases."""
+    """Minimum of twice the logarithm of the likelihood ratio to white noise; chance exceeds it in 0.1 % of cases."""
     rougher: float = 1.5
-    """Maximum ratio of the errors to those that their differences in neighbouring readings indicate: the abrupt stops
-    of a sticking rod are not errors of a tracker.
+    """Maximum ratio of the errors to those that the differences of neighbouring readings indicate.
+
+    Abrupt stops of a sticking rod increase this ratio, but are not errors of a tracker.
     """
 
 
@@ -55,12 +56,12 @@ TRACKING = TrackingNoiseSettings()
 
 
 def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> TrackingNoise | None:
-    """The most likely correlated errors; None if white noise is as likely, or if the noise is known by other means.
+    """Most likely correlated errors; None if white noise is as likely, or if the noise is known by other means.
 
     Args:
         recordings: the runs
-        problem: their segments
-        bare: the bare model, fitted to them
+        problem: segments of the runs
+        bare: bare model, fitted to the segments
     """
     records = recordings.records
     if recordings.tracking or not all(record.may_be_film and not record.noise_measured for record in records):
@@ -86,14 +87,14 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
 
 
 def _rough_part(correlation: float) -> float:
-    """Standard deviation of sixth differences of unit gain, for errors of first order of unit variance."""
+    """Standard deviation of sixth differences of unit gain, for first-order errors of unit variance."""
     unit = sixth(np.eye(ORDER + 1))[0]
     lags = np.arange(len(unit))
     return float(np.sqrt(unit @ np.power(correlation, np.abs(lags[:, None] - lags)) @ unit))
 
 
 def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
-    """(n,) instants of a window, s, and (2, n, windows) residuals relative to their noise; None if they are too few."""
+    """(n,) instants of a window, s, and (2, n, windows) residuals relative to their noise; None for too few windows."""
     residual = problem.by_sample(bare.linear.residual)
     interval = float(np.median(np.diff(problem.t)))
     n = min(int(np.quantile(np.diff(problem.segments.offsets), TRACKING.shorter)), TRACKING.most)
@@ -112,7 +113,7 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
 
 
 def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
-    """(correlations,) -2 log-likelihood, minimised over the smooth remainder, and error variance at each minimum."""
+    """(correlations,) -2 log-likelihood, minimised over the smooth remainder, and its error variance."""
     apart = np.abs(t[:, None] - t)
     lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
     smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in TRACKING.remainders]

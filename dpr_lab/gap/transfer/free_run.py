@@ -1,4 +1,4 @@
-"""Free runs: simulations of whole recordings, with an initial state that is fitted to the first readings only."""
+"""Free runs: simulations of whole recordings, with an initial state fitted to the first readings only."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,9 +21,9 @@ class FreeRunSettings:
     """Settings of the free runs."""
 
     settle_s: float = 0.3
-    """Time to which the initial state is fitted."""
+    """Time after the first reading up to which readings determine the initial state, s."""
     length_s: float = 2.6
-    """Time of the comparison, from the beginning: later, chaos dominates."""
+    """Length of the comparison from the first reading, s; later, chaos dominates."""
     iterations: int = 30
 
 
@@ -32,12 +32,12 @@ FREE_RUN = FreeRunSettings()
 
 @dataclass(frozen=True, slots=True)
 class FreeRunError:
-    """Error of a free run over time."""
+    """Error of a free run as a function of time."""
 
     t: Array
     """(n,) time since the first reading, s."""
     squares: Array
-    """(n,) mean square over the joints, rad^2."""
+    """(n,) squared error, mean over the joints, rad^2."""
 
     @property
     def rms_rad(self) -> float:
@@ -45,13 +45,16 @@ class FreeRunError:
         return float(np.sqrt(np.mean(self.squares)))
 
     def followed_s(self, limit_rad: float) -> float:
-        """Time up to which the root mean square from the beginning is below a limit, s; 0 if it never is."""
+        """Time up to which the rms error from the beginning stays below a limit, s.
+
+        0 if it exceeds the limit at once.
+        """
         running = np.sqrt(np.cumsum(self.squares) / np.arange(1, len(self.t) + 1))
         below = np.logical_and.accumulate(running < limit_rad)
         return float(self.t[below][-1]) if below.any() else 0.0
 
     def until(self, end_s: float) -> "FreeRunError":
-        """The error up to a time."""
+        """Error up to a given time."""
         return FreeRunError(self.t[self.t <= end_s], self.squares[self.t <= end_s])
 
 
@@ -60,13 +63,11 @@ class FreeRuns:
     """Free runs of one model along a set of recordings."""
 
     items: tuple[Record, ...]
-    """Recordings, each from the first instant that can be simulated; there may be too few readings before a gap."""
+    """Recordings, each from its first segment that can be simulated; the first readings before a gap may be too few."""
     problem: Problem
-    """Compared readings, one segment for each recording."""
+    """Problem with the compared readings, one segment for each recording."""
     start: Estimate
-    """The model with an initial state for each recording, and with the zeros of encoders that are zeroed before each
-    run.
-    """
+    """Estimate with an initial state, and optionally encoder zeros, for each recording."""
 
     @cached_property
     def predicted(self) -> Array:
@@ -75,14 +76,14 @@ class FreeRuns:
 
     @property
     def rows(self) -> list[slice]:
-        """Slices of the samples of each recording."""
+        """Slices of the samples, one for each recording."""
         return [slice(i, j) for i, j in pairwise(self.problem.segments.offsets)]
 
     @property
     def errors(self) -> dict[str, FreeRunError]:
-        """Error of each run after the readings to which its initial state was fitted; runs that end there are omitted.
+        """Run -> error after the readings to which its initial state was fitted; runs that end there are omitted.
 
-        Errors are NaN from the instant from which the model cannot be simulated.
+        An error is NaN from the instant on at which the simulation fails.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}
@@ -96,18 +97,18 @@ class FreeRuns:
 
     @property
     def errors_rad(self) -> dict[str, float]:
-        """Root mean square error of each run, rad; runs that the model cannot simulate to their end are omitted."""
+        """Run -> root mean square error, rad; runs that the model cannot simulate to their end are omitted."""
         rms = {name: error.rms_rad for name, error in self.errors.items()}
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
 
 def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE_RUN.length_s) -> FreeRuns:
-    """Simulate a model freely for each recording.
+    """Simulate a model freely along each recording.
 
     Args:
         recordings: the recordings; if one has few first readings, `MIN_SAMPLES` of them are fitted
         estimate: ratios and effects for the simulation
-        length_s: compared length from the beginning, s
+        length_s: length of the comparison from the first reading, s
     """
     items = tuple(
         record.only(slice(cut(record.t, np.inf, record.breaks)[0].start, None)) for record in recordings.records
@@ -129,7 +130,7 @@ def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE
 
 
 def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
-    """The model for one recording alone, with the initial state fitted to its first readings."""
+    """Estimate for one recording alone, with the initial state fitted to its first readings."""
     estimate = estimate.changed(params=without_events(estimate.params))
     head = record.t - record.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
@@ -141,7 +142,10 @@ def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Es
 
 
 def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
-    """(runs, 2) zeros of encoders that are zeroed before each run, by a fit to the whole run; else (0, 2)."""
+    """(runs, 2) encoder zeros of each run by a fit to the whole run, if encoders are zeroed before each run.
+
+    Else (0, 2).
+    """
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))
     problem, initial = recordings.cut(recordings.working_length)

@@ -1,12 +1,12 @@
-"""Prediction of one recording from its first readings, and its sensitivity to every uncertain input.
+"""Prediction of one recording from its first readings, with its sensitivity to every uncertain input.
 
-With r the readings, J0 and J their Jacobians for the initial state and for the fitted values, and W the inverse of the
-noise, the initial state is fitted to the first readings h. A change dr of the readings also changes this initial state,
-so that
+Let J0 and J be the Jacobians of the readings r with respect to the initial state and to the fitted values, and W the
+inverse of the noise. The initial state is fitted to the first readings h. A change dr of the readings also changes this
+initial state, so that
 
     dr - J0 (J0_h^T W^2 J0_h)^-1 J0_h^T W^2 dr_h
 
-remains, which `settled` returns.
+remains. `settled` returns this remaining change.
 """
 
 from dataclasses import dataclass, replace
@@ -32,35 +32,35 @@ class FreeSwing:
     measured: Array
     """(n, 2) readings of the joints, rad."""
     weight: Array
-    """(n, 2) inverse of the noise, 1/rad; zero where a reading is missing."""
+    """(n, 2) inverse standard deviation of the noise, 1/rad; zero where a reading is missing."""
     predicted: Array
     """(n, 2) predicted readings, rad."""
     by_values: Array
-    """(n, 2, free) Jacobian for the fitted values."""
+    """(n, 2, free) Jacobian of the readings with respect to the fitted values."""
     by_start: Array
-    """(n, 2, 4) Jacobian for the initial state; (n, 3, 6) with an arm that moves."""
+    """(n, 2, 4) Jacobian of the readings with respect to the initial state; (n, 3, 6) with an arm that moves."""
     setup: Setup
-    """Mounted rods, and motion of the arm."""
+    """Mounted rods and motion of the arm."""
 
     @property
     def head(self) -> Flags:
-        """(n,) whether the initial state was fitted to the reading."""
+        """(n,) mask of the readings to which the initial state was fitted."""
         return self.t < FREE_RUN.settle_s
 
     @property
     def compared(self) -> Flags:
-        """(n, 2) readings that are compared, before the horizon is applied."""
+        """(n, 2) mask of the readings that are compared, before the horizon is applied."""
         return (self.weight > 0) & ~self.head[:, None]
 
     @property
     def _normal(self) -> tuple[Array, Array]:
-        """(4, 4) normal matrix of the initial state, and (rows, 4) its weighted Jacobian."""
+        """(4, 4) normal matrix of the initial state, and (rows, 4) weighted Jacobian of the readings."""
         A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, self.by_start.shape[2])
         slow = np.diag(slow_starts(self.setup, A.shape[1]))
         return A.T @ A + slow.T @ slow, A
 
     def settled(self, change: Array) -> Array:
-        """(n, 2, k) changes that remain of these changes of the readings after the initial state is refitted."""
+        """(n, 2, k) part of changes of the readings that remains after the initial state is refitted."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
         return change - self.by_start @ (_inverse(normal) @ (A.T @ rows))
@@ -85,7 +85,7 @@ class FreeSwings:
     each: tuple[FreeSwing, ...]
 
     def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
-        """(n, 2) change of the readings of each run for a rig with another constant, or for smaller steps."""
+        """(n, 2) change of the readings of each run by other constants of the rig, or by smaller integration steps."""
         known = self.runs.problem
         finer_segments = replace(known.segments, step=known.segments.step / finer)
         model = known.model if constants is None else known.model.with_constants(constants)
@@ -95,7 +95,7 @@ class FreeSwings:
 
 
 def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
-    """Sensitivity of the free runs of a model to all uncertain quantities."""
+    """Free runs of a model with their sensitivity to all uncertain quantities."""
     free, problem = model.fit.free, runs.problem
     states = problem.segments.states
     # the zeros of these runs are treated as known
@@ -114,11 +114,13 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
 
 
 def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]:
-    """Mean square error of each run due to the noise of its first readings alone, in the form of `FreeRuns.errors`.
+    """Mean squared error of each run that the noise of its first readings alone causes.
+
+    The result has the form of `FreeRuns.errors`.
 
     Args:
         swings: the free runs
-        noise: factor on the variance of a reading: level of the noise, and its correlation
+        noise: factor on the variance of a reading, for the level and the correlation of the noise
     """
     expected = {}
     for swing in swings.each:
@@ -130,14 +132,14 @@ def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
-    """Time until the uncertainty of the initial state causes a given error, s; None beyond the run."""
+    """Time until the uncertainty of the initial state causes a given error, s; None beyond the end of the run."""
     lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
     lost = lost[~swing.head[lost]]
     return float(swing.t[lost[0]]) if len(lost) else None
 
 
 def growth_rate(swing: FreeSwing, until: float) -> float:
-    """Largest finite-time growth rate of an initial error of the angles, 1/s.
+    """Largest finite-time growth rate of an initial error of the angles until a given time, 1/s.
 
     Source: largest singular value of the tangent map over a finite time; E. N. Lorenz (1965), Tellus 17, 321-333.
     """

@@ -23,13 +23,16 @@ from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
-"""Segment lengths for which the gap is given: from lengths at which every model fits to the onset of chaos."""
+"""Segment lengths for which the gap is reported, s: from lengths at which every model fits to the onset of chaos."""
 
 TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
-"""Tolerance of the fit: the gap is reported with two digits."""
+"""Tolerances of fits whose gap is reported with two digits."""
 
 TORQUE_HATS = 3
-"""Number of torque functions of each joint per segment: one per quarter of a second, limited by its readings."""
+"""Number of torque functions of each joint per segment.
+
+There is one per quarter of a second; the readings of a segment limit their number.
+"""
 
 
 def gap(
@@ -81,17 +84,17 @@ def gap(
 
 
 def floor_rad(problem: Problem) -> dict[str, float]:
-    """Noise of a thinned reading by axis, rms, rad."""
+    """Axis -> rms noise of a thinned reading, rad."""
     return _by_axis(np.sqrt(_mean(np.where(problem.read, np.maximum(problem.weight, TINY) ** -2.0, 0.0), problem)))
 
 
 def gap_rad(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Residual of a model above the noise for each axis, rms, rad."""
+    """Axis -> rms residual of a model above the noise, rad."""
     return _above_noise(problem, model.fit, model.residuals.level)
 
 
 def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float]:
-    """Residual of a fit above the noise of this level for each axis, rms, rad."""
+    """Axis -> rms residual of a fit above a given level of the noise, rad."""
     residual = bounded_residual(problem, fitted)
     lost = 1 - (problem.segments.starts.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - level
@@ -99,9 +102,9 @@ def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float
 
 
 def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Torque that would remove the residual of a fit, for each joint, rms, N m.
+    """Joint -> rms torque that would remove the residual of a fit, N m.
 
-    In every segment, a torque in each joint, piecewise linear in time, is fitted to the residual; the variance that
+    In every segment, a torque in each joint, piecewise linear in time, is fitted to the residual. The variance that
     noise alone would cause is subtracted.
     """
     along, linear = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
@@ -115,7 +118,7 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
 
 
 def _hats(edges: Integers, axes: int) -> Array:
-    """(n, axes, axes TORQUE_HATS) generalised torques of each joint, the same in every segment."""
+    """(n, axes, axes TORQUE_HATS) generalised torques by hat functions over each segment, for each joint."""
     torque = np.zeros((edges[-1], axes, axes * TORQUE_HATS))
     for first, last in pairwise(edges):
         share = np.linspace(0, TORQUE_HATS - 1, last - first)
@@ -131,7 +134,7 @@ def _hats(edges: Integers, axes: int) -> Array:
 def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
-    """Gap of several models by the length of segments with free initial states: horizon (s) -> model -> rms, rad."""
+    """Gap of several models by the length of segments with free initial states: length (s) -> model -> rms, rad."""
     gaps: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
@@ -145,19 +148,19 @@ def by_horizon(
 
 
 def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
-    """Residual of a model above the noise for each axis with segments of another length, rms, rad."""
+    """Axis -> rms residual of a model above the noise with segments of another length, rad."""
     states = carried(working.segments, model.fit.estimate.initial, problem.segments, initial)
     fitted = fit(problem, model.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS)
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)
 
 
 def _per_reading(by_axis: Mapping[str, float]) -> float:
-    """Rms over the axes."""
+    """Root mean square over the axes."""
     return float(np.sqrt(np.mean(np.square([*by_axis.values()]))))
 
 
 def _mean(values: Array, problem: Problem) -> Array:
-    """(axes,) mean over the selected readings (samples, 2) of each axis; zero for an axis without any."""
+    """(axes,) mean of values (samples, 2) over the used readings of each axis; zero for an axis without readings."""
     counts = np.count_nonzero(problem.read, axis=0)
     return np.asarray(values.sum(axis=0) / np.maximum(counts, 1))
 

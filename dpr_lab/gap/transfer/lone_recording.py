@@ -1,13 +1,14 @@
-"""The one recording that the model leaves unexplained, although it explains all others if fitted to these alone.
+"""The one recording that the model leaves unexplained, although it explains all others if fitted to them alone.
 
-A kick, a draught or a cable that was caught acts in one recording and is no property of the rig. The common fit then
-follows it with values and effects that the other recordings do not need. Let
+A kick, a draught or a caught cable acts in one recording and is no property of the rig. The common fit then follows
+this recording with values and effects that the other recordings do not need. Let
 
     rho_s = sqrt(max(chi2_s - level dof_s, 0) / (level dof_s))
 
-be the remainder of recording s in units of the noise, and r the recording with the largest one. The model is fitted to
-the others by linear algebra (`dpr_lab.gap.hypothesis.cross_validation`). Recording r is alone if its remainder in the
-common fit exceeds those of the others in their own fit by a factor.
+be the remainder of recording s in units of the noise, and r the recording with the largest remainder. The model is
+fitted to the other recordings by linear algebra (`dpr_lab.gap.hypothesis.cross_validation`). Recording r counts as the
+only unexplained one if its remainder in the common fit exceeds by a factor the remainders of the others in their own
+fit.
 """
 
 from collections.abc import Sequence
@@ -25,15 +26,14 @@ from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom
 
 @dataclass(frozen=True, slots=True)
 class LoneRules:
-    """Limits of a remainder that is in one recording only (docs/decisions/0044)."""
+    """Limits for a remainder that occurs in one recording only (docs/decisions/0044)."""
 
     recordings: int = 3
-    """Minimum number of recordings: with two recordings, it is unknown which of them is the exception."""
+    """Minimum number of recordings; with two, it is unknown which of them is the exception."""
     ratio: float = 3.0
     """Minimum ratio of the remainder of this recording to the remainder of every other recording."""
     least: float = 0.5
-    """Minimum remainder of the other recordings in the ratio, in units of the noise; smaller ones count as this value.
-    """
+    """Lower limit of the remainder of the other recordings in the ratio, in units of the noise."""
 
 
 LONE = LoneRules()
@@ -41,7 +41,7 @@ LONE = LoneRules()
 
 @dataclass(frozen=True, slots=True)
 class LoneRecording:
-    """A recording with its remainder, and the largest remainder of the others without it, in units of the noise."""
+    """Recording with a remainder, and largest remainder of the others without it, both in units of the noise."""
 
     name: str
     remainder: float
@@ -49,12 +49,12 @@ class LoneRecording:
 
 
 def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) -> LoneRecording | None:
-    """The recording that alone has a remainder; None if there is none, or if a segment cannot be simulated.
+    """Recording that alone has a remainder; None without one, or if a segment cannot be simulated.
 
     Args:
         problem: the segments
         model: the selected set
-        names: of the recordings
+        names: names of the recordings
     """
     fit, run = model.fit, problem.segments.run
     if len(names) < LONE.recordings or not np.isfinite(fit.linear.chi2):
@@ -72,12 +72,12 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
 
 
 def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
-    """The recording if its remainder, in units of the noise, far exceeds the remainders of the other recordings."""
+    """The recording if its remainder, in units of the noise, far exceeds those of the others; otherwise None."""
     return LoneRecording(name, remainder, others) if remainder > LONE.ratio * max(others, LONE.least) else None
 
 
 def _refitted(fit: Fit, chosen: Flags) -> Array:
-    """(segments,) chi2 after one Gauss-Newton step that fits the model to the chosen segments."""
+    """(segments,) chi2 of all segments after one Gauss-Newton step that fits the model to the chosen segments."""
     A = fit.linear.A[:, :, fit.inside] * np.array([PRIOR * fit.free[i].size for i in fit.inside])
     X, e = A[chosen].reshape(-1, A.shape[2]), fit.linear.e[chosen].ravel()
     step = np.linalg.solve(X.T @ X + np.eye(A.shape[2]), X.T @ e)

@@ -21,18 +21,18 @@ class BlockBootstrap:
     """Settings of the bootstrap interval of a reduction."""
 
     block_s: float = 1.0
-    """Duration of neighbouring segments that are resampled together, because residuals of one swing are correlated."""
+    """Duration of neighbouring segments that are resampled together, s; the residuals of one swing are correlated."""
     fewest: int = 4
-    """Minimum number of such blocks; shorter recordings have shorter blocks."""
+    """Minimum number of blocks of segments; shorter recordings have shorter blocks."""
     draws: int = 400
-    """Number of bootstrap samples, sufficient to locate the ends of a 90 % interval to a twentieth of its width."""
+    """Number of bootstrap samples, which locates the ends of a 90 % interval to a twentieth of its width."""
 
 
 BOOTSTRAP = BlockBootstrap()
 
 
 def block(problem: Problem) -> int:
-    """Number of neighbouring segments that are drawn together."""
+    """Number of neighbouring segments that are resampled together."""
     offsets = problem.segments.offsets
     length = float(np.median(problem.t[offsets[1:] - 1] - problem.t[offsets[:-1]]))
     return max(1, round(BOOTSTRAP.block_s / max(length, 1e-9)))
@@ -40,7 +40,7 @@ def block(problem: Problem) -> int:
 
 @dataclass(frozen=True, slots=True)
 class GapReduction:
-    """Relative reduction of the gap above the noise floor: 1 - rms after / rms before, not below -1."""
+    """Relative reduction of the gap above the noise floor: 1 - rms after / rms before, at least -1."""
 
     estimate: float
     interval90: tuple[float, float]
@@ -48,35 +48,35 @@ class GapReduction:
 
 @dataclass(frozen=True, slots=True)
 class OutOfSample:
-    """Predictions of recordings by models that were fitted to other recordings; only the initial states are free."""
+    """Predictions of recordings by models that were fitted to other recordings, with free initial states only."""
 
     names: tuple[str, ...]
     """Names of the runs."""
     run: Integers
-    """(segments,) run of each segment."""
+    """(segments,) index of the run of each segment."""
     dof: Integers
     """(segments,) number of readings minus the number of initial-state parameters."""
     noise_rad: float
-    """Noise of a reading, rad."""
+    """Standard deviation of the noise of a reading, rad."""
     chi2: Callable[[Hypothesis], Array]
-    """Function that returns the (segments,) chi-square of a model."""
+    """Function that returns the (segments,) chi2 of a model."""
     block: int
     """Number of neighbouring segments that count as one independent value."""
 
     @property
     def runs(self) -> list[tuple[str, Flags]]:
-        """Names of the runs, and the segments of each."""
+        """Name and mask of the segments, for each run."""
         return [(self.names[r], self.run == r) for r in np.unique(self.run)]
 
 
 def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
-    """Each run predicted from the other runs, or each quarter of a single run from the other quarters."""
+    """Prediction of each run from the other runs, or of each quarter of a single run from the other quarters."""
     fold = folds(problem)
     return _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
 
 
 def held_out_prediction(recordings: Recordings, base: Hypothesis) -> OutOfSample:
-    """Whole recordings that the diagnosis did not fit."""
+    """Prediction of whole recordings that the diagnosis did not fit."""
     problem, initial = recordings.cut(recordings.working_length)
     states = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
@@ -99,9 +99,10 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
 
 
 def reduction(above: Array, rng: np.random.Generator, block: int) -> GapReduction:
-    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after; drawn by blocks.
+    """Relative reduction of the gap with a bootstrap interval, from (2, segments) chi2 above the noise.
 
-    The interval is the whole range for a single segment, which shows no scatter, and for data without a gap to close.
+    The rows are before and after. The interval is the whole range for a single segment, which shows no scatter, and for
+    data without a gap to close.
     """
     if above.shape[1] == 1 or above[0].sum() <= 0.0:
         return GapReduction(share(above), (-1.0, 1.0))

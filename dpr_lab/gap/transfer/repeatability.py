@@ -1,4 +1,4 @@
-"""Reproducible share of the gap: each recording predicted from the other recordings.
+"""Reproducible share of the gap: each recording is predicted from the other recordings.
 
 The mean squared residual of the bare model on a held-out recording is divided into shares that are removed one after
 the other:
@@ -10,14 +10,14 @@ the other:
     noise              of the readings
 
 All shares are computed by linear algebra on the fits (`dpr_lab.gap.hypothesis.cross_validation`). A single recording is
-divided into quarters: they show changes within the recording, not changes between recordings.
+divided into quarters. They show changes within the recording, not changes between recordings.
 
 A parameter varies if its values d in the recordings scatter more than their errors allow,
 
     Q = d^T cov(d)^-1 d  >  R - 1 + 3 sqrt(2 (R - 1)) + 2 log k
 
 for R recordings and k parameters. The errors are estimated from the scatter of the scores of segments (a sandwich
-estimate), so that a disturbance of one segment is not taken for a varying parameter.
+estimate), so that a disturbance of one segment does not count as a varying parameter.
 
 Source: P. J. Huber (1967), The behavior of maximum likelihood estimates under nonstandard conditions; W. G. Cochran
 (1954), The combination of estimates from different experiments, Biometrics 10, 101-129, for Q.
@@ -48,26 +48,24 @@ from dpr_lab.setup import only_inner
 
 @dataclass(frozen=True, slots=True)
 class RepeatabilityRules:
-    """Data required for a statement on repeatability."""
+    """Amount of data that a statement on repeatability requires."""
 
     segments: int = 3
-    """Minimum number of segments of each recording: fewer show no scatter."""
+    """Minimum number of segments of each recording; fewer segments show no scatter."""
     varying: int = 3
-    """Maximum number of varying parameters: more would fit any residual."""
+    """Maximum number of varying parameters; more of them would fit any residual."""
     gap_from: float = 3.0
-    """Minimum residual for which there is a gap to divide, in standard deviations."""
+    """Minimum residual that counts as a gap to divide, in standard deviations."""
     beyond_chance: float = 2.0
-    """Standard errors of a sum over segments by which free torques must improve the prediction."""
+    """Minimum improvement of the prediction by free torques, in standard errors of a sum over segments."""
     iterations: int = 8
-    """Iterations of the fits to all recordings, including the held-out ones."""
+    """Maximum number of iterations of the fits to all recordings, including the held-out ones."""
     far: float = 100.0
-    """Maximum mean square of the weighted residuals of all recordings for which segments are short enough for a linear
-    fit.
-    """
+    """Maximum mean squared weighted residual of all recordings for a linear fit with segments of this length."""
     unfollowed: float = 1e300
-    """chi2 of a segment whose simulation overflows."""
+    """chi2 that is used for a segment whose simulation overflows."""
     singular: float = 1e-9
-    """Relative size of a singular value that counts as zero."""
+    """Relative size of a singular value up to which it counts as zero."""
 
 
 REPEATABILITY = RepeatabilityRules()
@@ -79,7 +77,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     Args:
         recordings: the fitted runs
         everything: the fitted and the held-out runs
-        problem: the segments of the fitted runs
+        problem: segments of the fitted runs
         selection: the selected set of effects
     """
     before, after = selection.base.fit, selection.chosen.fit
@@ -115,7 +113,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
 def _shown(
     varying: Sequence["_Varying"], everything: Recordings, problem: Problem, after: Fit
 ) -> list[VaryingParameter]:
-    """Varying parameters with their values in each recording; parameters of the rods are ratios to b, or to a."""
+    """Varying parameters with their values in each recording; parameters of the rods as ratios to b, or to a."""
     names, alone = [record.run.name for record in everything.records], only_inner(problem.segments.setups)
     shown = []
     for varied in varying:
@@ -130,7 +128,7 @@ def _shown(
 def split(
     levels: Sequence[float], noise: float, names: Sequence[str], varying: Sequence[VaryingParameter], undecided: str
 ) -> GapBudget:
-    """Shares from the remaining chi2 after each step: bare model, corrected model, free torques, own parameters."""
+    """Shares from the chi2 that remains after each step: bare model, corrected model, free torques, own parameters."""
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=REPEATABILITY.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
     total = max(float(falling[0]), np.finfo(np.float64).tiny)
@@ -149,7 +147,7 @@ def split(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """The models fitted to all recordings, starting from their fits to the first of them.
+    """Fits of the models to all recordings, starting from their fits to some of them.
 
     If the rig was changed between the recordings, the phases in long segments are so wrong that the residual is no
     longer linear in the ratios. Short segments are used for such recordings.
@@ -170,20 +168,23 @@ def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tupl
 
 @dataclass(frozen=True, slots=True)
 class _Varying:
-    """A parameter that differs between recordings."""
+    """A parameter that differs between recordings, with its deviations from the common value."""
 
     column: int
     own: Array
     """(recordings,) deviation from the common value in each recording, in units of the column."""
     std: Array
-    """(recordings,) standard deviations of the deviations."""
+    """(recordings,) standard deviations of the deviations, in the same units."""
     scatter: float
-    """Q: reduction of chi2 by its own values, divided by the variance inflation."""
+    """Q: reduction of chi2 by separate values for the recordings, divided by the variance inflation."""
     chance: float
-    """Reduction of chi2 that fitting noise alone would cause."""
+    """Reduction of chi2 that is expected from a fit of noise alone."""
 
     def shown(self, effect: str, name: str, common: float, unit: float, names: Sequence[str]) -> VaryingParameter:
-        """The public result: common value and unit of the column in SI; quarters of a single recording are numbered."""
+        """Result with public names, from the common value and the unit of the column, SI.
+
+        Quarters of a single recording are numbered.
+        """
         spread, error = np.std(self.own, ddof=1), np.sqrt(np.mean(self.std**2))
         labels = names if len(names) > 1 else [f"{names[0]}, quarter {i + 1}" for i in range(len(self.own))]
         return VaryingParameter(
@@ -198,25 +199,25 @@ class _Varying:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """A fit by segments: residuals and columns, first of the model, then of free torques and encoder errors."""
+    """Linearised fit by segments: residuals, columns of the model, and columns of free torques and encoder errors."""
 
     X: Array
-    """(segments, m, k) columns, whitened."""
+    """(segments, m, k) whitened columns."""
     e: Array
-    """(segments, m) residuals, whitened."""
+    """(segments, m) whitened residuals."""
     fold: Integers
     precision: Array
     """(k,) inverse prior variance of each column."""
     own: tuple[int, ...]
-    """Columns that are free in every recording, like its initial states: zeros of encoders."""
+    """Columns that are free in every recording, like its initial states: encoder zeros."""
     candidates: tuple[int, ...]
-    """Columns that may vary."""
+    """Columns of parameters that may vary."""
     block: int = 1
     """Number of neighbouring segments that count as one independent value."""
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit, fold: Integers, followed: Flags) -> Self:
-        """The model alone, for segments that can be simulated."""
+        """Residuals and columns of the model alone, for segments that can be simulated."""
         inside = [fit.free[i] for i in fit.inside]
         A = fit.linear.A[:, :, fit.inside] * np.array([PRIOR * parameter.size for parameter in inside])
         A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], fit.linear.e, 0.0)
@@ -227,7 +228,7 @@ class _Parts:
 
     @property
     def by_fold(self) -> list[tuple[Flags, Array, Array]]:
-        """Segments of each recording, and its normal matrix and gradient."""
+        """Segments of each recording, with its normal matrix and gradient."""
         parts = []
         for r in range(int(self.fold.max()) + 1):
             segments = self.fold == r
@@ -236,7 +237,10 @@ class _Parts:
         return parts
 
     def left_out(self, freed: Sequence[int] = ()) -> Array:
-        """(segments,) chi2 as predicted from the other recordings, with some columns fitted to the recording itself."""
+        """(segments,) chi2 of the prediction from the other recordings.
+
+        The columns `freed` are fitted to the predicted recording itself.
+        """
         removed = [*self.own, *freed]
         parts, chi2 = [(segments, *_without(H, g, removed)) for segments, H, g in self.by_fold], np.zeros(len(self.e))
         H, gradient = sum((part[1] for part in parts), np.diag(self.precision)), sum(part[2] for part in parts)
@@ -250,7 +254,10 @@ class _Parts:
         return chi2
 
     def with_discrepancy(self, columns: Array) -> Self:
-        """Fit with additional free torques and encoder errors of the size that predicts best, if they help."""
+        """Fit with additional free torques and encoder errors, if they improve the prediction.
+
+        The size of these terms is the one with the best prediction.
+        """
         columns = np.where(_used(self.e)[:, None, None], columns, 0.0)
         X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out(), self
         least = before
@@ -265,7 +272,7 @@ class _Parts:
         return best
 
     def varying(self) -> list[_Varying]:
-        """Parameters that differ between recordings beyond chance, the most significant first."""
+        """Parameters that differ between recordings beyond chance, most significant first."""
         chosen: list[_Varying] = []
         while len(chosen) < REPEATABILITY.varying:
             others = [i for i in self.candidates if i not in [parameter.column for parameter in chosen]]
@@ -280,12 +287,12 @@ class _Parts:
         return chosen
 
     def _local(self, column: int) -> Array:
-        """(segments, m, recordings) the column of a parameter, separately for each recording."""
+        """(segments, m, recordings) column of a parameter, separately for each recording."""
         of_recording = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
         return np.where(of_recording, self.X[:, :, [column]], 0.0)
 
     def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
-        """The values of one parameter in each recording, given (rows, k) columns that are common to all."""
+        """Values of one parameter in each recording, given the columns (rows, k) that are common to all recordings."""
         stacked = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
         flat = stacked.reshape(len(common), -1)
         projected = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(stacked.shape)
@@ -305,7 +312,7 @@ class _Parts:
 
 
 def _without(H: Array, gradient: Array, removed: Sequence[int]) -> tuple[Array, Array]:
-    """Normal equations of a recording, with some columns fitted to it alone."""
+    """Normal equations of a recording, with some columns fitted to this recording alone."""
     if not removed:
         return H, gradient
     taken = H[:, removed] @ np.linalg.pinv(H[np.ix_(removed, removed)], rcond=REPEATABILITY.singular, hermitian=True)
@@ -313,5 +320,5 @@ def _without(H: Array, gradient: Array, removed: Sequence[int]) -> tuple[Array, 
 
 
 def _used(values: Array) -> Flags:
-    """(segments,) whether (segments, m) values contain any that is not zero."""
+    """(segments,) mask of the segments whose values (segments, m) are not all zero."""
     return np.asarray(np.abs(values).sum(axis=1) > 0)

@@ -1,17 +1,22 @@
 """Transfer of the named effects: each must improve the prediction of recordings that were not fitted.
 
-The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. With
+The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. Let
 
     d_s = chi2_s(without) - chi2_s(with)
 
-for each segment s, with neighbouring segments grouped, an effect is valid for held-out data under three conditions:
-d is significantly positive (by its sum or by its signed ranks); d is significantly negative in no run; and the share of
-the gap that the effect closes is not significantly below half of that in the fitted recordings. Effects that worsen the
-free runs, of held-out runs if there are any, are not confirmed. An effect that fails this test explains the fitted
-recordings only. If there is a single release, its quarters are held out in turn, and an effect that fails is not
-withdrawn, but is not certain either. If all effects together increase the gap of the data that were not fitted, or if
-one recording alone has a remainder (`dpr_lab.gap.transfer.lone_recording`), no effect is certain. With fewer segments
-than quarters, no held-out test is possible: no effect is then refuted, and none is certain.
+for each segment s, with neighbouring segments grouped. An effect carries over to held-out data under three conditions:
+
+1. d is significantly positive, by its sum or by its signed ranks.
+2. d is significantly negative in no run.
+3. The share of the gap that the effect closes is not significantly below half of that in the fitted recordings.
+
+An effect that fails this test explains the fitted recordings only. Effects that worsen the free runs, of held-out runs
+if there are any, are not confirmed. If there is a single release, its quarters are held out in turn. An effect that
+fails is then not withdrawn, but is not certain either.
+
+No effect is certain if all effects together increase the gap of the data that were not fitted, or if one recording
+alone has a remainder (`dpr_lab.gap.transfer.lone_recording`). With fewer segments than quarters, no held-out test is
+possible: no effect is then refuted, and none is certain.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
@@ -42,9 +47,9 @@ def transfer(
     """Test the selected effects on held-out recordings; without any, each fitted run is held out in turn.
 
     Args:
-        state: the state with the selected set of effects
+        state: state with the selected set of effects
         runs_by_model: free runs of the models before and after along all recordings
-        expected: error of those of the model before that is due to the noise of their first readings
+        expected: error of the free runs of the model before that the noise of their first readings causes
     """
     recordings, problem, selection = state.recordings, state.problem, state.selection
     held_out, rng = state.held_out_prediction, np.random.default_rng(state.request.seed)
@@ -90,33 +95,33 @@ def transfer(
 
 @dataclass(frozen=True, slots=True)
 class _Test:
-    """Chi2 above the noise of data that were not fitted."""
+    """chi2 above the noise of data that were not fitted, by any model."""
 
     data: OutOfSample
     level: float
-    """Chi2 of the noise per reading."""
+    """chi2 of the noise per reading."""
     rng: np.random.Generator
     """Random generator of the bootstrap."""
 
     @property
     def noise(self) -> Array:
-        """(segments,) chi2 of the noise."""
+        """(segments,) expected chi2 of the noise."""
         return np.asarray(self.level * self.data.dof, dtype=np.float64)
 
     def excess(self, model: Hypothesis) -> Array:
-        """(segments,) chi2 above the noise by a model."""
+        """(segments,) chi2 of a model above the noise."""
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
     def reduction(self, pair: Array) -> GapReduction:
-        """Share of the gap closed, from (2, segments) chi2 above the noise without and with effects."""
+        """Share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
         return reduction(pair, self.rng, self.data.block)
 
     def by_run(self, pair: Array) -> dict[str, GapReduction]:
-        """The same for each run."""
+        """Run -> share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
         return {name: self.reduction(pair[:, rows]) for name, rows in self.data.runs}
 
     def carries_over(self, pair: Array, least: float) -> bool:
-        """Whether an effect improves the prediction, and closes at least a share of the gap if that is measurable."""
+        """Whether an effect improves the prediction, and closes at least the share `least` if this is measurable."""
         helps = _helps(self.data, pair[0] - pair[1])
         if not helps or pair[0].sum() < TRANSFER.gap_from * self.noise.sum():
             return helps
@@ -129,19 +134,19 @@ def worse_free_run(
     noise: Mapping[str, FreeRunError],
     compared: Collection[str],
 ) -> WorseFreeRun | None:
-    """Error of free runs before and after, geometric mean over some runs, if the effects increase it; else None.
+    """Errors of free runs before and after, as geometric means over some runs, if the effects increase them; else None.
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
     confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase
-    that the noise of the first readings explains does not count. The geometric mean compares the ratios of the errors,
-    so that the most chaotic run, whose error is by far the largest, does not decide alone.
+    that the noise of the first readings explains does not count. The geometric mean compares the ratios of the errors.
+    The most chaotic run, whose error is by far the largest, therefore does not decide alone.
 
     Source: Fleming & Wallace (1986), How not to lie with statistics, Communications of the ACM 29, 218-221.
 
     Args:
         before: run -> error of the free run of the bare model
         after: run -> error of the free run with the effects; half a turn where it cannot be simulated
-        noise: the part of `before` that is expected from the noise of the first readings
+        noise: part of `before` that is expected from the noise of the first readings
         compared: names of the runs
     """
     squares, ends = [], []
@@ -161,7 +166,7 @@ def worse_free_run(
 
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[tuple[str, float, float]]:
-    """The gap as effects are added one by one, from the bare model to the set with all effects (`ends`)."""
+    """Remaining gap while effects are added one by one, from the bare model to the set with all effects (`ends`)."""
     between = [test.excess(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
@@ -184,12 +189,12 @@ def _of_fitted(closed: GapReduction, selection: Selection) -> float:
 
 
 def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
-    """Share of the gap of a smaller set that the chosen one closes in the fitted recordings."""
+    """Share of the gap of a smaller set that the chosen set closes in the fitted recordings."""
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 
 def _signed_rank(reductions: Array, block: int) -> float:
-    """Wilcoxon's signed-rank sum of groups of segments, in its standard errors."""
+    """Wilcoxon's signed-rank sum over groups of segments, in its standard errors."""
     blocks = _blocks(reductions, block)
     ranks = 1.0 + np.argsort(np.argsort(np.abs(blocks)))
     n = len(blocks)
@@ -197,12 +202,12 @@ def _signed_rank(reductions: Array, block: int) -> float:
 
 
 def _blocks(reductions: Array, block: int) -> Array:
-    """Sums over neighbouring segments, whose residuals are correlated."""
+    """Sums over groups of neighbouring segments, whose residuals are correlated."""
     return np.add.reduceat(reductions, np.arange(0, len(reductions), block))
 
 
 def _sum(reductions: Array, block: int) -> tuple[float, float]:
-    """Sum over segments, and the minimum of a significant sum."""
+    """Sum over segments, and the minimum sum that is significant."""
     blocks = _blocks(reductions, block)
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
     return float(reductions.sum()), float(TRANSFER.beyond_chance * spread)

@@ -1,1 +1,1 @@
-"""Where the gap is: by joint, angle, speed and time."""
+"""Location of the gap: by joint, angle, speed and time."""

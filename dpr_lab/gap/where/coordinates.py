@@ -11,11 +11,11 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import Trajectory
 
 BINS = 10
-"""Number of hat functions over a coordinate: enough to resolve a friction curve, few enough to determine each."""
+"""Number of hat functions over a coordinate; it resolves a friction curve, and each function is determined."""
 
 
 def hats(x: Array, knots: Array) -> Array:
-    """(n, k) piecewise linear functions that sum to one."""
+    """(n, k) piecewise linear functions with their maxima at the knots; they sum to one."""
     position = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
     lower = position.astype(int)
     weights = np.zeros((len(x), len(knots)))
@@ -33,7 +33,7 @@ def angle_hats(angle: Array) -> tuple[Array, Array]:
 
 
 def speed_hats(speed: Array) -> tuple[Array, Array]:
-    """(n, k) hat functions over signed roots of the speed, denser at low speed, and their knots."""
+    """(n, k) hat functions over the speed, denser at low speed, and their knots."""
     top = max(float(np.quantile(np.abs(speed), 0.99)), 1e-3)
     roots = np.linspace(-1, 1, BINS)
     knots = np.sign(roots) * roots**2 * top
@@ -74,7 +74,7 @@ def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
 
 
 def encoder_angle(problem: Problem, joint: int) -> Array:
-    """(samples,) encoder reading of a joint, measured from hanging, rad."""
+    """(samples,) reading of the encoder of a joint, measured from hanging, rad."""
     turned = joint in (2, ARM) or (joint == 1 and problem.model.constants.relative2 == 1.0)
     return problem.measured[:, joint] - (0.0 if turned else math.pi)
 

@@ -2,11 +2,11 @@
 
     e = A p + M m + noise,    m ~ N(0, s^2)
 
-M holds hat functions over angle, speed and time for each joint, with the initial states projected out as in A. Every
+M contains hat functions over angle, speed and time for each joint, with the initial states projected out as in A. Every
 column is scaled by its influence on the readings: each group of hat functions has a mean squared norm of one, so that
 one size s applies to all.
 
-The size s maximises the restricted likelihood, with A free and the noise variance profiled out; it is zero if no size
+The size s maximises the restricted likelihood, with A free and the noise variance profiled out. It is zero if no size
 is more likely. With H the normal matrix of M given A, l = variance / s^2 and n independent readings,
 
     -2 log L = n log(rss(l)) + log det(H + l) - q log l.
@@ -37,11 +37,11 @@ class DiscrepancyRules:
     """Settings of the discrepancy term and of its description."""
 
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-    """Ratio of the noise variance to the prior variance: from a negligible term to a nearly free one."""
+    """Tested ratios of the noise variance to the prior variance: from a negligible term to a nearly free one."""
     likelier: float = 10.0
     """Minimum reduction of -2 log likelihood for the term to be included."""
     mostly: float = 2.0
-    """Minimum ratio of the mean squared torques at low and high speed for which the sentence names the larger one."""
+    """Minimum ratio of the mean squared torques at low and high speed for which the sentence names one of them."""
 
 
 DISCREPANCY = DiscrepancyRules()
@@ -54,15 +54,15 @@ class Discrepancy:
     columns: Array
     """(segments, m, q) whitened change of the readings by one standard deviation of the prior, for each function."""
     torque_Nm: tuple[float, ...]
-    """Posterior mean torque of joint 1, 2 and perhaps 0, rms over the recordings."""
+    """Rms over the recordings of the posterior mean torque of joint 1, joint 2 and optionally joint 0, N m."""
     reading_rad: tuple[float, ...]
-    """Posterior mean reading error of their encoders by angle, rms."""
+    """Rms of the posterior mean reading error of the encoders by angle, rad."""
     slow: tuple[float, ...]
-    """Ratio of the mean squared torque of each joint in the slower half of the readings to that in the faster half."""
+    """Mean squared torque in the slower half of the readings relative to that in the faster half, for each joint."""
 
     @property
     def sentence(self) -> str:
-        """Size and location of the discrepancy, by the joint of the larger torque."""
+        """Sentence on the size and location of the discrepancy, for the joint of the larger torque."""
         joint = int(np.argmax(self.torque_Nm))
         text = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {(1, 2, 0)[joint]}"
         if self.slow[joint] > DISCREPANCY.mostly:
@@ -78,7 +78,10 @@ class _Hats:
 
     joint: int
     torque: bool
-    """Whether they are torques, (n, k) along the trajectory; otherwise reading errors, (samples, k)."""
+    """Whether the functions are torques, (n, k) along the trajectory.
+
+    Otherwise they are reading errors, (samples, k).
+    """
     values: Array
     columns: Array
     """(segments, m, k) whitened change of the readings by these functions."""
@@ -100,7 +103,7 @@ def _hats(problem: Problem, reference: Trajectory) -> Iterator[_Hats]:
 
 
 def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
-    """Hat functions whose columns have a mean squared norm of one in each group."""
+    """Groups of hat functions, each scaled to a mean squared norm of one of its columns."""
     groups = []
     for hats in _hats(problem, reference):
         columns = fit.linear.projected(np.nan_to_num(hats.columns))
@@ -117,7 +120,7 @@ def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
 
 
 def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
-    """The discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
+    """Discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
     linear = model.fit.linear
     if at_noise_floor(model) or not np.isfinite(linear.residual).all():
         return None

@@ -1,7 +1,7 @@
 """Location of the gap before any effect is named: maps of torque and encoder error by generalised least squares.
 
-Each map is a sum of hat functions of one coordinate, for example the speed of joint 1, multiplied by a torque in that
-joint or an error of that encoder. As for any effect, the ratios and initial states are projected out of its influence
+Each map is a sum of hat functions of one coordinate, for example the speed of joint 1. They are the torque of a joint
+or the error of an encoder. As for any effect, the ratios and initial states are projected out of the influence of a map
 on the readings, so no torque is ever computed from differentiated angles. The share of the excess chi2 that a map
 explains is the largest share of the gap that this location can cause.
 """
@@ -31,10 +31,10 @@ from dpr_lab.gap.where.coordinates import (
 from dpr_lab.shown import percent
 
 CONVINCING = 0.6
-"""Minimum share of the excess chi-square for which a location explains the gap."""
+"""Minimum share of the excess chi-square that a location must explain to be the location of the gap."""
 
 SIGNIFICANT = 3.0
-"""Minimum residual for which there is a gap to locate, in standard deviations."""
+"""Minimum residual that counts as a gap to locate, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +42,18 @@ class Place:
     """Residual map of one location over one coordinate."""
 
     site: str
-    """joint1, joint2, encoder1 or encoder2; joint0 or encoder0 of an arm that moves."""
+    """Location: joint1, joint2, encoder1 or encoder2; joint0 or encoder0 of an arm that moves."""
     coordinate: str
-    """angle, speed, time or load."""
+    """Coordinate of the map: angle, speed, time or load."""
     share: float
     """Share of the excess chi2 that the map explains, 0 to 1."""
     knots: Array
     """(k,) positions of the hat functions, SI."""
     values: Array
-    """(k,) torque N m, friction N m s/rad over time, friction radius m over load, or encoder error rad."""
+    """(k,) values of the map at the knots, in `unit`.
+
+    They are torques, N m, friction over time, N m s/rad, friction radii over load, m, or encoder errors, rad.
+    """
     std: Array
     """(k,) standard deviations of the values."""
     unit: str
@@ -58,7 +61,7 @@ class Place:
 
 
 def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
-    """All residual maps, the one with the largest share first; empty without a gap."""
+    """Residual maps of all locations, largest share first; empty without a gap."""
     if base.residuals.z < SIGNIFICANT:
         return ()
     reference = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
@@ -67,10 +70,10 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, str, "Map"]]:
-    """Every map of every joint.
+    """Joint, name and function of every map.
 
-    The load of an arm's joint is not known, joint 2 needs an outer rod that turns, and no torque moves a prescribed
-    joint 1.
+    Omitted are the load of an arm's joint, which is not known, joint 2 without an outer rod that turns, and torques of
+    a prescribed joint 1, which do not move it.
     """
     setups = problem.segments.setups
     unknown = {
@@ -84,7 +87,7 @@ def _maps(problem: Problem) -> Iterator[tuple[int, str, "Map"]]:
 
 
 def where_sentence(places: tuple[Place, ...]) -> str:
-    """One sentence on the location of the gap."""
+    """Sentence on the location of the gap."""
     if not places:
         return "There is no gap to locate."
     best = places[0]
@@ -99,7 +102,7 @@ def where_sentence(places: tuple[Place, ...]) -> str:
 @dataclass(frozen=True, slots=True)
 class _Columns:
     readings: Array
-    """(segments, m, k) whitened changes of the readings by each of the functions."""
+    """(segments, m, k) whitened change of the readings by each of the hat functions."""
     knots: Array
     unit: str
 
@@ -148,7 +151,7 @@ MAPS: Mapping[str, Map] = {
     "error by angle": _error_by_angle,
     "error by speed": _error_by_speed,
 }
-"""All plotted maps of each joint."""
+"""Name of a map -> function that computes its columns."""
 
 _OF_TORQUES = (_torque_by_angle, _torque_by_speed, _friction_by_time, _friction_by_load)
 
@@ -167,7 +170,7 @@ def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int
 
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
-    """Description of a map in words."""
+    """Description of a residual map in words."""
     cause = {"torque": f"A torque in {site}", "friction": f"Friction of {site}", "error": f"An error of {site}"}[kind]
     dependence = "load or on the direction of motion alone" if coordinate == "load" else coordinate
     parts = [f"{cause} that depends on {dependence}"]

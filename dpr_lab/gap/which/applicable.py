@@ -10,11 +10,11 @@ from dpr_lab.fitting.problem import Problem
 
 
 def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bool = False) -> dict[str, Effect]:
-    """The effects of a library that can act in these recordings and are not free in every fit.
+    """Effects of a library that can act in these recordings and are not free in every fit.
 
     Args:
         library: effects by name
-        problem: the recordings
+        problem: segments of the recordings
         of_points: whether all angles are directions between points in a video, which do not depend on counts per turn
     """
     setups = problem.segments.setups

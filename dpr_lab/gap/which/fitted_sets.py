@@ -1,9 +1,9 @@
 """Sets of effects and their fits: each set is fitted once, with measures against local minima.
 
-A fit far from the noise may end in a local minimum, caused by a few segments or by long segments. Therefore an effect
-is started from several shapes, from short segments, and from the sets with one effect more and one effect fewer; the
-best of these fits counts. If a set is fitted again, the better fit is kept. Each move fits in its own copy, so that no
-fit changes an earlier state of the search.
+A fit far from the noise may end in a local minimum, caused by a few segments or by long segments. An effect is
+therefore started from several shapes, from short segments, and from the sets with one effect more and one effect fewer.
+The best of these fits counts. If a set is fitted again, the better fit is kept. Each move fits in its own copy, so that
+no fit changes an earlier state of the search.
 """
 
 from collections.abc import Callable, Mapping
@@ -45,29 +45,31 @@ Progress = Callable[[FitBegan | ScoreTestBegan], None]
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Number of candidates that are fitted for each set."""
+    """Number of iterations and of initial shapes of the fits, and limits for further attempts."""
 
     rough: int = 6
-    """Number of iterations of a fit far from the noise."""
+    """Maximum number of iterations of a fit far from the noise."""
     fine: int = 15
-    """Number of iterations of a fit near the noise."""
+    """Maximum number of iterations of a fit near the noise."""
     preview: int = 3
-    """Number of iterations from each of several shapes; the best of these fits is continued."""
+    """Number of iterations from each of several shapes, of which the best is continued."""
     thorough: int = 30
-    """Number of iterations from the best of several shapes."""
+    """Maximum number of iterations from the best of several shapes."""
     short: int = 12
-    """Number of iterations from short segments."""
+    """Maximum number of iterations from short segments."""
     achieved: float = 0.5
-    """A fit that achieves less than this fraction of the predicted reduction of chi2 is repeated from shorter segments.
+    """Minimum ratio of the achieved to the predicted reduction of chi2.
+
+    Below it a fit is repeated from shorter segments.
     """
     outstanding: float = 5.0
-    """A segment may keep a fit in a local minimum if its chi2, relative to the median, exceeds this value."""
+    """chi2 of a segment relative to the median above which the segment may keep a fit in a local minimum."""
     nowhere: float = 0.99
-    """The fit of an effect has failed if the ratio of chi2 with the effect to chi2 without it exceeds this value."""
+    """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
     starts: int = 4
     """Maximum number of shapes from which an effect with a high score is fitted."""
     leading: float = 0.5
-    """Several shapes of an effect are fitted if its score exceeds this fraction of the best score."""
+    """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 
 
 EFFORT = Effort()
@@ -75,38 +77,38 @@ EFFORT = Effort()
 
 @dataclass(frozen=True, slots=True)
 class FittedSets:
-    """The sets of effects that are available to a move, and the functions that fit further sets."""
+    """Sets of effects that are available to a move, with the functions that fit further sets."""
 
     recordings: Recordings
     problem: Problem
     library: Mapping[str, Effect]
     bare: Hypothesis
-    """The model without effects."""
+    """Model without effects."""
     on_progress: Progress = lambda event: None
     expected: frozenset[str] = frozenset()
-    """Effects that the rig is known to have, of any size: they need not be visible in a recording."""
+    """Effects that the rig is known to have, of any size; recordings need not show them."""
     held_out_chi2: Callable[[Hypothesis], float] | None = None
     """Function that returns the sum of chi2 on held-out runs; None without held-out runs."""
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
-    """Smaller and larger sets of which the smaller was fitted from the larger."""
+    """Pairs of a smaller and a larger set, if the smaller one was fitted from the larger one."""
     _short: list[tuple[Problem, Hypothesis]] = field(default_factory=list)
-    """The recordings in short segments and the bare model fitted to them, once they are needed."""
+    """Recordings in short segments with the bare model fitted to them; empty until they are needed."""
     _results: dict[tuple[object, ...], Hypothesis] = field(default_factory=dict)
-    """Fits by their arguments: several moves request the same ones."""
+    """Fits by their arguments, because several moves request the same fits."""
 
     def __post_init__(self) -> None:
         self.keep(self.bare)
 
     @property
     def fits(self) -> Mapping[frozenset[str], Hypothesis]:
-        """Every set that was fitted, with its best fit."""
+        """Best fit of every set that was fitted."""
         return MappingProxyType(self._fits)
 
     @property
     def tests(self) -> Mapping[frozenset[str], ScoreTest]:
-        """The score tests on the fitted sets."""
+        """Score test of every set that was tested."""
         return MappingProxyType(self._tests)
 
     def resumed(
@@ -132,7 +134,7 @@ class FittedSets:
         return self._results[arguments]
 
     def possible(self, model: Hypothesis) -> bool:
-        """Whether the effects and the gravity torque of a set have sizes that a rig can have."""
+        """Whether a rig can have the sizes of the effects, and the gravity torque, of a set."""
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
@@ -141,7 +143,7 @@ class FittedSets:
         return (*sizes, *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Whether the sizes of a set are possible on a rig, or the sizes of another set are impossible too."""
+        """Whether the sizes of a set are possible on a rig, or else those of the other set are impossible too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
@@ -149,11 +151,11 @@ class FittedSets:
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
-        """The bare model with the corrections of the rig file and of the time stamps that a set contains.
+        """Bare model with those effects of a set that correct the rig file or the time stamps.
 
         The other effects explain parts of the gap that remains with this model. An error of the description, for
         example of a length or of the counts per turn, may cause a gap a thousand times as large, and is not a property
-        of the rig. With this correction the same effects are named as with the right description.
+        of the rig.
         """
         corrections = [name for name in model.effects if self.library[name].corrects]
         if not corrections:
@@ -161,7 +163,7 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
-        """The bare model with the rig's known effects that are significant in these recordings, largest first."""
+        """Bare model with those known effects of the rig that are significant in these recordings, largest first."""
         model = self.bare
         while scores := [
             score for score in self.test(model).ranking if score.effect.name in self.expected and score.gain > 0
@@ -170,7 +172,7 @@ class FittedSets:
         return self.escaped(model) if model.effects else model
 
     def test(self, model: Hypothesis) -> ScoreTest:
-        """The score test of further effects on a set."""
+        """Score test of further effects for a set."""
         if model.key not in self._tests:
             self.on_progress(ScoreTestBegan(model.effects))
             others = [effect for name, effect in self.library.items() if name not in model.effects]
@@ -179,7 +181,10 @@ class FittedSets:
         return self._tests[model.key]
 
     def with_one(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """A set with one additional effect; also fitted from shorter segments if chi2 falls far less than predicted."""
+        """Fit of a set with one additional effect.
+
+        If chi2 decreases far less than predicted, the set is fitted from shorter segments as well.
+        """
         key = model.key | {score.effect.name}
         if key in self._fits:
             return self._fits[key]
@@ -192,7 +197,7 @@ class FittedSets:
         return self.keep(larger)
 
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """Fit from the best shape; if the effect has several shapes, from the best few."""
+        """Fit of one additional effect from its best shape, or from its best few shapes."""
         test = self.test(model)
         return self._once((model, test, score), lambda: self._from_shapes(model, test, score))
 
@@ -219,7 +224,7 @@ class FittedSets:
 
     @property
     def _is_short(self) -> bool:
-        """Whether these sets are fitted to the short segments, which cannot be shortened further."""
+        """Whether these sets are fitted to the short segments already."""
         return any(problem is self.problem for problem, _ in self._short)
 
     def on_short(self) -> "FittedSets":
@@ -228,19 +233,22 @@ class FittedSets:
         return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, _short=self._short)
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:
-        """Refit a set from its fit to short segments."""
+        """Fit of a set to the working segments, starting from its fit to short segments."""
         long = self._lengthened(short.fit, self.bare.fit.estimate.initial, iterations=2 * EFFORT.fine)
         return self.escaped(hypothesis(self.problem, short.effects, long))
 
     def _lengthened(self, near: Fit, initial: Array, iterations: int) -> Fit:
-        """Continue a fit to short segments; missing initial states are taken from `initial`."""
+        """Continuation of a fit to short segments with longer ones; missing initial states are taken from `initial`."""
         cut, _ = self.short()
         initial_states = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
         start = near.estimate.changed(initial=initial_states)
         return preliminary_fit(self.problem, start, near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Refit a set once: a few segments, long segments or a wrong order may hold it in a local minimum."""
+        """Fit of a set after one attempt to leave a local minimum.
+
+        A few segments, long segments or a wrong order may cause such a minimum.
+        """
         escaped = self.keep(self._once((model,), lambda: self._escaped(model)))
         self._results[escaped,] = escaped
         return escaped
@@ -258,10 +266,9 @@ class FittedSets:
         return model
 
     def _in_best_order(self, model: Hypothesis) -> Hypothesis:
-        """The set with the orders of its effects replaced by neighbouring ones, as long as that reduces chi2.
+        """Fit with the orders of its effects replaced by neighbouring orders, as long as this reduces chi2.
 
-        On an arc of less than a turn, different orders have similar signatures, and the scores of a fit without the
-        effect may favour a wrong one.
+        On an arc of less than a turn, different orders have similar signatures, and scores may favour a wrong order.
         """
         orders = [
             (param_index(name, shape.name), shape.scan)
@@ -287,20 +294,20 @@ class FittedSets:
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
     def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """The set without one effect, and without a curve that would imitate the removed effect."""
+        """Set without one effect, and without a curve that would imitate the removed effect."""
         smaller = self.without(model, effect)
         curve = substitute_curve(model, smaller)
         return smaller if curve is None else self.without(smaller, curve)
 
     def predictive(self, model: Hypothesis) -> Hypothesis:
-        """The set without the effects that worsen the prediction of held-out runs, the worst first."""
+        """Set without those effects that worsen the prediction of held-out runs; the worst is removed first."""
         if self.held_out_chi2 is None or len(model.effects) < 2:
             return model
         best = min((self.without_substitute(model, name) for name in model.effects), key=self.held_out_chi2)
         return self.predictive(best) if self.held_out_chi2(best) < self.held_out_chi2(model) else model
 
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """The better of two fits: from the larger sets and, if a score test leads to the set, from a smaller one."""
+        """Better fit of a set without one effect: from a larger set or, after a score test, from a smaller one."""
         key = model.key - {effect}
         if key in self._fits and not self._stuck(self._fits[key], model):
             return self._fits[key]
@@ -315,14 +322,14 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Whether a few segments kept an earlier fit of a smaller set in a local minimum that a larger set has left."""
+        """Whether a few segments kept a fit of a smaller set in a local minimum that a larger set has left."""
         if (smaller.key, model.key) in self._refitted_from or at_noise_floor(smaller):
             return False
         previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """The set in which one effect is replaced by another; None if the other effect has no score.
+        """Set in which one effect is replaced by another; None if the other effect has no score.
 
         The fit starts without either effect. If it fails, it is repeated from a fit with both, in which a related
         effect gradually explains the share of the other.
@@ -339,15 +346,10 @@ class FittedSets:
         return replaced
 
     def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        """The set in which one effect is replaced by another, started at the linear prediction from that solution.
+        """Set in which one effect is replaced by another, started at the linear prediction from the fit `model`.
 
         From this start, two indistinguishable effects fit equally well. A fit that starts with neither of them may end
-        in a local minimum in which another effect of the set has a wrong shape.
-
-        Args:
-            model: the solution
-            effect: the replaced effect
-            score: score of the other effect, with its shape
+        in a local minimum in which another effect of the set has a wrong shape. `score` is that of the other effect.
         """
         return self.keep(self._once((model, effect, score), lambda: self._at_image(model, effect, score)))
 
@@ -358,10 +360,10 @@ class FittedSets:
         return refit_without(self.problem, with_both, effect, self.bare)
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-        """The set in which one effect is replaced by another, started at amplitudes of the same names.
+        """Set in which one effect is replaced by another, started with the amplitudes of the same names.
 
-        Rods that hardly move stick even at the smallest Coulomb friction, so its derivative at zero is not a valid
-        search direction.
+        Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
+        direction.
         """
         params = model.fit.estimate.params.copy()
         values = named_params(params).get(effect, {})  # empty if the fit does not need it
@@ -381,7 +383,7 @@ class FittedSets:
         return self.keep(model if other is None or other.cost >= model.cost else other)
 
     def converged(self, model: Hypothesis) -> Hypothesis:
-        """Continue the fit of a set until it converges, then remove effects whose size is zero."""
+        """Fit of a set, continued until it converges, without effects whose size is then zero."""
         model = self._fits[model.key]
         if model.effects and not model.fit.converged:
             refitted = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)

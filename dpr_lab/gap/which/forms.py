@@ -3,13 +3,13 @@
 The library contains each effect in one functional form, and a real effect may have another: friction that grows with a
 power of the load, a softening spring, a delay that decreases with speed. While a residual remains, an additional effect
 may merely compensate for such a deviation. It must therefore explain a part of the residual that no other form of the
-remaining effects can explain. A torque that takes no energy and the error of an encoder have no form that depends
-on the speed: a tilt whose sign changes with the speed would be friction.
+remaining effects can explain. A torque that takes no energy, and the error of an encoder, have no form that depends on
+the speed: a tilt whose sign changes with the speed would be friction.
 
 A form that contains the tested effect itself is not an alternative explanation. Air drag, for example, is Coulomb
-friction multiplied by a function of the speed. Two losses at a joint therefore have no other forms over the speed, nor
-over the time, because the amplitude of a free swing decreases with time. The free function of the speed is an effect of
-the library (`friction_curve`), with which the search compares both.
+friction multiplied by a function of the speed. Two losses at a joint therefore have no other forms over the speed. They
+have none over the time either, because the amplitude of a free swing decreases with time. The free function of the
+speed is an effect of the library (`friction_curve`), with which the search compares both.
 """
 
 import numpy as np
@@ -39,15 +39,15 @@ READINGS_PER_FORM = 8
 
 
 def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
-    """Fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
+    """Own share: the fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
 
     It is 1 if the recordings are too short to determine the other forms, and None if the effect was not tested.
 
     Args:
         problem: segments and noise
-        smaller: the set without the effect
-        test: the score test on that set
-        effect: its name
+        smaller: set without the effect
+        test: score test of that set
+        effect: name of the effect
     """
     score = test.of(effect)
     if score is None:
@@ -71,7 +71,7 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
 
 
 def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:
-    """(segments, m, k) whitened readings under an effect of a set in other functional forms than the tested effect."""
+    """(segments, m, k) whitened change of the readings by an effect, in other functional forms than the tested one."""
     effect, estimate = EFFECTS[name], model.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
@@ -102,7 +102,7 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
 
 def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """(n, k) hats over the angle, and over time and speed if the effect may depend on them."""
+    """(n, k) hat functions over the angle, and over time and speed if the effect may depend on them."""
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
     hats = [angle_hats(angle)[0]]
     if not _are_losses_of_speed(effect, tested):
@@ -111,6 +111,6 @@ def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) 
 
 
 def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
-    """Whether both are losses at one joint; the tested one is a law of the speed."""
+    """Whether both effects are losses at one joint, and the tested one is a law of the speed."""
     share_joint = not set(effect.joints).isdisjoint(tested.joints)
     return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"

@@ -29,10 +29,10 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 @dataclass(frozen=True, slots=True)
 class Beam:
-    """Width of the forward search."""
+    """Width of the forward search: numbers of fitted candidates and of extended sets."""
 
     fitted: int = 4
-    """Number of candidates of a score test that are fitted."""
+    """Number of candidates of a score test that are fitted near the noise."""
     fitted_when_far: int = 6
     """Number of candidates that are fitted far from the noise, where linear scores are unreliable."""
     sets: int = 2
@@ -40,20 +40,18 @@ class Beam:
     worse: float = 4.0
     """Maximum ratio of the excess of a set to the excess of the best set for which the set is extended."""
     exceeded: float = GAUSS_NEWTON.exceeded
-    """Largest expected ratio of a fitted reduction to the predicted one, far from the noise."""
+    """Largest expected ratio of a fitted to the predicted reduction, far from the noise."""
     as_promising: float = 0.5
-    """Fraction of the reduction to the noise floor that the score of another effect must predict for it to be fitted
-    too.
-    """
+    """Minimum predicted reduction of another effect that is fitted, relative to the reduction to the noise floor."""
     same_gain: float = 1e-3
-    """Relative difference of reductions within which only one of several nearly indistinguishable effects is fitted."""
+    """Relative difference of predicted reductions within which only one of several similar effects is fitted."""
 
 
 BEAM = Beam()
 
 
 def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
-    """The move that adds effects one at a time.
+    """Move that adds effects one at a time.
 
     Args:
         max_effects: maximum number of effects
@@ -69,7 +67,7 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
 
 
 def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
-    """The best set of each size.
+    """Best set of each size.
 
     Far from the noise, the search continues after one effect that does not reduce the excess, because two effects of
     similar size may reduce it only together. The search ends as soon as it refutes the noise of known torques, because
@@ -104,10 +102,10 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Whether the residual is far above the noise, including that of known torques, even with all effects together.
+    """Whether the residual remains far above the noise, including that of known torques, with all effects together.
 
-    All candidates of the score test together reduce chi2 at least as much as any few of them, as far as they are
-    linear.
+    As far as they are linear, all candidates of the score test together reduce chi2 at least as much as any few of
+    them.
     """
     if sets.problem.disturbance is None or not far_from_noise(model):
         return False
@@ -117,9 +115,7 @@ def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sets in the order of the criterion.
-
-    Sets with an effect of impossible size, or with one that adds too little, come last.
+    """Sets sorted by the criterion; those with an effect of impossible size, or one that adds too little, come last.
 
     Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
     frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
@@ -148,7 +144,7 @@ def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Prop
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """The next best sets that are close to the best one and not other forms of it."""
+    """Next best sets, if their excess is close to that of the best one and they are not other forms of it."""
     separate = [model for model in others if not _are_forms(sets, model, best)]
     return [model for model in separate[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
 
@@ -161,16 +157,16 @@ def _with_one_more(
     *,
     last: bool,
 ) -> Iterator[Hypothesis]:
-    """The set with each of the most promising effects; if only noise remains, only with equally promising ones.
+    """Sets with each of the most promising effects added; if only noise remains, with equally promising ones only.
 
     Far from the noise, a candidate is not fitted if even twice its predicted reduction would leave its set too poor to
     be extended or accepted (`_deciding_excess`).
 
     Args:
         sets: the fitted sets
-        best: the best smaller set
-        model: the set that is extended
-        level: the sets of the same size so far, which the caller extends
+        best: best smaller set
+        model: set that is extended
+        level: sets of the same size so far, to which the caller adds
         last: whether the search ends after this level unless it accepts a set
     """
     least = 0.0
@@ -186,7 +182,7 @@ def _with_one_more(
 
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
-    """Maximum excess of a further set of a level that can be extended or accepted."""
+    """Maximum excess with which a further set of a level can be extended or accepted."""
     sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
@@ -197,11 +193,12 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
-    """The set with the two losses of one joint that explain most together, if they hide each other; else None.
+    """Set with the two losses of one joint that explain most together, if they hide each other; otherwise None.
 
-    Next to viscous friction, Coulomb friction and air drag change a decay in opposite ways: the loss per swing grows
-    with powers 1 and 3 of the amplitude, that of viscous friction with power 2. Each alone then explains little, or has
-    the wrong sign. Both are fitted if together they are predicted to explain more than any single effect.
+    Next to viscous friction, Coulomb friction and air drag change a decay in opposite ways. Their loss per swing
+    increases with the powers 1 and 3 of the amplitude, that of viscous friction with the power 2. Each of them alone
+    then explains little, or has the wrong sign. Both are fitted if together they are predicted to explain more than any
+    single effect.
     """
     test = sets.test(model)
     losses = [test.shaped[name][0] for name in sorted(test.shaped) if _is_loss_of_one_size(test.shaped[name][0])]
@@ -235,7 +232,10 @@ def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
 
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Effects with the largest predicted reduction, one of each nearly indistinguishable group, and simpler forms."""
+    """Scores of the effects with the largest predicted reduction, one of each nearly indistinguishable group.
+
+    Simpler forms of these effects are added.
+    """
     least = promising_gain(model)
     promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
     picked: list[Score] = []

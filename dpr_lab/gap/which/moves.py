@@ -1,11 +1,11 @@
-"""The moves of the search besides forward selection, and their order; `MOVES`, at the end, lists them.
+"""Moves of the search except forward selection, and their order; `MOVES`, at the end, lists them.
 
 A move consists of a generator of proposed sets and a rule that accepts or rejects them. Moves that remove effects are
-in `removals`, moves that replace them in `replacements`.
+in `removals`, moves that replace effects in `replacements`.
 
-The criterion is the held-out chi-square plus the penalty of the parameters (`Hypothesis.cost`). The reduction that is
-not significant, and the increase of the excess from which an effect is necessary, are defined in
-`dpr_lab.gap.hypothesis.thresholds`.
+The criterion is the held-out chi-square plus the penalty of the parameters (`Hypothesis.cost`).
+`dpr_lab.gap.hypothesis.thresholds` defines the reduction that is significant, and the increase of the excess from which
+an effect is necessary.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The bare model with the known effects of the rig that these recordings show."""
+    """Bare model with those known effects of the rig that these recordings show."""
     start = sets.start()
     if start.effects:
         yield Proposal(start)
@@ -71,13 +71,13 @@ REFINE = (
     OWN_SHARE,
     CONVERGE,
 )
-"""The moves after forward selection, in order."""
+"""Moves after forward selection, in order."""
 
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
-"""The moves after forward selection in short segments."""
+"""Moves after forward selection in short segments, in order."""
 
 REVISIONS = ((BETTER_ALTERNATIVE, (DROP, OWN_SHARE, CONVERGE)), (MORE_PLAUSIBLE, (CONVERGE,)))
-"""Revisions of the selected set, and the moves after each revision that changes the set."""
+"""Revisions of the selected set, each with the moves that follow it if it changes the set."""
 
 MOVES = (
     START,

@@ -1,4 +1,4 @@
-"""Moves that remove effects: not required by the recordings, not transferable, or merely compensating."""
+"""Moves that remove effects: those not required by the recordings, not transferable, or merely compensating."""
 
 from collections.abc import Iterator
 
@@ -22,7 +22,10 @@ from dpr_lab.shown import percent
 
 
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
-    """The smallest fitted set that explains nearly as much; it may lie on another branch of the search."""
+    """Smallest fitted set that explains nearly as much as the current one.
+
+    It may lie on another branch of the search.
+    """
     gap = excess(sets.described(grown))
     adequate = [
         model
@@ -48,7 +51,7 @@ def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Deci
 
 
 def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The set without its least necessary effect; a single effect is judged by its share of the whole gap."""
+    """Set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
         base = sets.described(current)
@@ -73,7 +76,7 @@ def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    """Cross-validation: an effect that worsens the prediction of a run from the other runs is not a cause."""
+    """Accept by cross-validation: an effect that worsens the prediction of a run from the other runs is not a cause."""
     smaller, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
     if excess(smaller) > excess(sets.bare):  # its fit diverged and predicts nothing
         return Decision(False, "without it the fit does not converge")
@@ -83,11 +86,11 @@ def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
 
 
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """While a residual remains, propose the set without the effect that has the smallest own contribution.
+    """Sets without the effect that has the smallest own contribution, while a residual remains.
 
-    The own contribution of an effect is the part of its reduction that no other form of the remaining effects
-    explains. Effects that every rig has are never proposed, nor effects whose removal increases the excess far above
-    that of the best fitted set.
+    The own contribution of an effect is the part of its reduction that no other form of the remaining effects explains.
+    Two kinds of effects are never proposed: those that every rig has, and those whose removal increases the excess far
+    above that of the best fitted set.
 
     A free function can replace an effect with few amplitudes, whether or not this effect is the cause. If the set
     without an effect of more amplitudes explains as much, it is therefore proposed first.
@@ -117,10 +120,10 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Whether a richer form explains more than the smaller set, but less, with more parameters, than the larger one.
+    """Whether a richer form explains more than the smaller set, but less, with more parameters, than the larger set.
 
-    It replaces two effects of the larger set: a simpler form, and a second one. One of them is missing in the smaller
-    set. The search would replace the smaller set by the richer form.
+    The richer form replaces two effects of the larger set: a simpler form of it, and a second effect. One of them is
+    missing in the smaller set. The search would then replace the smaller set by the richer form.
     """
     removed = larger.key - smaller.key
     replaced = (
@@ -144,7 +147,7 @@ def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposa
 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The set without misleading effects, or with replacements that predict held-out runs better."""
+    """Set without misleading effects, or with replacements of them that predict held-out runs better."""
     smaller = sets.predictive(current)
     if smaller is current or sets.held_out_chi2 is None:
         return

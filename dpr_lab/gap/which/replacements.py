@@ -23,7 +23,7 @@ REPLACEMENTS = 2
 
 
 def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """An effect replaced by a richer one that contains it, if the score test shows a contribution of the richer one."""
+    """Sets in which a richer form replaces an effect that it contains, if the score test shows a contribution."""
     chance = THRESHOLDS.chance * current.residuals.inflation
     test = sets.test(current)
     for score in test.ranking:
@@ -41,7 +41,7 @@ def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposa
 
 
 def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """An effect replaced by a simpler one that it contains."""
+    """Sets in which a simpler form replaces an effect that contains it."""
     for name in current.effects:
         for simpler in sets.library[name].nested:
             if simpler in sets.library and simpler not in current.effects:
@@ -53,7 +53,7 @@ def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Accept a replacement that explains as much as the current set, within the indifference margin.
 
-    Above the noise floor a richer form may compensate for an effect outside the set: it must then explain more.
+    Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
     """
     model, margin = proposal.model, form_indifference(sets.bare, current)
     alike = at_noise_floor(model) if at_noise_floor(current) else excess(model) < THRESHOLDS.slow * excess(current)
@@ -63,10 +63,10 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
 
 
 def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """An effect replaced by a simpler one and another effect, which together have fewer parameters.
+    """Sets in which a simpler form and another effect, with fewer parameters together, replace an effect.
 
-    The additional parameters of a richer form may imitate a second cause; unequal friction in the two directions
-    imitates a zero offset.
+    The additional parameters of a richer form may imitate a second cause. For example, unequal friction in the two
+    directions imitates a zero offset.
     """
     for simpler in (proposal.model for proposal in _simpler(sets, current)):
         fewer = len(current.fit.free) - len(simpler.fit.free)
@@ -76,7 +76,7 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """A curve replaced by effects with fewer parameters in total, or combined with a simple effect that it imitates.
+    """Sets in which effects with fewer parameters in total replace a curve, or a simple effect is added to it.
 
     On a small arc a curve of many parameters imitates a tilt, friction and drag together, and is selected first.
     """
@@ -95,9 +95,9 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
 def _grown_to(
     sets: FittedSets, model: Hypothesis, curve: str, *, most: int, widest: int, chance: float
 ) -> Iterator[Proposal]:
-    """The set extended by the best further effects, one at a time.
+    """Sets that extend a set by the best further effects, one at a time.
 
-    Each of them has at most `widest` parameters, and all together have at most `most`.
+    Each added effect has at most `widest` parameters, and the set has at most `most`.
     """
     while True:
         room = min(most - len(model.fit.free), widest)
@@ -111,7 +111,7 @@ def _grown_to(
 
 
 def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterator[Proposal]:
-    """The curve combined with the simple effect that explains most of it; the curve fits only the remainder."""
+    """Set with the curve and the simple effect that explains most of it, so that the curve fits only the remainder."""
     simple = next((score for score in sets.test(without_curve).ranking if len(score.columns) == 1), None)
     if simple is not None and simple.gain > 0.0:
         model = sets.with_one(without_curve, simple)
@@ -136,7 +136,7 @@ def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis,
 
 
 def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """While a residual remains: the best set with one effect replaced by another one or by another shape of it."""
+    """Best set in which another effect, or another shape of it, replaces one effect, while a residual remains."""
     if at_noise_floor(current) or not current.effects:
         return
     best = current
@@ -162,7 +162,7 @@ def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisi
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The best of all fitted sets with at most as many effects; alternatives of each effect are fitted first."""
+    """Best of all fitted sets with at most as many effects, after the alternatives of each effect are fitted."""
     fits = with_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
@@ -190,7 +190,7 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
 
 
 def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The set with one effect replaced by an indistinguishable one of a far more plausible size."""
+    """Sets in which an indistinguishable effect of more plausible size replaces one effect."""
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
@@ -217,7 +217,7 @@ def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset
     """All fitted sets, including the sets in which an alternative replaces an effect.
 
     Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
-    indistinguishable one fits worse, its fit ended in a local minimum, and is repeated from the chosen solution.
+    indistinguishable effect fits worse, its fit ended in a local minimum, and is repeated from the chosen solution.
     """
     for name in chosen.effects:
         smaller = sets.without(chosen, name)
@@ -233,7 +233,7 @@ def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Effects with the signature of another one that are neither a simpler nor a richer form of it."""
+    """Scores of effects with the signature of another effect that are neither a simpler nor a richer form of it."""
     current_score = test.shaped[name][0]
     for score in test.ranking:
         form = score.effect.name in {name, *current_score.effect.nested} or name in score.effect.nested

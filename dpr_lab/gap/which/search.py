@@ -1,4 +1,4 @@
-"""Run the moves of the search in order: each proposes sets of effects and accepts or rejects them."""
+"""Execution of the moves of the search in order: each proposes sets of effects and accepts or rejects them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,17 +14,17 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 
 
 class Proposal(NamedTuple):
-    """A set that a move proposes as replacement of the current one."""
+    """A set that a move proposes as replacement of the current set."""
 
     model: Hypothesis
     value: float = float("nan")
-    """Quantity by which the move selected the set, if the criterion alone does not decide."""
+    """Quantity by which the move selected the set, if the criterion alone does not decide; nan otherwise."""
     trials: tuple[SearchStep, ...] = ()
     """Trials of a nested search that led to the set."""
 
 
 class Decision(NamedTuple):
-    """Whether a proposal is accepted, and the reason."""
+    """Decision whether a proposal is accepted, with the reason."""
 
     accepted: bool
     reason: str
@@ -36,25 +36,25 @@ class Move:
 
     name: str
     purpose: str
-    """Purpose of the move, one sentence."""
+    """Purpose of the move in one sentence."""
     propose: Callable[[FittedSets, Hypothesis], Iterable[Proposal]]
-    """Sets to compare with the current one, in order."""
+    """Function that returns the sets to compare with the current one, in order."""
     accept: Callable[[FittedSets, Hypothesis, Proposal], Decision]
-    """Decide about a proposed set, given the current one."""
+    """Function that decides whether a proposed set replaces the current one."""
     then: Literal["stop", "repeat", "go on"] = "stop"
-    """After an acceptance: stop; propose again from the accepted set; or continue with the same proposals."""
+    """After an acceptance: stop, propose again from the accepted set, or continue with the same proposals."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of the search. A move returns a new state and does not change the old one."""
+    """State of the search; a move returns a new state and does not change the old one."""
 
     current: Hypothesis
-    """The best set so far."""
+    """Current set of effects, the best one so far."""
     fits: Mapping[frozenset[str], Hypothesis]
-    """All sets that were fitted so far, including the bare model."""
+    """Best fit of all sets so far, including the bare model."""
     tests: Mapping[frozenset[str], ScoreTest]
-    """The score tests on the fitted sets."""
+    """Score tests of the fitted sets."""
     max_effects: int
     """Maximum number of effects in a set, in addition to those that every rig of this kind has."""
     trace: tuple[SearchStep, ...] = ()
@@ -62,11 +62,11 @@ class SearchState:
 
     @classmethod
     def bare(cls, sets: FittedSets, max_effects: int) -> "SearchState":
-        """The initial state of the search: the model without effects."""
+        """Initial state of the search: the model without effects."""
         return cls(sets.bare, sets.fits, sets.tests, max_effects)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
-        """The state after a trial."""
+        """State after a trial."""
         model, change = proposal.model, proposal.model.cost - self.current.cost
         trial = SearchStep(
             move=move.name,
@@ -82,13 +82,13 @@ class SearchState:
 
 
 def _caveat(model: Hypothesis) -> str:
-    """Note on a set whose criterion contains a linear prediction that its fit did not reach; else empty."""
+    """Note on a set whose criterion contains a linear prediction that its fit did not reach; otherwise empty."""
     stuck = model.fit.stop is StopReason.NO_DESCENT
     return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""
 
 
 def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchState:
-    """Run moves in order, each from the state that the previous one returned."""
+    """Run moves in order, each from the state that the previous move returned."""
     for move in moves:
         state = apply(move, sets, state)
     return state
@@ -97,13 +97,13 @@ def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchSt
 def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
     """Run one move.
 
-    No move replaces a set by one with a curve that follows only small unknown causes, or by a larger one with more than
+    No move replaces a set by one with a curve that follows only small unknown causes, or by a larger set with more than
     the maximum number of effects.
 
     Args:
         move: the move
-        sets: the recordings and the library
-        state: the state of the search before the move
+        sets: recordings, library and fitted sets
+        state: state of the search before the move
     """
     sets = sets.resumed(state.fits, state.tests)
     while True:
@@ -120,7 +120,7 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
 
 
 def _refusal(sets: FittedSets, state: SearchState, model: Hypothesis) -> str:
-    """Reason why no move may replace the current set by this one; empty if there is none."""
+    """Reason why no move may replace the current set by a given one; empty if there is none."""
     if follows_remainder(sets.bare, model, state.current):
         return "the curve only fits the remainder of small unknown causes"
     size = len(sets.unexpected(model))

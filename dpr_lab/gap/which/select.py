@@ -1,10 +1,11 @@
-"""Selection of up to `max_effects` effects: forward selection, followed by the moves that refine the set.
+"""Selection of up to `max_effects` effects: forward selection, then the moves that refine the set.
 
 Forward selection alone is greedy and selects the first plausible effect. Therefore two sets are extended in parallel,
-and the moves of `moves` remove, replace, exchange and validate effects afterwards. `search` runs the moves; each
-returns a new state with the fitted sets, the selected set and the trials. If the gap is far above the noise, short
-segments are searched first, because the influence of an effect is closer to linear in them. If the bare model turns out
-to be fitted to a local minimum, the search is repeated from a better fit.
+and the moves of `moves` remove, replace, exchange and validate effects afterwards. `search` runs the moves. Each move
+returns a new state with the fitted sets, the selected set and the trials.
+
+If the gap is far above the noise, short segments are searched first, because the influence of an effect is closer to
+linear in them. If the bare model turns out to be fitted to a local minimum, the search is repeated from a better fit.
 """
 
 from collections.abc import Iterator, Mapping
@@ -33,13 +34,13 @@ MOST_REVISIONS = 3
 
 
 def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
-    """Start the search by forward selection, up to a maximum number of effects."""
+    """State of the search after forward selection, up to a maximum number of effects."""
     start = short_segments(max_effects) if far_from_noise(sets.bare) else START
     return run((start, forward_selection(max_effects)), sets, SearchState.bare(sets, max_effects))
 
 
 def refined(sets: FittedSets, state: SearchState) -> Selection:
-    """Refine the set of forward selection to the set that explains the gap."""
+    """Refine the result of forward selection to the set that explains the gap."""
     selection = _one_search(sets, state)
     bare = _better_bare_model(sets.problem, selection)
     if bare is None:
@@ -49,7 +50,7 @@ def refined(sets: FittedSets, state: SearchState) -> Selection:
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """The bare model fitted from the result of the selected set, if its first fit was a local minimum; else None.
+    """Bare model fitted from the result of the selected set, if its first fit was a local minimum; otherwise None.
 
     An effect that merely leads the fit out of such a minimum is not a cause.
     """
@@ -75,7 +76,7 @@ def _one_search(sets: FittedSets, state: SearchState) -> Selection:
 
 
 def short_segments(max_effects: int) -> Move:
-    """Search in short segments far from the noise; refit the selected set in the full segments.
+    """Move that searches in short segments far from the noise, and refits the selected set in the full segments.
 
     If forward selection refutes the noise of known torques, nothing is proposed: the search is repeated without this
     noise (`dpr_lab.gap.known_torques`). Full segments have fewer free initial states, and thus no smaller residual.
@@ -109,7 +110,7 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
 
 
 def _revised(sets: FittedSets, state: SearchState) -> SearchState:
-    """The state after the first successful revision: one that is accepted and still better after the next moves."""
+    """State after the first successful revision, which is accepted and still better after the moves that follow it."""
     for revision, moves in REVISIONS:
         after = apply(revision, sets, state)
         if after.current is state.current:
@@ -124,7 +125,7 @@ def _revised(sets: FittedSets, state: SearchState) -> SearchState:
 
 
 def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]) -> Selection:
-    """The selected set and the sets for later comparisons: each of its effects removed or replaced."""
+    """Selected set with the sets for later comparisons, in which each of its effects is removed or replaced."""
     sets = sets.resumed(state.fits, state.tests)
     chosen = state.current
     fits = with_alternatives(sets, chosen)
@@ -148,7 +149,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
 
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Own share of each secondary effect, unless it is the only one or every rig has it."""
+    """Own share of each secondary effect, unless it is the only effect or every rig has it."""
     limit = excess(chosen) + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():
@@ -160,7 +161,7 @@ def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypo
 
 
 def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:
-    """The effects of the selected set removed one by one, the least necessary first; ordered from the bare model."""
+    """Sets from the bare model to the selected one, by removal of the least necessary effect at each step."""
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:

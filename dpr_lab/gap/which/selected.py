@@ -1,4 +1,4 @@
-"""The selected set of effects, the compared sets, and the trials of the search."""
+"""Selected set of effects, with the sets that it was compared with and the trials of the search."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,29 +12,31 @@ from dpr_lab.gap.result.search_step import SearchStep
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The selected set of effects and the candidates it was selected from."""
+    """Selected set of effects, with the candidates from which it was selected."""
 
     base: Hypothesis
     chosen: Hypothesis
     fitted: Mapping[frozenset[str], Hypothesis]
-    """All sets that were fitted."""
+    """All fitted sets with their best fits."""
     final_test: ScoreTest
-    """The score test of further effects on the selected set."""
+    """Score test of further effects for the selected set."""
     without: Mapping[str, Hypothesis]
-    """The selected set without one of its effects, for each effect."""
+    """Effect of the selected set -> the set without it."""
     without_substitute: Mapping[str, Hypothesis]
-    """The sets of `without`, also without a curve that would imitate the removed effect.
+    """Effect of the selected set -> the set without it and without a curve that would imitate it.
 
-    `thresholds.substitute_curve` names the curve.
+    `thresholds.substitute_curve` determines the curve.
     """
     tests_without: Mapping[str, ScoreTest]
-    """The score test on each set of `without`."""
+    """Effect of the selected set -> score test of the set without it."""
     own_shares: Mapping[str, float]
-    """For each effect of less than the share `THRESHOLDS.secondary`, unless every rig has it: part of its reduction
-    that no other functional form of the other effects explains, 0 to 1 (`dpr_lab.gap.which.forms.own_share`).
+    """Own share of secondary effects, unless every rig has them, 0 to 1.
+
+    The own share is the part of the reduction by an effect that no other functional form of the other effects explains
+    (`dpr_lab.gap.which.forms.own_share`). Secondary effects are below the share `THRESHOLDS.secondary` of the gap.
     """
     path: tuple[tuple[str, Hypothesis], ...]
-    """The sets from the bare model to the selected one, which differ by one effect each, the largest effect first."""
+    """Sets from the bare model to the selected one, which differ by one effect each, largest effect first."""
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have; they stay in the model at any size."""
     impossible: frozenset[frozenset[str]] = frozenset()
@@ -42,13 +44,13 @@ class Selection:
     oversized: tuple[str, ...] = ()
     """Effects of the selected set whose sizes are physically impossible or typical of another cause."""
     misleading: tuple[str, ...] = ()
-    """Effects that worsen the prediction of held-out runs and are therefore not in the selected set."""
+    """Effects that are not in the selected set because they worsen the prediction of held-out runs."""
     trace: tuple[SearchStep, ...] = ()
     """All trials of the search, in order."""
 
     @property
     def models(self) -> dict[str, Hypothesis]:
-        """The bare model `before`, and the selected one `after`."""
+        """The two compared models: the bare model `before`, and the selected model `after`."""
         return {"before": self.base, "after": self.chosen}
 
     @property
@@ -58,7 +60,7 @@ class Selection:
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 
     def unique_share(self, name: str) -> float:
-        """Fraction of the bare model's excess chi2 that only this effect of the set removes, 0 to 1."""
+        """Unique contribution: fraction of the bare model's excess chi2 that only this effect removes, 0 to 1."""
         before, after = self.base.residuals.excess, max(self.chosen.residuals.excess, 0.0)
         returned = self.without_substitute[name].residuals.excess - after
         return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)

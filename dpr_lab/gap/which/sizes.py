@@ -1,7 +1,7 @@
 """Sizes that no rig has, beyond the errors of their fit: of the amplitudes of one effect, and of gravity.
 
 Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
-have a stiffness; a fit may estimate it as zero although its interval contains the right value.
+have a stiffness. A fit may estimate this stiffness as zero although its interval contains the right value.
 """
 
 from collections.abc import Mapping
@@ -43,13 +43,13 @@ def significantly_oversized(model: Hypothesis, limits: Array | None, deviations:
 
 
 def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, float]) -> bool:
-    """Whether no combination of sizes is possible.
+    """Whether no combination of the sizes of an effect is possible within their intervals.
 
-    Each amplitude has its estimate, an end of its interval, or zero if the interval contains it.
+    Each amplitude takes the values of its estimate, of the ends of its interval, and zero if the interval contains it.
 
     Args:
         effect: the effect
-        sizes: the estimates
+        sizes: estimates of its amplitudes
         errors: half the width of the interval of each fitted amplitude
     """
 

@@ -1,13 +1,13 @@
-"""A spring with the same softening as an error of the encoder scale.
+"""Springs with the same softening as an error of the encoder scale.
 
 An encoder of a single rod that reads q = (1 + x) theta changes the acceleration of the reading by
 
-    -x w (sin q - q cos q),    w = e1 / a,
+    -x w (sin q - q cos q),    w = e1 / a.
 
 Up to terms in q^7, this is the change by a spring k q + k3 q^3 with k / a = 4 x w and k3 = -k / 12, together with a
 gravity torque that is smaller by k. On an arc of 3 rad the best ratio k3 / k is -0.071, and 0.4 % of the change remain.
-The recordings of one rod therefore do not distinguish the two; it would be a coincidence if a real spring had exactly
-this ratio.
+The recordings of one rod therefore do not distinguish the two causes. It would be a coincidence if a real spring had
+exactly this ratio.
 """
 
 from collections.abc import Container
@@ -20,7 +20,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
-"""k and k3."""
+"""Names of the parameters k and k3 of a spring."""
 
 
 def springs_like_scale(
@@ -31,7 +31,7 @@ def springs_like_scale(
     tolerance: float = 0.5,
     deviations: float = 2.0,
 ) -> tuple[str, ...]:
-    """Springs of the only rod that soften significantly at large angles, with the ratio k3 / k of a scale error."""
+    """Springs of a single rod that soften significantly at large angles, with the ratio k3 / k of a scale error."""
     springs: list[str] = []
     if not all(setup.one_degree for setup in set(problem.segments.setups)):
         return ()
