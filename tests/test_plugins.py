@@ -167,6 +167,7 @@ def test_the_cache_of_kernels_and_the_certificate_know_plugins(announce: Announc
         assert len(set(answers)) == 4
 
 
+@pytest.mark.slow
 def test_readers_links_searches_and_formats(announce: Announce) -> None:
     site = announce(
         "own_format",

@@ -39,6 +39,7 @@ def test_an_effect_just_above_its_limit_does_not_pass(found: Diagnosis) -> None:
     assert answer(found, TORQUE_NM / 1.02) != "pass"
 
 
+@pytest.mark.slow
 def test_a_named_effect_is_judged_by_its_interval(found: Diagnosis) -> None:
     (named,) = found.effects
     low, high = named.parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)

@@ -136,6 +136,7 @@ def test_a_device_whose_arm_has_a_drive_conforms(simulated, firmware: str) -> No
     assert {"every sample has its torques"} < {one.what for one in answers}
 
 
+@pytest.mark.slow
 def test_a_free_arm_with_both_rods_is_captured_and_identified(tmp_path: Path, bench, agree) -> None:
     table = load_rig("paper").model_dump(exclude_none=True)
     table["arm"] = {"mode": "free", "A": {"nominal": 0.1, "lower": 0.01, "upper": 1.0}}

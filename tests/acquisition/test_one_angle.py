@@ -11,6 +11,7 @@ from dpr_lab.rig import Rig, load_rig, parse_rig
 from dpr_lab.storage.metadata import rig_toml
 from dpr_lab.storage.reader import load_run
 from firmware_protocol.messages import NUMBERS, Release
+from tests.thinned import covered
 
 OPTIONS = CaptureOptions(duration=2.0, pose_timeout=60.0, rest_timeout=60.0)
 PLANTS = Path(__file__).parents[2] / "configs/plants"
@@ -37,8 +38,7 @@ def clamped_at(angle: float, tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize("kind", ["relative", "absolute"])
-@pytest.mark.parametrize("mounted", ["inner", "outer"])
+@pytest.mark.parametrize(("kind", "mounted"), covered(("relative", "absolute"), ("inner", "outer")))
 def test_a_single_rod_is_released_for_any_reading_of_encoder_2(
     paper: Rig, tmp_path: Path, bench, agree, mounted: str, kind: str
 ) -> None:

@@ -37,6 +37,7 @@ def certified(place: Path, remembered: None) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_result_of_each_limit_is_a_claim_that_is_verified(certified: Path) -> None:
     claims = load_certificate(certified).claims
     assert claims["limit of coulomb_joint1.torque_Nm"].value == "fail"

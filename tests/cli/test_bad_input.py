@@ -120,6 +120,7 @@ def test_a_rate_the_link_cannot_carry_is_refused_with_the_arithmetic(tmp_path: P
     assert "1000 Hz" in done.err
 
 
+@pytest.mark.slow
 def test_a_pulled_cable_keeps_the_partial_file(tmp_path: Path, cli) -> None:
     done = capture(cli, "sim://?clock=realtime&fault=cut_after_s=4", tmp_path)
     assert done.code == 7, done.err

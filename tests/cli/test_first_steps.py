@@ -127,6 +127,7 @@ table("Drift", columns, [("c1/b", "no", "0.207688", "-0.93 %", "-8.49 % to +6.63
     assert text.count("release_speed") == 9
 
 
+@pytest.mark.slow
 def test_sentences_end_their_lines_between_words(on_terminal) -> None:
     wrong = [sys.executable, "-m", "dpr_lab", "diagnose", "x.mcap", "--rig", "paper", "--library", "gremlins"]
     code, text = on_terminal(wrong, {"COLUMNS": "80"})

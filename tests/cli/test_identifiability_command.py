@@ -9,6 +9,7 @@ from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.workflows.checks import with_rods
 
 
+@pytest.mark.slow
 def test_without_runs_it_simulates_the_poses_of_the_rig_file(cli) -> None:
     done = cli("identifiability", "--rig", "paper")
     assert done.code == 0, done.err

@@ -139,6 +139,7 @@ def test_a_diagnosis_of_other_runs_is_refused(two_runs: list[Run]) -> None:
     refuse_other_runs(Path("diagnosis"), other, two_runs)
 
 
+@pytest.mark.slow
 def test_refusals_say_what_to_do(cli, tmp_path: Path) -> None:
     for words, message in (
         (("--budget", "soon"), "give a time such as 10min"),

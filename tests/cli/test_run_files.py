@@ -82,6 +82,7 @@ def test_an_export_makes_its_folder(runs: list[Path], tmp_path: Path, cli) -> No
     assert f"{blocked}: cannot be written" in done.err
 
 
+@pytest.mark.slow
 def test_an_export_for_xarray_needs_no_name(runs: list[Path], tmp_path: Path, cli) -> None:
     copied = shutil.copy(runs[0], tmp_path / "x1.mcap")
     done = cli("run", "export", copied, "--xarray", "--json")

@@ -52,6 +52,7 @@ def test_the_scale_is_that_of_the_torques_which_are_taken(driven: list[Path], pa
     assert told.json["torques"] == ["commanded"]
 
 
+@pytest.mark.slow
 def test_drift_says_which_torques_drove_the_runs(driven: list[Path], tmp_path: Path) -> None:
     request = DriftRequest(tuple(driven), "paper", "label", out=tmp_path / "drift", torque="commanded")
     assert watch_drift(request).to_json()["torques"] == ["commanded"]

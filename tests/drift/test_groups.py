@@ -34,6 +34,7 @@ def tables(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return sorted(folder.glob("*.csv"))
 
 
+@pytest.mark.slow
 def test_imported_tables_without_a_date_are_not_grouped_by_the_day_of_the_import(
     paper: Rig, tables: list[Path], tmp_path: Path
 ) -> None:

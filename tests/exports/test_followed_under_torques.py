@@ -19,6 +19,7 @@ DRIVEN = ROBOT.replace(
 TRUE_GEAR = 12.5
 
 
+@pytest.mark.slow
 def test_a_fast_segment_is_followed_from_the_end_of_the_one_before(tmp_path: Path) -> None:
     """With a torque 20 % too small, the rods of a segment at 15 rad/s end elsewhere: its own start is too imprecise."""
     (tmp_path / "robot.xml").write_text(DRIVEN, encoding="utf-8")

@@ -16,6 +16,7 @@ from dpr_lab.simulator_models.double_pendulum import double_pendulum
 pytest.importorskip("mujoco")
 pytest.importorskip("urdf_parser_py")
 from tests.exports.arm_files import FORMATS, NUMBERS, imported, model_like, recorded, text_of
+from tests.thinned import covered
 
 WRONG = {
     "arm_damping": "0.05", "arm_inertia": "0.011", "arm_length": "0.21", "rod_damping": "0.003", "rod_centroid": "0.13",
@@ -51,8 +52,7 @@ def test_a_rig_file_has_the_numbers_of_rods_and_arm(suffix: str, rods: int, tmp_
     assert into_file(model_like(rig, rig), rig, file).changes == ()
 
 
-@pytest.mark.parametrize("rods", [1, 2])
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize(("rods", "suffix"), covered((1, 2), FORMATS))
 def test_the_changed_file_has_the_numbers_of_the_rig_and_keeps_all_others(
     suffix: str, rods: int, tmp_path: Path
 ) -> None:

@@ -68,6 +68,7 @@ def test_smooth_effects_agree_with_dpr_lab(tmp_path: Path, name: str) -> None:
     assert np.abs(swing - bare).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_friction_at_rest_is_simulated_by_the_engine_and_the_rest_of_the_curve_by_the_module(tmp_path: Path) -> None:
     path, rig = start(tmp_path, "robot.xml")
     effects = chosen_of("stribeck_joint2")

@@ -28,6 +28,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
 from tests.exports.test_fmu import simulate
 from tests.identification.test_moving_arm_fit import rig_with
+from tests.thinned import covered
 
 T = np.arange(0, 1.0, 0.005)
 PUSH = 0.6 * np.sin(4 * T)
@@ -188,8 +189,7 @@ def engine_readings(rig, model, start, t):
     return predict(whole_of(unknown), params, engine_constants(model, rig), cut, [begin], arm=True)[:, [2, 0, 1]]
 
 
-@pytest.mark.parametrize("rods", ["both", "inner"])
-@pytest.mark.parametrize("effects", SETS)
+@pytest.mark.parametrize(("rods", "effects"), covered(("both", "inner"), SETS))
 @pytest.mark.parametrize(("name", "near"), [("python", 5e-5), ("mjcf", 2e-3)])
 def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, tmp_path):
     rig, model = model_of(rods, kind="current", kt={"nominal": 0.4, "lower": 0.1, "upper": 1.0}, k0=0.0)

@@ -13,6 +13,7 @@ from dpr_lab.rig import load_rig
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import base_of
 from tests.exports.test_export_command import whole_model
+from tests.thinned import covered
 
 pytest.importorskip("mujoco")
 from tests.exports.planted_errors import ROBOT, SHOULDER, recordings
@@ -20,9 +21,9 @@ from tests.exports.planted_errors import ROBOT, SHOULDER, recordings
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "further", [{}, {"stribeck_joint2": {"coulomb_Nm": 1e-3, "extra_Nm": 1e-3, "speed_rad_s": 0.3}}]
+    ("further", "cubic"),
+    covered(({"stribeck_joint2": {"coulomb_Nm": 1e-3, "extra_Nm": 1e-3, "speed_rad_s": 0.3}}, {}), (-3e-4, 0.0)),
 )
-@pytest.mark.parametrize("cubic", [-3e-4, 0.0])
 def test_a_spring_with_a_cubic_term_becomes_a_linear_one(
     tmp_path: Path, cubic: float, further: dict[str, dict[str, float]]
 ) -> None:

@@ -13,7 +13,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.background_rigs import recordings as background
 from tests.bench_rigs import Rod, one_rod, rod_swing, table
-from tests.thinned import candidates
+from tests.thinned import candidates, thinned
 
 W2 = 36.0
 KICKS = [(3.4, -1.6), (6.25, 0.9)]
@@ -131,7 +131,7 @@ def test_friction_and_drag_alone_disturb_nothing(tmp_path):
     assert disturbances(rig, runs) == []
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", thinned(range(3), 3))
 def test_effects_of_two_rods_are_no_disturbance(seed):
     rig, runs, _ = background(seed)
     assert disturbances(rig, runs) == []

@@ -34,6 +34,7 @@ def looked_at(recorded: Callable[..., Any], screened: Callable[..., Any], bare: 
     return made
 
 
+@pytest.mark.slow
 def test_error_stays_within_its_uncertainty_until_something_is_missing(looked_at: Any):
     for effects, within in (({}, True), (DRY, False)):
         recordings, problem, model = looked_at(effects)

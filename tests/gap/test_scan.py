@@ -19,6 +19,7 @@ def test_an_arc_is_the_part_of_the_circle_that_a_joint_covers() -> None:
     assert arc(np.array([*np.linspace(-1.0, 1.0, 99), *np.linspace(-1.0, 1.0, 99) + 4 * math.pi])) == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["detent_joint1", "torque_ripple_joint1"])
 def test_a_pattern_is_proposed_only_where_it_repeats(
     name: str, bare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -14,7 +14,7 @@ from dpr_lab.gap.screen.time_scale import equivalent_length, with_time_scale
 from dpr_lab.identification.misread.tried import second_look
 from dpr_lab.run import Run
 from tests.background_rigs import law, recordings
-from tests.thinned import candidates
+from tests.thinned import candidates, thinned
 
 
 def filmed(runs: list[Run], factor: float) -> list[Run]:
@@ -35,7 +35,7 @@ def one_rod():
     return rig, runs
 
 
-@pytest.mark.parametrize("factor", [4.0, 8.0])
+@pytest.mark.parametrize("factor", thinned([4.0, 8.0], 2))
 def test_slow_motion_of_one_rod_is_doubted_with_its_factor_and_the_check_that_decides(one_rod, factor):
     rig, runs = one_rod
     (finding,) = findings(rig, filmed(runs, factor))

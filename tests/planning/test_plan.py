@@ -57,6 +57,7 @@ def test_without_a_budget_recordings_are_long_and_with_one_their_time_counts(pap
     assert paid.duration_s < 8.0
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_plan(paper: Rig) -> None:
     first, second = (plan(paper, limits=limits(), count=1, seed=4) for _ in range(2))
     assert first.releases == second.releases
@@ -87,6 +88,7 @@ def test_planned_mountings_follow_the_limits_file(paper: Rig) -> None:
     assert list(mountings(paper, allowed)) == [(*one, True) for one in expected]
 
 
+@pytest.mark.slow
 def test_the_outer_rod_alone_is_proposed_where_it_costs_no_more_than_a_release_of_both(paper: Rig) -> None:
     cheap, usual = (
         plan(paper, limits=limits(rods={"mounted": ["both", "outer"]}, minutes={"mount": mount}), count=2)
@@ -98,6 +100,7 @@ def test_the_outer_rod_alone_is_proposed_where_it_costs_no_more_than_a_release_o
     assert np.exp(np.log(stds[0] / stds[1]).mean()) < 0.9  # geometric mean over the five ratios
 
 
+@pytest.mark.slow
 def test_rods_that_a_rig_does_not_have_are_not_planned() -> None:
     furuta = load_rig("furuta")
     assert [one.mounting for one in mountings(furuta, PlanLimits())] == ["inner"]
@@ -175,6 +178,7 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(FORECAST.confirmed * share, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(paper: Rig) -> None:
     release, turned = CandidateRelease(0.3, 0.4, 5.0), CandidateRelease(0.3 + 2 * np.pi, 0.4, 5.0)
     assert novelty(release, ()) == 1.0
@@ -271,6 +275,7 @@ def test_a_latch_with_a_single_pose_is_planned(paper: Rig, tmp_path: Path) -> No
     assert (release.theta1_rad, release.theta2_rad) == (pytest.approx(1.6, abs=1e-3), pytest.approx(1.0, abs=1e-3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "says"), [("driven_double", True), ("paper", False)])
 def test_a_plan_of_a_rig_whose_arm_moves_says_that_it_is_clamped(name: str, says: bool) -> None:
     (release,) = plan(load_rig(name), count=1).releases

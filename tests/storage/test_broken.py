@@ -315,6 +315,7 @@ def test_a_flood_of_events_is_counted_and_costs_no_sample(tmp_path):
     assert "events LEASE_LOST: 18,000 more than the maximum number, discarded" in run.notes
 
 
+@pytest.mark.slow
 def test_a_flood_that_an_earlier_version_kept_is_read_and_recovered(tmp_path, monkeypatch):
     monkeypatch.setattr("dpr_lab.storage.writer.SETTINGS", WriterSettings(messages_a_chunk=10**9))
     path = flooded(tmp_path / "flood.mcap")

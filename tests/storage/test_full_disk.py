@@ -48,6 +48,7 @@ def test_an_export_that_fails_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_an_import_and_a_recovery_that_fail_leave_nothing(tmp_path: Path, paper, monkeypatch) -> None:
     rows = "".join(f"{i / 100},{3 + i / 1000},{3 - i / 1000}\n" for i in range(50))
     (tmp_path / "swing.csv").write_text(f"t,theta1,theta2\n{rows}")

@@ -145,6 +145,7 @@ def test_another_zero_is_questioned_with_the_offset_that_corrects_it(name: str, 
     assert mended.questions == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     thinned(

@@ -52,6 +52,7 @@ async def planned(pilot, until, folder: Path, limits: str = SHORT, budget: str =
     await until(pilot, lambda: step(pilot.app).job is None)
 
 
+@pytest.mark.slow
 async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_the_next_pose(
     lab, until, tmp_path: Path
 ) -> None:
