@@ -35,12 +35,12 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Comparison(Shown):
-    """One run compared with one model. All arrays have the run's instants from the release on."""
+    """One run compared with one model, at the run's instants from the release on."""
 
     run: str
     """Name of the run."""
     pose: str | None
-    """Name of its pose."""
+    """Name of the pose from which the run was released; None if unknown."""
     held_out: bool
     """Whether the run was not fitted."""
     t: Array
@@ -48,23 +48,24 @@ class Comparison(Shown):
     measured: Array
     """(n, 2) measured theta1, theta2, rad."""
     free_run: Array
-    """(n, 2) simulated from the initial state fitted on the first segment, rad."""
+    """(n, 2) theta1, theta2 simulated from the initial state of the first segment, rad."""
     tracked: Array
-    """(n, 2) simulated by segment with free initial states, rad."""
+    """(n, 2) theta1, theta2 simulated by segments with free initial states, rad."""
     horizon_s: float
-    """Time until the uncertainty of the initial state alone moves the free run by 0.1 rad, s. Beyond it a comparison
-    of free runs does not test the model.
+    """Predictability horizon, s: the uncertainty of the initial state alone then moves the free run by 0.1 rad.
+
+    Beyond the horizon a comparison of free runs does not test the model.
     """
     noise_rad: Array
-    """(2,) noise floor by axis, rad."""
+    """(2,) noise floor of theta1 and theta2, rad."""
     segments: int
     """Number of segments with free initial states."""
     segment_rms_rad: Array
-    """(2,) root mean square of measured - tracked, rad."""
+    """(2,) root mean square of `measured` - `tracked`, rad."""
     free_run_rms_rad: Array
-    """(2,) root mean square of measured - free_run up to the horizon, rad."""
+    """(2,) root mean square of `measured` - `free_run` up to the horizon, rad."""
     torque_kind: str = ""
-    """Kind of known torques, `measured` or `commanded`, if known."""
+    """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
 
     def _heading(self) -> str:
         part = "held out" if self.held_out else "used in the fit"
@@ -77,12 +78,12 @@ class Comparison(Shown):
 
     @property
     def free_run_error(self) -> Array:
-        """(n, 2) measured - free_run, rad; Figure 3 of the publication."""
+        """(n, 2) error of the free run, `measured` - `free_run`, rad; Figure 3 of the publication."""
         return self.measured - self.free_run
 
     @property
     def segment_residual(self) -> Array:
-        """(n, 2) measured - tracked, rad."""
+        """(n, 2) residual of the segments, `measured` - `tracked`, rad."""
         return self.measured - self.tracked
 
 
@@ -100,18 +101,18 @@ class FreeRun:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A run fitted by segments with a model; a free run can start at any segment."""
+    """A run whose segments are fitted with a model; a free run can start at any segment."""
 
     preprocessed: PreprocessedRun
-    """The run with its velocities and noise."""
+    """Run with its velocities and its noise."""
     bare: RatioFit
-    """The rods without effects, for the predictability horizon."""
+    """Fit of the rods without effects, for the predictability horizon."""
     fitted: RatioFit
-    """The model with its effects; `bare` if it has none."""
+    """Fit of the model with its effects; `bare` if it has none."""
     step: float
-    """Runge-Kutta step of a free run, s."""
+    """Longest Runge-Kutta step of a free run, s."""
     tracked: Array
-    """(n, 2) simulated by segment, rad."""
+    """(n, 2) theta1, theta2 simulated by segments, rad."""
     held_out: bool
     """Whether the run was not fitted."""
 
@@ -122,11 +123,11 @@ class Followed:
 
 
 def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
-    """Simulate a run with a model: by segment, and as one free run from the initial state of the first segment.
+    """Compare a run with a model: by segments, and as one free run from the initial state of the first segment.
 
     Args:
         run: the measurement
-        rig: its encoders, for the noise floor
+        rig: encoders, for the noise floor
         model: the model; only initial states are fitted
         segment_s: length of a segment, s
     """
@@ -135,11 +136,11 @@ def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Com
 
 @solvable
 def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
-    """Fit the initial states of a run's segments to a model.
+    """Fit the initial states of a run's segments with a given model.
 
     Args:
         run: the measurement
-        rig: its encoders
+        rig: encoders of the run
         model: the model
         segment_s: length of a segment, s
 
@@ -156,7 +157,7 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 
 @solvable
 def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
-    """Fit as `follow`, for a run that several models follow."""
+    """Fit the initial states as `follow` does, for a preprocessed run that several models follow."""
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
     held_out = not model.used(preprocessed.run.sha256)
@@ -167,11 +168,12 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
 
 
 def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
-    """Prediction of the run by the model with its effects and refitted initial states.
+    """Fit of the run by the model with its effects and refitted initial states.
 
-    If the fit of a segment is worse than without effects, it has converged to a wrong minimum, for example because a
-    torque is 20 % wrong without the effects. Its fit is repeated from the measured initial state, a row of (segments,
-    4), and then from the state in which the segment before it ends, which is more precise if the rods are fast.
+    If the fit of a segment is worse than without effects, it has converged to a wrong minimum. The reason may be a
+    torque that is 20 % wrong without the effects. The fit of the segment is then repeated from the measured initial
+    state, a row of (segments, 4), and from the state in which the previous segment ends. The latter is more precise if
+    the rods are fast.
     """
     laid_out = bare.problem.segments
     at_step = replace(laid_out, step=np.full(len(laid_out), STEP))
@@ -196,7 +198,10 @@ def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> Ra
 
 
 def _continued(problem: Problem, estimate: Estimate) -> Array:
-    """(segments, 4) end states of the preceding segments; the first segment keeps its initial state."""
+    """(segments, 4) initial states equal to the end states of the previous segments.
+
+    The first segment keeps its own.
+    """
     laid_out = problem.segments
     if len(laid_out) == 1:
         return estimate.initial
@@ -213,10 +218,10 @@ def _continued(problem: Problem, estimate: Estimate) -> Array:
 
 
 def free_run_from(followed: Followed, at_s: float) -> FreeRun:
-    """Free run from the segment that contains an instant.
+    """Free run that starts with the segment that contains an instant.
 
     Args:
-        followed: the run and its fitted initial states
+        followed: run with its fitted initial states
         at_s: the instant, s since the release; the free run starts at the beginning of its segment
     """
     laid_out = followed.bare.problem.segments
@@ -229,7 +234,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 
 
 def compare_followed(followed: Followed) -> Comparison:
-    """Compare a run that is already fitted by segments; the result equals the result of `compare_run`.
+    """Compare a run whose segments are already fitted; the result equals that of `compare_run`.
 
     Raises:
         RunError: the model cannot follow the readings.

@@ -14,11 +14,11 @@ from dpr_lab.identification.prior_update import UNREACHED
 from dpr_lab.rig import PARAMETERS
 
 SEEN = 1.0
-"""Minimum singular value of a determined direction, standard deviations per 100 % of change."""
+"""Minimum singular value of a determined direction, in standard deviations per 100 % of change."""
 
 
 def _decompose(rows: Array) -> tuple[Array, Array]:
-    """(..., n) singular values of rows (..., m, n), one for each column, and the (..., n, n) right singular vectors."""
+    """Singular values (..., n) of rows (..., m, n), one for each column, and right singular vectors (..., n, n)."""
     _, s, Vt = np.linalg.svd(rows)
     missing = np.zeros((*s.shape[:-1], Vt.shape[-1] - s.shape[-1]))
     return np.concatenate([s, missing], axis=-1), Vt
@@ -31,14 +31,14 @@ def free_directions(rows: Array) -> Array:
 
 
 def spread(rows: Array, least: float = SEEN) -> Array:
-    """(n,) relative standard deviation of each column; inf if it has a component in a free direction."""
+    """(n,) relative standard deviation of each parameter; inf if it has a component in a free direction."""
     s, Vt = _decompose(rows)
     std = np.linalg.norm(Vt[s >= least].T / s[s >= least], axis=1)
     return np.where(np.linalg.norm(Vt[s < least], axis=0) > UNREACHED, np.inf, std)
 
 
 def simple_basis(free: Array, names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
-    """Sparse directions that span the free ones, each scaled to a largest change of 1 %.
+    """Sparse directions that span the free directions, each scaled to a largest change of 1 %.
 
     Repeatedly choosing the sparsest direction that is independent of the previous ones gives the sparsest basis.
 
@@ -54,7 +54,7 @@ def simple_basis(free: Array, names: Sequence[str] = PARAMETERS) -> list[dict[st
 
 
 def _simple_directions(free: Array, names: Sequence[str]) -> Iterator[Array]:
-    """Candidates: the common scale of masses, inertias and friction, then directions of few parameters."""
+    """Candidate directions: the common scale of masses, inertias and friction, then directions of few parameters."""
     scaled = np.array([name[0] in "mcJAf" or name in ("k0", "kt") for name in names], dtype=np.float64)
     scale = scaled / np.linalg.norm(scaled)
     if np.linalg.norm(scale - free @ (free.T @ scale)) < UNREACHED:
@@ -75,7 +75,7 @@ def _readable(direction: Array, names: Sequence[str]) -> dict[str, float]:
 
 
 def described(direction: Mapping[str, float]) -> str:
-    """A free direction in words: `m1, m2 +1 %, l2 -0.5 %`."""
+    """Free direction in words, for example `m1, m2 +1 %, l2 -0.5 %`."""
     alike: dict[str, list[str]] = {}
     for name, change in direction.items():
         alike.setdefault(f"{100 * change:+.2g} %", []).append(name)

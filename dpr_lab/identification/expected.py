@@ -30,7 +30,10 @@ class Releases:
     duration_s: float = 10.0
     """Duration of each recording, s: the default of `dpr-lab capture`."""
     segment_s: float = 1.0
-    """Length of segments that the model of a real rig should follow, s; longer segments contain more information."""
+    """Length of segments, s, that a model should be able to follow on a real rig.
+
+    Longer segments contain more information.
+    """
 
 
 RELEASES = Releases()
@@ -55,7 +58,7 @@ def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) 
 
 
 def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES) -> Array:
-    """(5, 5) Fisher information of one release from each pose on the ratios of these base parameters, (6,)."""
+    """(5, 5) Fisher information on the ratios in one release from each pose, for base parameters (6,)."""
     if not poses:
         return np.zeros((len(RATIOS), len(RATIOS)))
     return information(*expected_releases(base, rig, poses, releases))
@@ -64,7 +67,7 @@ def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases
 def expected_releases(
     base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
 ) -> tuple[Problem, Estimate]:
-    """Simulated releases without noise, cut into segments, with their true parameters.
+    """Problem of simulated releases without noise, cut into segments, with their true parameters.
 
     The standard deviation of a reading is `Rig.reading_std`.
     """
@@ -84,14 +87,14 @@ def expected_releases(
 
 
 def information_root(information: Array, scale: Array) -> Array:
-    """F with F^T F = information: sensitivity of whitened readings to the unknowns.
+    """Root F of an information matrix, F^T F = information: sensitivity of whitened readings to the unknowns.
 
     Args:
-        information: (n, n), singular if the recordings do not determine all unknowns
+        information: (n, n) information, singular if the recordings do not determine all unknowns
         scale: (n,) size of each unknown, for numerical scaling
 
     Returns:
-        (n, n)
+        (n, n) root
     """
     eigenvalues, vectors = np.linalg.eigh(scale[:, None] * information * scale)
     return np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T / scale

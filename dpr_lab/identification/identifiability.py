@@ -1,8 +1,9 @@
 """Identifiability of a rig from free swings, and bench measurements that determine the other parameters.
 
-Information is represented by whitened rows, sensitivities to relative changes of the nine parameters: for the
-recordings F dratios/dZ Z, with F^T F the information of the ratios; for a measured value Z / std. Bounds are used only
-for spreads, as priors with the standard deviation of a uniform distribution. docs/theory.md, equations 48 and 49.
+Information is represented by whitened rows: sensitivities to relative changes of the nine parameters. The rows of the
+recordings are F dratios/dZ Z, with F^T F the information of the ratios. The row of a measured value is Z / std. Bounds
+are used only for spreads, as priors with the standard deviation of a uniform distribution. docs/theory.md, equations 48
+and 49.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,13 +29,15 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Limits beyond which a measured value is listed."""
+    """Limits from which a measured value helps, or a measurement is recommended."""
 
     helps: float = 1.1
-    """Factor by which a parameter's standard deviation grows if the value is not used."""
+    """Minimum factor by which a parameter's standard deviation grows without a measured value that helps it."""
     worthwhile_bits: float = 0.1
-    """Minimum gain of a recommended measurement over all nine parameters: the gain if the standard deviation of one of
-    them fell by 7 %."""
+    """Minimum gain of a recommended measurement over all nine parameters, in bits.
+
+    A reduction of one standard deviation by 7 % has this gain.
+    """
 
 
 SETTINGS = AdviceSettings()
@@ -45,31 +48,32 @@ CRAMER_RAO_NOTE = (
     " residuals are then correlated in time (misfit inflation). Values follow from the nine parameters below: the"
     " bounds of the rig file may shift a ratio within its interval of `identify`."
 )
-"""Note on the differences between these values and standard deviations of ratios and those of `identify`."""
+"""Note on the difference between these standard deviations of ratios and those of `identify`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """One bench measurement and its expected gain."""
+    """One bench measurement, with its expected gain."""
 
     name: str
     """Name of the measurement."""
     how: str
     """Instruction for the operator."""
     frees: tuple[str, ...]
-    """Parameters that are determined with it but not without it."""
+    """Parameters that are determined with the measurement but not without it."""
     gain_bits: float
-    """Sum over the parameters of log2(std before / std after), with bounds as priors: number of halvings of one
-    standard deviation.
+    """Gain in bits: the sum over the parameters of log2(std before / std after), with bounds as priors.
+
+    One bit halves one standard deviation.
     """
     quantity: BenchReading
     """Measured quantity."""
     parameters: int = len(PARAMETERS)
-    """Number of parameters in this sum."""
+    """Number of parameters in the sum of the gain."""
 
     @property
     def sentence(self) -> str:
-        """Instruction and expected gain."""
+        """Sentence with the instruction and the expected gain."""
         start = self.how[0].upper() + self.how[1:]
         if self.gain_bits < SETTINGS.worthwhile_bits:
             return f"{start}: adds no information."
@@ -81,7 +85,7 @@ class Advice:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """The measurement as JSON values."""
+        """Measurement as JSON values."""
         names = ("name", "how", "gain_bits", "sentence")
         return {name: getattr(self, name) for name in names} | {
             "frees": list(self.frees),
@@ -91,14 +95,14 @@ class Advice:
 
 @dataclass(frozen=True, slots=True)
 class LengthError:
-    """Effect of an error of L1, which is measured and not identified, on the ratios."""
+    """Effect of an error of L1 on the ratios; L1 is measured and not identified."""
 
     error: float
-    """The assumed error, m."""
+    """Assumed error of L1, m."""
     ratio_shift: Mapping[str, float]
-    """Relative change of each ratio."""
+    """Ratio -> relative change by the error."""
     residual_over_noise: float
-    """Resulting residual, in units of the noise floor; 1: the error is not detected."""
+    """Residual with the error, in units of the noise floor; with 1 the error is not detectable."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -106,25 +110,25 @@ class Identifiability(Shown):
     """Information of recordings and measured values together, free directions, and recommended measurements."""
 
     rank: int
-    """Number of the nine directions that the recordings determine; at most five, six with a known added mass."""
+    """Number of directions, of nine, that the recordings determine: at most five, or six with a known added mass."""
     singular_values: tuple[float, ...]
     """Non-zero singular values of the whitened sensitivity to relative changes of the nine parameters."""
     unknowns: Mapping[str, float]
-    """The five ratios, and b if a known added mass makes it identifiable."""
+    """Values of the five ratios, and of b if a known added mass makes it identifiable."""
     cramer_rao_std: Mapping[str, float]
     """Cramér-Rao bound of the standard deviation of each unknown; inf without information."""
     null_space: tuple[Mapping[str, float], ...]
-    """Directions that recordings and measured values do not determine: relative changes of the parameters involved."""
+    """Directions that recordings and measured values do not determine, as relative changes of the parameters."""
     parameters: Mapping[str, ParameterValue]
-    """Source of each of the nine parameters, with its standard deviation if it is determined."""
+    """Source of each of the nine parameters, and its standard deviation if it is determined."""
     helps: Mapping[str, tuple[str, ...]]
-    """For each measured value, the other parameters that would be less accurate without it."""
+    """Measured value -> other parameters that would be less accurate without it."""
     advice: tuple[Advice, ...]
-    """All bench measurements that are not in the rig file, best first."""
+    """All bench measurements that are not in the rig file, largest gain first."""
     sequence: tuple[Advice, ...]
     """Sequence of best measurements until all nine parameters are determined."""
     length_error: LengthError | None
-    """None for a rig file without poses to simulate, or if it was not requested."""
+    """Effect of an error of L1; None without poses to simulate, or if it was not requested."""
 
     def _heading(self) -> str:
         least = ", ".join(f"{name} {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
@@ -139,11 +143,11 @@ class Identifiability(Shown):
 
     @property
     def fixed_by(self) -> dict[str, str]:
-        """`data`, `measured` or `bound`, for each of the nine."""
+        """Source of each of the nine parameters: `data`, `measured` or `bound`."""
         return {name: value.fixed_by for name, value in self.parameters.items()}
 
     def to_json(self) -> dict[str, Any]:
-        """The result as JSON values."""
+        """Analysis as JSON values."""
         return {
             "rank": self.rank,
             "singular_values": list(self.singular_values),
@@ -172,7 +176,7 @@ def identifiability(
 
     Args:
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from
-        `expected_information`
+            `expected_information`
         rig: bounds, measured values, encoders and poses
         Z: (9,) parameters of the linearisation, SI; default: best known values of the rig file
         visible: indices in `UNKNOWN_RATIOS` of the unknowns of the information; default: the first ones
@@ -221,7 +225,7 @@ def _bound_rows(rig: Rig, Z: Array) -> Array:
 
 
 def already_made(instrument: Instrument, rig: Rig) -> bool:
-    """Whether the rig file already contains this measurement, with at least the same accuracy."""
+    """Whether the rig file already contains this measurement with at least the same accuracy."""
     if len(instrument.parameters) != 1:
         return False
     std = rig.parameters[instrument.parameters[0]].std
@@ -273,10 +277,10 @@ def bench_advice(
     bounds: Array,
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
-    """Expected gain of each bench measurement, best first.
+    """Expected gain of each bench measurement, largest first.
 
     Args:
-        answers: (k, n) whitened readings of each, for relative changes of the parameters
+        answers: (k, n) whitened readings of each measurement, for relative changes of the parameters
         known: (m, n) rows of recordings and measured values
         bounds: (l, n) rows of the bounds
         names: names of the n parameters
@@ -313,7 +317,7 @@ def bench_sequence(
     bounds: Array,
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
-    """Sequence of best measurements until all parameters are determined; arguments as above."""
+    """Sequence of best measurements until all parameters are determined; arguments as for `bench_advice`."""
     open_measurements, taken = dict(answers), []
     while open_measurements and np.isinf(spread(known)).any():
         advice = _advice(open_measurements, known, bounds, names)

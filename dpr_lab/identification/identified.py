@@ -1,4 +1,4 @@
-"""The identified model from a fit of the ratios: values with intervals and sources."""
+"""Identified model from a fit of the ratios: values with intervals and sources."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,14 +43,15 @@ class IdentifySettings:
     """Limits beyond which an identification warns."""
 
     gap_warning: float = 3.0
-    """The model is clearly incomplete if the reduced chi-square exceeds this value."""
+    """Reduced chi-square above which the model is clearly incomplete."""
     doubted: float = 20.0
-    """Other interpretations of the runs are tried if the reduced chi-square exceeds this value."""
+    """Reduced chi-square above which other interpretations of the runs are tested."""
     hardly_seen: float = 0.5
     """Maximum relative standard deviation of a ratio that the runs determine."""
     of_prior: float = 0.5
-    """If the variance of a ratio exceeds this share of the prior's variance, the bounds of the rig file determine the
-    ratio rather than the runs.
+    """Maximum variance of a ratio that the runs determine, relative to the variance of the prior.
+
+    Above it, the bounds of the rig file determine the ratio.
     """
 
 
@@ -60,7 +61,7 @@ FRICTION_NAMES = tuple(RATIOS[i] for i in FRICTION)
 
 
 def determined(ratio_uncertainty: RatioUncertainty) -> RatioUncertainty:
-    """Check an uncertainty.
+    """Check that an uncertainty is finite, and return it.
 
     Raises:
         IdentificationError: the uncertainty is not finite, because the runs do not determine the ratios.
@@ -80,7 +81,7 @@ def identified_model(
 
     Args:
         ratio_fit: the fit
-        runs: the runs that were fitted
+        runs: the fitted runs
         rig: bounds and measured values, for the parameters that free swings do not determine
         search: record of the global search
         profile: whether to compute the interval of each ratio by profile likelihood as well
@@ -135,7 +136,10 @@ def identified_model(
 
 
 def _of_alone(sentences: list[str], alone: bool) -> list[str]:
-    """Sentences on ratios, to a for an inner rod alone; without sentences on rods that are not mounted."""
+    """Sentences on ratios, adapted to an inner rod alone.
+
+    They then refer to ratios to a, and sentences on rods that are not mounted are omitted.
+    """
     if not alone:
         return sentences
     remaining = [sentence for sentence in sentences if "do not determine a/b" not in sentence]
@@ -170,7 +174,7 @@ def _ratio(
 def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
     """Scale of absolute sizes: determined by the runs, or by the rig file.
 
-    Bounds of the rig file may move b away from the runs' estimate. The interval then contains both values.
+    Bounds of the rig file may move b away from the estimate of the runs. The interval then contains both values.
     """
     if SCALE not in ratio_fit.visible:
         return scale_of(b, ratio_fit.fit.estimate.ratios, rig, ratio_fit.visible)
@@ -192,7 +196,7 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig:
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Note on runs that the model fits poorly and that another interpretation of their columns fits better."""
+    """Note on runs that the model fits poorly if another interpretation of their columns fits better."""
     look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []
 

@@ -51,13 +51,14 @@ def identify(
 ) -> Model:
     """Identify the kinetic parameters of a rig from runs with a clamped or prescribed arm.
 
-    Arguments as of `dpr_lab.identification.moving_arm.any_arm.identify`, which accepts every mode of the arm.
+    The arguments are those of `dpr_lab.identification.moving_arm.any_arm.identify`, which accepts every mode of the
+    arm.
 
     Raises:
         ConfigError: unknown objective or search.
         RunError: no runs.
         IdentificationError: no candidate inside the bounds could be simulated, or the recordings do not match the rig:
-        zero, unit, sign or order of the readings is specified wrongly.
+            zero, unit, sign or order of the readings is specified wrongly.
     """
     runs = as_runs(runs)
     if not runs:
@@ -102,11 +103,11 @@ def identify(
 
 
 def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """Least squares with segments from 0.25 s to the longest that the model follows.
+    """Least-squares fit with segments from 0.25 s to the longest ones that the model follows.
 
     Args:
         Z: (9,) initial parameters
-        runs: with their states and noise
+        runs: runs with their states and noise
         rig: lengths, gravity, encoders
 
     Raises:
@@ -131,10 +132,10 @@ def identifiability_of(
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
-        runs: one or several recordings; none: releases simulated from the poses of the rig with the values of the rig
-        file
+        runs: one or several recordings; none: simulated releases from the poses of the rig, with the values of the rig
+            file
         rig: bounds, measured values, encoders and poses
-        tell: called with each notice or warning
+        tell: function that is called with each notice or warning
 
     Raises:
         ConfigError: neither runs nor poses.
@@ -164,7 +165,7 @@ def identifiability_of(
 
 
 def _suited(name: str, search: str) -> SearchSettings:
-    """Search file of the objective if it is for this algorithm, otherwise the defaults of the algorithm."""
+    """Search file of the objective if it is for this algorithm; otherwise the defaults of the algorithm."""
     settings = load_search(name)
     return settings if settings.algorithm == search else ALGORITHMS[search].settings()
 

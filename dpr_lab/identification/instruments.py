@@ -18,14 +18,14 @@ class BenchReading:
     """Quantity that an instrument measures."""
 
     name: str
-    """Name in words: `mass of the outer rod`."""
+    """Name of the quantity in words, for example `mass of the outer rod`."""
     unit: str
     symbol: str
-    """Parameter of the rig file, if it is one."""
+    """Symbol of the quantity; the name of the parameter of the rig file if it is one."""
 
 
 class Measurement(Protocol):
-    """Common interface of bench measurements for the recommendation; hashable."""
+    """Interface of bench measurements for the recommendation; hashable."""
 
     @property
     def name(self) -> str:
@@ -45,11 +45,11 @@ class Measurement(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """A bench measurement and its typical uncertainty."""
+    """A bench measurement, with its typical uncertainty."""
 
     name: str
     parameters: tuple[str, ...]
-    """Parameters on which its reading depends."""
+    """Parameters on which the reading depends."""
     std: tuple[float, ...]
     """Standard uncertainty of the reading, SI."""
     how: str
@@ -57,10 +57,10 @@ class Instrument:
     quantity: BenchReading
     """Measured quantity."""
     answer: "Answer"
-    """(self, Z, rig) -> (k, 9) derivative of its whitened readings with respect to the nine parameters, 1/SI."""
+    """Function (self, Z, rig) -> (k, 9) derivative of the whitened readings by the nine parameters, 1/SI."""
 
     def rows(self, Z: Array, rig: Rig) -> Array:
-        """(k, 9) derivative of its whitened readings with respect to the nine parameters at Z, 1/SI."""
+        """(k, 9) derivative of the whitened readings with respect to the nine parameters at Z, 1/SI."""
         return self.answer(self, Z, rig)
 
 
@@ -72,7 +72,7 @@ def _one_parameter(instrument: Instrument, Z: Array, rig: Rig) -> Array:
 
 
 def _rod_alone(instrument: Instrument, Z: Array, rig: Rig) -> Array:
-    """Small swings of one rod about its pivot: T = 2 pi sqrt(h / g) gives h = J / (m l) + l."""
+    """Derivative for the reading h = J / (m l) + l, from small swings of one rod with T = 2 pi sqrt(h / g)."""
     columns = [PARAMETERS.index(name) for name in instrument.parameters]
     centroid, m, J = Z[columns]
     row = np.zeros((1, len(PARAMETERS)))
@@ -91,10 +91,10 @@ def _loaded_outer(instrument: Instrument, Z: Array, rig: Rig) -> Array:
 def _loaded_release(
     instrument: Instrument, Z: Array, rig: Rig, rod: Literal["inner", "outer"], position: float
 ) -> Array:
-    """Release with a known attached mass: the ratios then determine the scale of all masses.
+    """Derivative for a release with a known attached mass; the ratios then determine the scale of all masses.
 
-    The accuracy is limited by the uncertainties of the mass and of its position. Readings F dratios whose sensitivity
-    to these errors is N have the covariance I + N N^T. Friction is assumed to be independent of the load.
+    The uncertainties of the mass and of its position limit the accuracy. Readings F dratios whose sensitivity to these
+    errors is N have the covariance I + N N^T. Friction is assumed to be independent of the load.
     """
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std
@@ -115,11 +115,11 @@ class BenchAccuracy:
     """Standard uncertainties of measurements with simple tools."""
 
     scale_kg: float = 1e-4
-    """Kitchen scale with a resolution of 0.1 g, kg."""
+    """Uncertainty of a kitchen scale with a resolution of 0.1 g, kg."""
     rule_m: float = 5e-4
-    """Half a millimetre, m: ruler and knife edge for the centre of mass."""
+    """Uncertainty of the centre of mass, measured with ruler and knife edge, m."""
     swings_m: float = 5e-4
-    """Accuracy of h for a 0.4 m rod from twenty swings timed to 0.02 s, m."""
+    """Uncertainty of h for a 0.4 m rod, from twenty swings timed to 0.02 s, m."""
 
 
 BENCH = BenchAccuracy()
@@ -153,7 +153,7 @@ def _add_mass(rod: str, place: str, answer: Answer) -> Instrument:
 
 
 JOINT2_ENCODER = " without the joint-2 encoder"
-"""Parts on the inner rod of a rig with two rods that are removed for its measurement."""
+"""Text on the part that is removed from the inner rod of a rig with two rods for its measurement."""
 
 INSTRUMENTS = (
     _weigh("m1", f"the inner rod{JOINT2_ENCODER}"),
@@ -166,4 +166,4 @@ INSTRUMENTS = (
     _add_mass("inner", "the middle of the inner rod", _loaded_inner),
     _add_mass("outer", "the end of the outer rod", _loaded_outer),
 )
-"""Bench measurements that can be recommended; an additional row is an additional measurement."""
+"""Bench measurements that can be recommended, one in each row."""

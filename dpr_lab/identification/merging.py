@@ -1,8 +1,9 @@
 """Merging of segments as long as the model follows them, because longer segments contain more information.
 
-Two neighbours are merged if the free run of the first stays near the readings of the second; if it follows only a part
-of them, the border between the segments is shifted to the end of that part. The new segments are fitted again. If the
-residual increases, the level is discarded and repeated in smaller steps: the free run must then stay nearer.
+Two neighbours are merged if the free run of the first segment stays near the readings of the second. If the free run
+follows only a part of these readings, the border between the segments is shifted to the end of that part. The new
+segments are fitted again. If the residual increases, the level is discarded and repeated in smaller steps: the free run
+must then stay nearer to the readings.
 """
 
 from dataclasses import dataclass, replace
@@ -21,27 +22,32 @@ class MergeSettings:
     """Settings of segment merging."""
 
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Maximum deviation of a free run from the readings for which segments are merged, rad: the fit converges from
-    there. After a failure the next smaller limit is used.
+    """Maximum deviation of a free run from the readings for which segments are merged, rad.
+
+    The fit converges from this deviation. After a failure the next smaller limit is used.
     """
     follows: float = 3.0
-    """Maximum reduced chi-square with which segments are lengthened; above it, they would only amplify the model error.
+    """Maximum reduced chi-square for which segments are lengthened.
+
+    Above it, they would only amplify the model error.
     """
     worse: float = 1.02
-    """A level is discarded if its reduced chi-square exceeds the reduced chi-square of the shortest segments by this
-    factor.
+    """Maximum ratio of the reduced chi-square of a level to that of the shortest segments.
+
+    Above it, the level is discarded.
     """
     worth_moving: float = 0.1
-    """Minimum share of its neighbour that a segment must follow before the border between them moves."""
+    """Minimum share of its neighbour that a segment must follow for the border between them to move."""
     solver_error: float = 0.2
     """Maximum integration error of a longer segment, relative to the noise."""
     shortest_step: float = 2e-4
-    """Shortest Runge-Kutta step, s: a segment that needs a shorter step is not merged."""
+    """Shortest Runge-Kutta step, s; a segment that needs a shorter step is not merged."""
     levels: int = 30
-    """Maximum number of rounds; whole records of 10 s need about five."""
+    """Maximum number of levels; whole records of 10 s need about five."""
     iterations: int = 100
-    """Maximum number of iterations of a fit: over ten chaotic seconds the cost has a curved valley and steps are
-    short.
+    """Maximum number of iterations of a fit.
+
+    Over ten chaotic seconds the cost has a curved valley, and steps are short.
     """
 
 
@@ -50,17 +56,17 @@ SETTINGS = MergeSettings()
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """A segment of the next level; it starts at the end of the previous one."""
+    """A segment of the next level, which starts at the end of the previous segment."""
 
     run: int
     end: int
-    """Index after its last sample."""
+    """Index after the last sample of the segment."""
     initial: Array
     step: float
 
 
 def merge_segments(ratio_fit: RatioFit) -> RatioFit:
-    """Fit longer and longer segments while the model follows the data."""
+    """Fit longer and longer segments as long as the model follows the data."""
     lost, ranges = SETTINGS.worse * ratio_fit.chi2_per_dof, iter(SETTINGS.ranges_rad)
     tolerance = next(ranges)
     for _ in range(SETTINGS.levels):
@@ -90,7 +96,10 @@ def _fitted(ratio_fit: RatioFit, pieces: list[_Piece]) -> RatioFit:
 
 
 def _lengthened(ratio_fit: RatioFit, tolerance: float) -> list[_Piece] | None:
-    """Segments after the first of each pair is extended by the part of the second that it follows; None: no change."""
+    """Segments of the next level; None if none changes.
+
+    The first segment of each pair is extended by the part of the second one that it follows.
+    """
     run = ratio_fit.problem.segments.run
     pieces: list[_Piece] = []
     index, moved = 0, False
@@ -110,7 +119,10 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """A segment extended by the part of the next one that it fits, and the remaining part; None: too short."""
+    """A segment extended by the part of the next one that it follows, and the remaining part.
+
+    None if this is too short.
+    """
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
     taken = _followed(ratio_fit, index, tolerance)
@@ -127,7 +139,7 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
 
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
-    """Longest step whose error, estimated by halving, is below the noise; None if chaos makes this impossible."""
+    """Longest step whose error, estimated by halving, is below the noise, s; None if chaos makes this impossible."""
     samples = slice(int(ratio_fit.problem.segments.offsets[index]), piece.end)
     t, allowed = ratio_fit.problem.t[samples], SETTINGS.solver_error / ratio_fit.problem.weight[samples].max()
     step = min(piece.step, float(np.median(np.diff(t))))
@@ -155,7 +167,7 @@ def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
 
 
 def _states(ratio_fit: RatioFit, index: int, t: Array, step: float) -> Array:
-    """(n, 4) free run of a segment."""
+    """(n, 4) states of the free run of a segment."""
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
     swing = segments([t], setups=[layout.setups[layout.run[index]]], step=step)
     return followed(estimate.ratios, swing, estimate.initial[index : index + 1], rig)[0]

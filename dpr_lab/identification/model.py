@@ -33,7 +33,7 @@ Kept = TypeVar("Kept")
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
-    """Check that a table has these names in this order."""
+    """Validator that checks the names of a table and returns its entries in a given order."""
 
     def ordered(table: dict[str, Kept]) -> dict[str, Kept]:
         if set(table) != set(names):
@@ -49,35 +49,38 @@ class EstimatedValue(_Record):
     """A number with its standard deviation and 90 % interval."""
 
     value: Number
-    """The estimate, SI."""
+    """Estimated value, SI."""
     std: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     """Standard deviation, in the unit of the value."""
     interval90: tuple[Number, Number]
     """90 % interval, in the unit of the value."""
     profile90: tuple[Number | None, Number | None] | None = None
-    """90 % interval by profile likelihood if requested; None for an end without a bound."""
+    """90 % interval by profile likelihood, if requested; an end without a bound is None."""
     fixed_by: Literal["data", "bound"] = "data"
-    """Source of the value. `bound`: runs hardly determine it; value and std depend on the nominal values and bounds
-    of the rig file.
+    """Source of the value.
+
+    `bound`: the runs hardly determine it, and it depends on values and bounds of the rig file.
     """
 
 
 class ParameterValue(_Record):
-    """One of the nine kinetic parameters and its source.
+    """One of the nine kinetic parameters, with its source.
 
-    `data`: the recordings, given the measured values. `measured`: a bench measurement. `bound`: only the bounds of the
-    search; it is one of a family of equally good values, so it has no standard deviation.
+    `data`: the recordings determine it, given the measured values. `measured`: a bench measurement. `bound`: only the
+    bounds of the search determine it; the value is one of a family of equally good values, so it has no standard
+    deviation.
     """
 
     value: Number
-    """The value, SI."""
+    """Value of the parameter, SI."""
     std: Number | None
     """Standard deviation, SI; None for a value that only bounds determine."""
     fixed_by: Literal["data", "measured", "bound"]
-    """Source, as above."""
+    """Source of the value: `data`, `measured` or `bound`."""
     interval90: tuple[Number, Number] | None = None
-    """90 % interval from the recordings and the rig file; for a value that only bounds determine, with these bounds
-    as a prior.
+    """90 % interval from the recordings and the rig file.
+
+    Its bounds are the prior of a value that only they determine.
     """
 
 
@@ -87,12 +90,12 @@ def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
 
 
 def of_rods_or_none(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Like `of_rods`, but the table may be empty."""
+    """Check as in `of_rods`, but the table may be empty."""
     return of_rods(ratios) if ratios else ratios
 
 
 def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: float) -> dict[str, EstimatedValue]:
-    """e1/a and c1/a of the inner rod alone from a/b, d/b, e1/b, c1/b, c2/b of the fit, p/b, and g/L1 (1/s^2)."""
+    """Ratios e1/a and c1/a of the inner rod alone, from the ratios of the fit, p/b, and g/L1 (1/s^2)."""
     ratios, share = dict(zip(RATIOS, five, strict=True)), five[0].value - p_over_b
 
     def over_a(ratio: EstimatedValue, offset: float) -> EstimatedValue:
@@ -118,7 +121,7 @@ class RigFacts(_Record):
 
     @classmethod
     def of(cls, rig: Rig) -> "RigFacts":
-        """The constants of a rig file."""
+        """Constants of a rig file."""
         return cls(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g)
 
 
@@ -126,11 +129,11 @@ class RunUsed(_Record):
     """A run used in the identification."""
 
     file: str
-    """Its run file or its name."""
+    """Name of the run file, or of the run without a file."""
     sha256: str
     """SHA-256 of the file; empty without a file."""
     pose: str | None = None
-    """Name of its pose."""
+    """Name of the pose of the run; None if unknown."""
     samples: int = 0
     """Number of samples."""
     duration_s: Number = 0.0
@@ -140,20 +143,20 @@ class RunUsed(_Record):
     segments: int = 0
     """Number of segments with free initial states."""
     horizon_s: Number | None = None
-    """Predictability horizon of a free run from the fitted initial state, s: its uncertainty reaches 0.1 rad."""
+    """Predictability horizon, s: time at which the uncertainty of the initial state reaches 0.1 rad in a free run."""
     torque_kind: str = ""
-    """Kind of known torques, `measured` or `commanded`, if known."""
+    """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
     zeros_rad: list[Number] = []
-    """Fitted zero offsets of encoders 1 and 2 in this run; empty for fixed zeros."""
+    """Fitted zero offsets of encoders 1 and 2 in this run, rad; empty for fixed zeros."""
 
 
 class Covariance(_Record):
-    """A covariance matrix with the order of its rows."""
+    """A covariance matrix, with the order of its rows."""
 
     order: list[str]
     """Names of the n unknowns, in the order of rows and columns."""
     matrix: list[list[Number]]
-    """(n, n), SI."""
+    """(n, n) covariance matrix, SI."""
 
     @model_validator(mode="after")
     def _square(self) -> "Covariance":
@@ -168,43 +171,43 @@ class Identifiable(_Record):
     """Identifiable directions of the nine parameters."""
 
     rank: int
-    """Number of the nine directions that the runs determine."""
+    """Number of directions, of nine, that the runs determine."""
     null_space: list[dict[str, Number]]
-    """Relative changes of the parameters that do not affect any swing."""
+    """Directions of no influence on any swing, as relative changes of the parameters."""
     advice: list[str]
-    """Bench measurements that would determine more, best first."""
+    """Bench measurements that would determine more parameters, best first."""
 
 
 class FitSummary(_Record):
     """Quality of the fit of each run, over segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
-    """Rms residual by axis, `theta1` and `theta2`."""
+    """Rms residual of `theta1` and `theta2`, rad."""
     noise_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
-    """Noise floor by axis, from the rest before the release, quantisation or differences."""
+    """Noise floor of `theta1` and `theta2`, rad, from the rest before the release, quantisation or differences."""
     segments: int
     """Number of segments with free initial states."""
     chi2_per_dof: Number
     """Reduced chi-square; 1 = noise only."""
     iterations: int
-    """Iterations of the local solver."""
+    """Number of iterations of the local solver."""
     longest_segment_s: Number
     """Length of the longest segment, s."""
 
 
 class SearchRecord(_Record):
-    """History of the search by generation."""
+    """History of the global search by generation."""
 
     algorithm: str
-    """Algorithm, a name in `dpr_lab.search.ALGORITHMS`."""
+    """Name of the algorithm in `dpr_lab.search.ALGORITHMS`."""
     objective: str
-    """Objective, a name in `dpr_lab.identification.objectives.OBJECTIVES`."""
+    """Name of the objective in `dpr_lab.identification.objectives.OBJECTIVES`."""
     seed: int
     """Seed of all random numbers."""
     evaluations: int
     """Number of simulated candidates."""
     seconds: Number
-    """Duration, s."""
+    """Duration of the search, s."""
     generations: int
     """Number of the last generation."""
     best: dict[str, Number]
@@ -212,7 +215,7 @@ class SearchRecord(_Record):
     best_cost: Number
     """Cost of the best individual, in the unit of the objective."""
     history: dict[str, list[Number]]
-    """Columns over generations: `evaluations`, `best_cost`, `best_fitness`, `population_fitness`."""
+    """Columns of the history by generation: `evaluations`, `best_cost`, `best_fitness`, `population_fitness`."""
 
 
 class Model(Shown, _Record):
@@ -221,12 +224,16 @@ class Model(Shown, _Record):
     rig: RigFacts
     """Rig of the model."""
     ratios: Annotated[dict[str, EstimatedValue], AfterValidator(of_rods)]
-    """a/b, d/b, e1/b, c1/b, c2/b: the quantities that a free swing determines, because its equation of motion is
-    homogeneous. For the inner rod alone: e1/a and c1/a.
+    """Ratios a/b, d/b, e1/b, c1/b, c2/b, or e1/a and c1/a for the inner rod alone.
+
+    A free swing determines these quantities only, because its equation of motion is homogeneous.
     """
     fitted: list[EstimatedValue] = []
-    """For the inner rod alone: a/b, d/b, e1/b, c1/b, c2/b of the fit, with the rig file's values of the parts that are
-    not mounted. They are initial values for other commands, not a result. Empty for both rods."""
+    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b for the inner rod alone; empty for both rods.
+
+    Parts that are not mounted have values of the rig file. These ratios are initial values for other commands, not a
+    result.
+    """
     covariance: Covariance
     """Covariance of the unknowns that the runs determine."""
     cramer_rao_std: Annotated[dict[str, Number], AfterValidator(of_rods_or_none)]
@@ -234,9 +241,12 @@ class Model(Shown, _Record):
     parameters: Annotated[dict[str, ParameterValue], AfterValidator(by_name(PARAMETERS))]
     """The nine kinetic parameters by name, in SI units, with their sources."""
     base: Annotated[dict[str, ParameterValue], AfterValidator(by_name(BASE))]
-    """a, b, d, e1, c1, c2 in SI; their common scale is determined by measured values or a known added mass only."""
+    """Base parameters a, b, d, e1, c1, c2, SI.
+
+    Only measured values or a known added mass determine their common scale.
+    """
     scale: Scale | None = None
-    """Assumed b of absolute sizes, with its interval and its source; None in a file of an older version."""
+    """Value of b that absolute sizes assume, with its interval and source; None in a file of an older version."""
     identifiability: Identifiable | None = None
     """Directions that the runs determine; None in a corrected model."""
     fit: FitSummary
@@ -246,15 +256,15 @@ class Model(Shown, _Record):
     runs: list[RunUsed]
     """Runs used in the identification."""
     p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    """m2 L1^2 / b, an additional ratio for runs with the inner rod alone; None without such runs."""
+    """Additional ratio m2 L1^2 / b for runs with the inner rod alone; None without such runs."""
     effects: dict[str, dict[str, Number]] = {}
-    """Effects named by a diagnosis: effect -> parameter -> value, SI."""
+    """Effects that a diagnosis named: effect -> parameter -> value, SI."""
     warnings: list[str] = []
     """Warnings on the interpretation of the values."""
     failures: list[str] = []
     """Failed checks of the identification; empty for a reliable model."""
     version: str = ""
-    """Version of dpr-lab that wrote it."""
+    """Version of dpr-lab that wrote the file."""
 
     def _heading(self) -> str:
         rms = " and ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
@@ -265,11 +275,11 @@ class Model(Shown, _Record):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit, which may contain values of the rig file."""
+        """The five ratios of the fit; for an inner rod alone, some are values of the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """The model with other values (5,) of the ratios of the fit, and the same uncertainties."""
+        """Copy of the model with other values (5,) of the ratios of the fit, and the same uncertainties."""
         five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
@@ -277,7 +287,7 @@ class Model(Shown, _Record):
         return self.model_copy(update={"ratios": alone, "fitted": five})
 
     def scaled_ratios(self) -> "Model":
-        """A copy of the model with base parameters computed from its ratios, as in comparisons with recordings.
+        """Copy of the model with base parameters computed from its ratios, as in comparisons with recordings.
 
         The base parameters of an identification are computed from the nine parameters. The bounds of the rig file may
         shift these away from ratios of large uncertainty.
@@ -286,7 +296,7 @@ class Model(Shown, _Record):
         return self.with_base(values.tolist())
 
     def with_base(self, values: Sequence[float]) -> "Model":
-        """The model with other values (6,) of the base parameters, and the same uncertainties."""
+        """Copy of the model with other values (6,) of the base parameters, and the same uncertainties."""
         pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 
@@ -305,12 +315,12 @@ class Model(Shown, _Record):
 
     @property
     def ratio_values(self) -> Array:
-        """(5,) the ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
+        """(5,) ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
         return np.array([estimate.value for estimate in self.all_ratios.values()])
 
     @property
     def scale_sentence(self) -> str:
-        """Inertia assumed in all masses, inertias and torques, with its uncertainty."""
+        """Sentence on the inertia that all masses, inertias and torques assume, with its uncertainty."""
         if self.scale is not None:
             share = self.fitted[0].value - (self.p_over_b or 0.0) if self.fitted else 1.0
             return (self.scale.as_inertia("a", share) if self.fitted else self.scale).sentence
@@ -321,13 +331,13 @@ class Model(Shown, _Record):
 
     @property
     def unknowns(self) -> Array:
-        """(7,) the ratios, b and p/b."""
+        """(7,) ratios, b and p/b."""
         b = self.base["b"].value
         p_over_b = self.p_over_b or self.parameters["m2"].value * self.rig.L1**2 / b
         return np.append(self.ratio_values, [b, p_over_b])
 
     def starting_point(self, rig: Rig) -> Array:
-        """(7,) `unknowns` as initial values of a fit for this rig.
+        """(7,) ratios, b and p/b as initial values of a fit for this rig.
 
         Raises:
             RunError: the model belongs to another rig.
@@ -347,7 +357,7 @@ class Model(Shown, _Record):
         """Write `model.json` atomically.
 
         Raises:
-            RunError: it cannot be written.
+            RunError: the file cannot be written.
         """
         write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
 

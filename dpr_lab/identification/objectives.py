@@ -1,7 +1,8 @@
-"""Objectives of the search: error of a candidate's simulated swings relative to the runs.
+"""Objectives of the search: the error of a candidate's simulated swings relative to the runs.
 
 `segments` starts from the smoothed state at most ten times per run, for 0.25 s each, so that chaos does not make the
-objective erratic. `paper` is equation (2) of docs/theory.md: one free run over the whole record, angles and speeds.
+objective erratic. `paper` is equation (2) of docs/theory.md: the angles and speeds of one free run over the whole
+record.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,16 +25,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveSettings:
-    """Sampling of the objectives."""
+    """Settings of the sampling of the objectives."""
 
     step: float = 0.005
-    """Runge-Kutta step and sample spacing of the published search, s; a smaller step is not needed to find the
-    basin."""
+    """Runge-Kutta step and sample spacing of the published search, s.
+
+    A smaller step is not needed to find the basin.
+    """
     segment_s: float = 0.25
-    """Length of a segment, s: short enough that chaos has no influence."""
+    """Length of a segment, s; at this length chaos has no influence."""
     segments: int = 10
-    """Maximum number of segments per run, distributed over the run: sufficient to find the basin; the local solver
-    uses all.
+    """Maximum number of segments per run, distributed over the run.
+
+    This number is sufficient to find the basin; the local solver uses all segments.
     """
 
 
@@ -42,24 +46,26 @@ SETTINGS = ObjectiveSettings()
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveChoice:
-    """An objective and its search settings."""
+    """An objective, with its search settings."""
 
     build: "Callable[[Sequence[PreprocessedRun], Rig], Objective]"
     settings: str
-    """Name of its built-in search file."""
+    """Name of the built-in search file of the objective."""
     words: str
-    """Its name in words, for reports."""
+    """Name of the objective in words, for reports."""
 
 
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
-    """Mean squared whitened angle error over short segments from smoothed initial states; about 1 at the noise floor.
+    """Objective of short segments: mean squared whitened angle error from smoothed initial states.
+
+    It is about 1 if only noise remains.
 
     Args:
-        runs: the runs with states and noise
-        rig: the rig, for L1 and g
+        runs: runs with states and noise
+        rig: rig, for L1 and g
 
     Returns:
-        (n, 9) candidates -> (n, runs)
+        function of (n, 9) candidates that returns (n, runs) errors
     """
     from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
 
@@ -86,14 +92,16 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
 
 def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
-    """E(Z), docs/theory.md equation (2), by run: one free run from the smoothed first state, angles and speeds.
+    """Objective of the publication: E(Z) of docs/theory.md, equation (2), for each run.
+
+    E compares the angles and speeds of one free run from the smoothed first state.
 
     Args:
-        runs: the runs with states
-        rig: the rig, for L1 and g
+        runs: runs with states
+        rig: rig, for L1 and g
 
     Returns:
-        (n, 9) candidates -> (n, runs)
+        function of (n, 9) candidates that returns (n, runs) errors
     """
     from dpr_lab.dynamics.rollout import segment_errors  # compiled, slow to import
 
@@ -121,29 +129,32 @@ OBJECTIVES = {
     "segments": ObjectiveChoice(segment_objective, "segments", "short segments, insensitive to chaos"),
     "paper": ObjectiveChoice(paper_objective, "paper", "published E(Z) of whole runs"),
 }
-"""All objectives by their name for `--objective`."""
+"""Objectives by their names for the option `--objective`."""
 
 
 def objective_words(name: str) -> str:
-    """Words and name of an objective, `short segments, insensitive to chaos [segments]`; other names are unchanged."""
+    """Words and name of an objective, as `short segments, insensitive to chaos [segments]`.
+
+    Unknown names are unchanged.
+    """
     return f"{OBJECTIVES[name].words} [{name}]" if name in OBJECTIVES else name
 
 
 def _thinned(t: Array) -> Integers:
-    """Indices of samples at intervals of about one step: more samples take time without improving a search."""
+    """Indices of samples at intervals of about one step; more samples take time without improving a search."""
     ticks = np.floor((t - t[0]) / SETTINGS.step + 1e-6)
     return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
 
 
 def _rows(candidates: Array, run: Run, rig: Rig) -> Array:
-    """Rows of the kernel for the candidates, with the mounting of the run."""
+    """Rows of the kernel for the candidates, with the mounting of a run."""
     L1, g = rig.L1, rig.g
     bases = base_of_run(whole_parameters(candidates, L1, g), run.setup, L1, g)
     return rows(_as_one(bases, run.elbow, L1, g)[0] if run.setup.held else bases, L1, g)
 
 
 def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Array]:
-    """(n, 6) base parameters of one rod that moves like two rods with a clamped elbow, and (n,) its phase lead, rad.
+    """Base parameters (n, 6) of one rod that moves like two rods with a clamped elbow, and its phase lead (n,), rad.
 
     A = a + b + 2 d cos(delta) and E exp(i phi) = e1 + e2 exp(i delta), for theta1 + phi. The other rod is fixed.
     """
@@ -154,7 +165,7 @@ def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Arr
 
 
 def _seen_as_one(prepared: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
-    """A run whose rods turn as one body, as the swing of one rod with the phase lead of the rig file."""
+    """Run with rods that turn as one body, converted to the swing of one rod with the phase lead of the rig file."""
     if not prepared.run.setup.held:
         return prepared
     bases = base_of_run(whole_parameters(rig.nominal, rig.L1, rig.g), prepared.run.setup, rig.L1, rig.g)

@@ -14,7 +14,7 @@ from dpr_lab.run import Run, refuse_moving_arms
 
 @dataclass(frozen=True, slots=True)
 class PreprocessedRun:
-    """A run from its release on, with additional data for the fit."""
+    """A run from its release on, with the additional data that a fit needs."""
 
     run: Run
     noise: NoiseFloor
@@ -23,12 +23,12 @@ class PreprocessedRun:
 
 
 def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
-    """Measure a run's noise and estimate its velocities (Kalman filter and RTS smoother).
+    """Estimate the noise and the velocities of a run (Kalman filter and RTS smoother).
 
     Args:
         run: the recording
         rig: the recorded rig
-        every: decimation of the samples to keep; the noise is that of all samples
+        every: decimation factor of the samples; the noise is that of all samples
 
     Raises:
         RunError: too few samples, no motion, or an arm that was free or driven.
@@ -41,7 +41,10 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
 
 
 def _thinned(swing: Run, every: int) -> Run:
-    """Every n-th sample; torques are means until the next one, so that their impulse stays the same."""
+    """Swing with every n-th sample.
+
+    Torques are means until the next kept sample, so that their impulse stays the same.
+    """
     mask = np.arange(len(swing.t)) % every == 0
     thinned, first = swing.only(mask), np.flatnonzero(mask)
     if swing.torques is None:

@@ -1,13 +1,13 @@
 """MAP update of the nine parameters by the ratios, and the source of each parameter (docs/theory.md, equation 47).
 
-A free swing determines five numbers; the nine parameters form a four-dimensional family of equally good values.
-Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the bounds
-of the search; a known added mass also makes b identifiable. The estimates then update this prior as a linear
+A free swing determines five numbers. The nine parameters therefore form a four-dimensional family of equally good
+values. Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the
+bounds of the search. A known added mass also makes b identifiable. The estimates then update this prior as a linear
 observation (maximum a posteriori, by iterated extended Kalman updates):
 
     K = P0 J^T (J P0 J^T + C)^-1,    Z = Z0 + K (q - q(Z0)),    P = P0 - K J P0
 
-with q the ratios (and b), J = dq/dZ and C their covariance. A parameter that data and measured values do not determine
+with q the ratios (and b), C their covariance and J = dq/dZ. A parameter that data and measured values do not determine
 keeps the standard deviation of its bounds and is reported as determined by bounds only.
 """
 
@@ -24,8 +24,9 @@ from dpr_lab.identification.model import ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 
 UNREACHED = 1e-6
-"""Data do not determine a parameter if its relative change along the null space exceeds this value, which is far above
-rounding errors.
+"""Maximum relative change of a parameter along the null space for a parameter that data determine.
+
+The limit is far above rounding errors.
 """
 
 _RELATIVE = (*range(len(RATIOS)), ON_ELBOW)
@@ -37,13 +38,13 @@ def update_prior(
     rig: Rig,
     visible: Sequence[int] | None = None,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-    """Most probable nine parameters given the rig file and the estimated ratios, and their base parameters.
+    """Most probable nine parameters for the rig file and the estimated ratios, and the corresponding base parameters.
 
     Args:
         estimated: (5,) ratios, or (6,) with b; or the unknowns with the indices `visible` in `UNKNOWN_RATIOS`
-        covariance: their covariance
+        covariance: covariance of the estimated values
         rig: nominal values, bounds, measured values and L1, g
-        visible: these indices; other ratios keep the values of the rig file
+        visible: indices of the estimated unknowns; other ratios keep the values of the rig file
 
     Returns:
         the nine parameters by name, and the six absolute base parameters by name
@@ -63,11 +64,14 @@ def update_prior(
 
 
 UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
-"""Relative standard deviation with which bare ratios determine the scale, because friction may hide much."""
+"""Relative standard deviation with which bare ratios determine the scale; friction may hide much."""
 
 
 def assumed_b(unknown: Array, rig: Rig) -> ParameterValue:
-    """b, kg m^2, the scale of all torques, from the rig file and an unknown vector that starts with the five ratios."""
+    """Value of b, kg m^2, the scale of all torques, according to the rig file and the ratios.
+
+    `unknown` starts with the five ratios.
+    """
     values = unknown[: len(UNSURE)]
     _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
     return base["b"]
@@ -83,7 +87,7 @@ def _value(value: np.float64, variance: np.float64, fixed_by: Literal["data", "m
 
 
 def _loose(Z: Array, observed: list[int], rig: Rig) -> Array:
-    """(9, k) relative changes of the searched parameters that leave all observations unchanged."""
+    """(9, k) relative changes of the searched parameters that do not change any observation."""
     scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
     directions = np.zeros((len(PARAMETERS), 0))
     if rig.searched.any():

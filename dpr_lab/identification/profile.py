@@ -2,8 +2,8 @@
 
     D(v) = min chi2(q with q_i = v) - min chi2,    90 % interval where D <= 2.7055 s
 
-with s the reduced chi-square if the residual exceeds the noise, otherwise 1. Unlike the covariance it accounts for
-curved valleys and bounds; like every likelihood it assumes independent residuals.
+with s the reduced chi-square if the residual exceeds the noise, otherwise 1. Unlike the covariance, the profile
+accounts for curved valleys and bounds. Like every likelihood, it assumes independent residuals.
 """
 
 from dataclasses import dataclass
@@ -18,25 +18,25 @@ from dpr_lab.identification.uncertainty import RatioUncertainty
 
 @dataclass(frozen=True, slots=True)
 class ProfileSettings:
-    """Range and accuracy of the search for the ends of the interval."""
+    """Settings of the search for the ends of the interval."""
 
     widest: float = 30.0
-    """Standard deviations beyond which an unknown counts as unbounded on this side."""
+    """Distance from the estimate beyond which an unknown counts as unbounded on this side, in standard deviations."""
     tolerance: float = 0.02
-    """Accuracy in standard deviations."""
+    """Accuracy of an end of the interval, in standard deviations."""
     iterations: int = 6
-    """Maximum number of iterations of a fit: its initial values are correct to first order."""
+    """Maximum number of iterations of a fit; its initial values are correct to first order."""
 
 
 SETTINGS = ProfileSettings()
 
 
 def profile90(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float, float]:
-    """90 % profile likelihood interval of one unknown; a friction ratio's lower end stops at zero.
+    """90 % profile likelihood interval of one unknown; the lower end of a friction ratio is at least zero.
 
     Args:
         ratio_fit: maximum of the likelihood
-        ratio_uncertainty: its information matrix and standard deviations
+        ratio_uncertainty: information matrix and standard deviations of the fit
         index: index of the unknown
 
     Returns:

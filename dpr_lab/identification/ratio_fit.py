@@ -1,7 +1,7 @@
-"""The ratios of the rods fitted to segments of runs with free initial states.
+"""Fit of the ratios of the rods to segments of runs with free initial states.
 
 A free swing determines only the ratios. With a known attached mass b is fitted as well, because the mass determines the
-scale. Segments contain encoder readings, each weighted by its own noise; this is equivalent to absolute angles with the
+scale. Segments contain encoder readings, each weighted by its own noise. This is equivalent to absolute angles with the
 correlated noise of a relative encoder 2.
 """
 
@@ -35,8 +35,9 @@ from dpr_lab.identification.preprocess import PreprocessedRun
 from dpr_lab.rig import Rig
 
 TO_THE_MINIMUM = GaussNewton(converged=1e-8)
-"""Settings of a fit whose ratios are reported: for 6e4 readings, 1e-8 of chi2 corresponds to a fortieth of a
-standard deviation.
+"""Settings of a fit whose ratios are reported.
+
+For 6e4 readings, 1e-8 of chi2 corresponds to a fortieth of a standard deviation.
 """
 
 
@@ -45,17 +46,16 @@ class ShortSegments:
     """Lengths of the first segments."""
 
     first_segment_s: float = 0.25
-    """First length, s: the fit converges from all initial values that are wrong by at most 20 %."""
+    """First length, s; the fit converges from all initial values that are wrong by at most 20 %."""
     working_segment_s: float = 0.5
-    """Second length, s: long enough that a wrong interpretation cannot be followed."""
+    """Second length, s; it is so long that the model cannot follow a wrong interpretation."""
     noise_alone: float = 20.0
-    """The noise of the inputs is irrelevant if the reduced chi-square exceeds this value, because the model error is
-    far larger.
+    """Maximum reduced chi-square for which the noise of the inputs is relevant.
+
+    Above it, the model error is far larger.
     """
     nested: float = 1.1
-    """Largest ratio of the reduced chi-square of short segments to the reduced chi-square of long segments, by their
-    degrees of freedom.
-    """
+    """Maximum ratio of the reduced chi-square of short segments to that of long ones, by their degrees of freedom."""
 
 
 SHORT = ShortSegments()
@@ -70,22 +70,22 @@ class RatioFit:
 
     @property
     def unknowns(self) -> Array:
-        """(k,) ratios, b and p/b that these runs determine, for the rig without an added mass."""
+        """(k,) ratios, b and p/b that the runs determine, for the rig without an added mass."""
         return self.fit.estimate.ratios[list(self.visible)]
 
     @property
     def visible(self) -> tuple[int, ...]:
-        """Their indices in `UNKNOWN_RATIOS`."""
+        """Indices in `UNKNOWN_RATIOS` of the unknowns that the runs determine."""
         return visible_of(self.problem.segments)
 
     @property
     def ratios(self) -> Array:
-        """(5,) a/b, d/b, e1/b, c1/b, c2/b of the rig without an added mass."""
+        """(5,) ratios a/b, d/b, e1/b, c1/b, c2/b of the rig without an added mass."""
         return self.fit.estimate.ratios[: len(RATIOS)]
 
     @property
     def predicted(self) -> Array:
-        """(samples, 2) theta1, theta2, rad."""
+        """(samples, 2) predicted theta1, theta2, rad."""
         return self.problem.joints.to_rods(self.problem.predict(self.fit.estimate))
 
     @property
@@ -107,7 +107,7 @@ class RatioFit:
 
     @property
     def slopes(self) -> Array:
-        """(segments, m, k) whitened derivatives, with initial states and encoder zeros projected out."""
+        """(segments, m, k) whitened derivatives of the readings, without initial states and encoder zeros."""
         return _without_zeros(self.fit.linear, self.fit.free)
 
     @property
@@ -130,10 +130,10 @@ class RatioFit:
 
 
 def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: float = 5e-3) -> tuple[Problem, Array]:
-    """Runs cut into segments, and the (segments, 4) smoothed states at their beginnings.
+    """Problem with runs cut into segments, and the (segments, 4) smoothed states at their beginnings.
 
     Args:
-        runs: the runs to fit
+        runs: runs to fit
         rig: lengths, gravity, encoders
         length: nominal length of a segment, s
         step: longest Runge-Kutta step, s; a step of 5 ms has an error below a microradian over half a second
@@ -161,7 +161,7 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
 
 
 def rods_estimate(unknown: Array, initial: Array) -> Estimate:
-    """An estimate without effects from (7,) ratios, b and p/b, and initial states."""
+    """Estimate without effects, from (7,) ratios, b and p/b, and initial states."""
     return Estimate.of(unknown, effect_params({}), initial)
 
 
@@ -178,14 +178,14 @@ def fit_ratios(
     iterations: int = 40,
     settings: GaussNewton = TO_THE_MINIMUM,
 ) -> RatioFit:
-    """Fit the unknowns, the initial states and the encoder zeros of each run, if free, to given segments.
+    """Fit the unknowns, the initial states and, if they are free, the encoder zeros of each run to given segments.
 
     Args:
-        problem: the measurements
+        problem: measured readings, weights and model
         start: initial values
         held: indices of fixed unknowns: all for a held-out run, one for a profile
-        iterations: maximum number of iterations (`converged` is then false)
-        settings: tolerances
+        iterations: maximum number of iterations; `converged` is false if it is reached
+        settings: tolerances and step control
     """
     free = ratio_parameters(start, visible_of(problem.segments))
     chosen = [parameter for parameter in free if parameter.place not in held]
@@ -203,15 +203,15 @@ def short_fit(
 ) -> RatioFit:
     """Fit the ratios to segments of a quarter of a second, then of half a second.
 
-    Longer segments have fewer initial states, so that their chi-square is not smaller. A fit of the short segments with
-    a reduced chi-square above `worst` is therefore returned without the second fit.
+    Longer segments have fewer initial states, so their chi-square is not smaller. A fit of the short segments with a
+    reduced chi-square above `worst` is therefore returned without the second fit.
 
     Args:
         Z: (9,) initial parameters
-        runs: the runs to fit
+        runs: runs to fit
         rig: lengths, gravity, encoders
-        iterations: maximum number of each fit
-        settings: tolerances
+        iterations: maximum number of iterations of each fit
+        settings: tolerances and step control
         worst: largest reduced chi-square of interest
     """
     first = first_fit(Z, runs, rig, iterations=iterations, settings=settings)
@@ -231,9 +231,9 @@ def short_fit(
 def first_fit(
     Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations: int, settings: GaussNewton
 ) -> RatioFit:
-    """Fit of the ratios to segments of a quarter of a second, which converges from poor initial values.
+    """Fit the ratios to segments of a quarter of a second, which converges from poor initial values.
 
-    Arguments as above.
+    The arguments are those of `short_fit`.
     """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
@@ -241,14 +241,14 @@ def first_fit(
 
 
 def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
-    """Effect of the noise in the prescribed motion of an arm on the readings."""
+    """Process noise of the prescribed motion of an arm in terms of the readings; None without such a motion."""
     if all(setup.arm is None for setup in problem.segments.setups):
         return None
     return disturbance(problem, estimate, begins=lambda first: first)
 
 
 def information(problem: Problem, estimate: Estimate) -> Array:
-    """(k, k) Fisher information of segments on the unknowns they determine, all others eliminated."""
+    """(k, k) Fisher information of segments on the unknowns that they determine, with all other values eliminated."""
     free = problem.all_free(ratio_parameters(estimate, visible_of(problem.segments)))
     slopes = _without_zeros(linearise(problem, problem.with_zeros(estimate), free), free)
     A = slopes.reshape(-1, slopes.shape[2])
@@ -269,12 +269,12 @@ def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Arra
 def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
     """Predictability horizon of a free run from the fitted initial state of a segment, in the time of `t`, s.
 
-    Beyond it the uncertainty of the initial state alone, propagated by the variational equation, moves an angle by more
-    than `error_rad`.
+    Beyond the horizon the uncertainty of the initial state alone, propagated by the variational equation, moves an
+    angle by more than `error_rad`.
 
     Args:
         ratio_fit: ratios and initial states
-        index: initial segment
+        index: index of the initial segment
         t: (n,) instants, starting with that of the segment
         error_rad: threshold, rad
     """

@@ -15,12 +15,12 @@ from dpr_lab.identification.ratio_fit import RatioFit
 
 @dataclass(frozen=True, slots=True)
 class CovarianceSettings:
-    """Settings of the independence of residuals."""
+    """Settings of the covariance under correlated residuals."""
 
     block_s: float = 0.5
     """Minimum distance of residuals that are treated as independent, s: half a swing of a 0.4 m rod."""
     misfit: float = 1.5
-    """The model error, not the noise, dominates the uncertainty if the reduced chi-square exceeds this value."""
+    """Reduced chi-square above which the model error, not the noise, dominates the uncertainty."""
     halves: float = 1.1
     """Factor by which one linear step underestimates the difference between fits of the two halves."""
 
@@ -33,21 +33,22 @@ class RatioUncertainty:
     """Uncertainty of the unknowns that runs determine, in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`."""
 
     values: Array
-    """(n,) the unknowns."""
+    """(n,) fitted values of the unknowns."""
     information: Array
-    """(n, n) Fisher information, initial states eliminated."""
+    """(n, n) Fisher information, with initial states eliminated."""
     covariance: Array
-    """(n, n) covariance from blocks of residuals; zero for unknowns at their bound. Ratios that the runs do not
-    determine are treated as known, as in a prediction of the same rods.
+    """(n, n) covariance from blocks of residuals; zero for unknowns at their bound.
+
+    Ratios that the runs do not determine are treated as known, as in a prediction of the same rods.
     """
     blocks: int
-    """Number of blocks."""
+    """Number of blocks of residuals."""
     names: tuple[str, ...] = UNKNOWN_RATIOS
     """Names of the unknowns."""
     prior: Array | None = None
-    """(n, n) information of the rig file; None: none."""
+    """(n, n) information of the rig file on the unknowns; None without a prior."""
     assumed: Array | float = 0.0
-    """(n, n) additional covariance, because ratios that the runs do not determine are known from the rig file only."""
+    """(n, n) additional covariance due to ratios that the runs do not determine, and that only the rig file states."""
 
     @property
     def std(self) -> Array:
@@ -56,7 +57,7 @@ class RatioUncertainty:
 
     @property
     def at_zero(self) -> tuple[str, ...]:
-        """Friction ratios fixed at zero, because their unconstrained estimate is negative."""
+        """Names of the friction ratios that are fixed at zero, because their unconstrained estimate is negative."""
         return tuple(name for name, value in zip(self.names, self.values, strict=False) if value <= 0)
 
     @property
@@ -72,7 +73,7 @@ class RatioUncertainty:
     def of_prior(self) -> Array:
         """(n,) ratio of each variance to the variance of the rig file's prior, 0 to 1.
 
-        If it is near 1, the runs add no information.
+        If a ratio is near 1, the runs add no information.
         """
         if self.prior is None:
             return np.zeros(len(self.values))
@@ -82,8 +83,8 @@ class RatioUncertainty:
     def of_runs(self) -> Array:
         """(n, n) covariance from the runs alone, without the prior; at most 1000 times the covariance of the prior.
 
-        In coordinates in which the prior has unit covariance, a variance v from both is v / (1 - v) from the runs
-        alone.
+        In coordinates in which the prior has unit covariance, a variance v from both corresponds to v / (1 - v) from
+        the runs alone.
         """
         if self.prior is None:
             return self.covariance
@@ -94,7 +95,10 @@ class RatioUncertainty:
         return np.asarray((back * alone) @ back.T, dtype=np.float64)
 
     def interval90(self, index: int) -> tuple[float, float]:
-        """90 % interval of one unknown, Student-t with the number of blocks; not negative if the rig file widens it."""
+        """90 % interval of one unknown by Student's t with the number of blocks.
+
+        If the rig file widens the interval, it has no negative values.
+        """
         freedom = max(self.blocks - len(self.values), 1)
         reach = float(stdtrit(freedom, 0.95)) * float(self.std[index])
         assumed = np.broadcast_to(self.assumed, self.covariance.shape)[index, index] > 0.0
@@ -106,9 +110,9 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     """Uncertainty of a fit with all unknowns free.
 
     The covariance is computed from the information at the actual noise, widened by the scatter of the blocks. For white
-    residuals both agree, and the information is more accurate, because a chaotic run contains most of it in few blocks;
-    correlated residuals increase the scatter of the blocks. Model errors change slowly along a run, so in that case the
-    90 % interval is at least as wide as the difference between first and second halves.
+    residuals both agree. The information is more accurate, because a chaotic run contains most of it in few blocks.
+    Correlated residuals increase the scatter of the blocks. Model errors change slowly along a run. In that case the 90
+    % interval is at least as wide as the difference between first and second halves.
 
     Raises:
         LinAlgError: the recordings do not determine the unknowns.
@@ -157,7 +161,7 @@ def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Arra
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:
-    """(blocks, n) gradient of each block of `block_s`: the independent units of the covariance."""
+    """(blocks, n) gradient of each block of `block_s`; blocks are the independent units of the covariance."""
     owner, t = problem.owner, problem.t
     first = problem.segments.offsets[owner]
     by_sample = scores.reshape(len(scores), -1, 2, scores.shape[2]).sum(axis=2)[owner, np.arange(len(t)) - first]
@@ -167,7 +171,7 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
 
 
 def _halves_apart(problem: Problem, H: Array, gradients: Array) -> Array:
-    """(n,) difference between Gauss-Newton steps for the first and the second halves of the runs."""
+    """(n,) absolute difference between the Gauss-Newton steps for the first and the second halves of the runs."""
     segments = problem.segments
     last = problem.t[segments.offsets[1:] - 1]
     middle = np.add.reduceat(problem.t, segments.offsets[:-1]) / np.diff(segments.offsets)

@@ -5,8 +5,8 @@ the rods, and a spring of the arm with any rest angle:
 
     E = omega^T M(theta) omega / 2 + e1 cos theta1 + e2 cos theta2 + k0 theta0^2 / 2 - f0 theta0
 
-Without a drive it only decreases. As in `identification.misread.energy`, the smallest sum of its increases over all
-positive parameters is computed by linear programming, without a fit of the motion.
+Without a drive the energy only decreases. As in `identification.misread.energy`, the smallest sum of its increases over
+all positive parameters is computed by linear programming, without a fit of the motion.
 """
 
 from collections.abc import Sequence
@@ -29,18 +29,21 @@ class ArmEnergySettings:
     motion: LocalMotionSettings = field(
         default_factory=lambda: LocalMotionSettings(degree=3, window_share=0.15, window=(7, 101))
     )
-    """Local polynomials for the speeds."""
+    """Settings of the local polynomials for the speeds."""
     apart_s: float = 0.1
-    """Interval between two means of the energy, s."""
+    """Interval over which the energy is averaged, s."""
     least_ratio: float = 0.01
     """Smallest permitted inertia and gravity torque, relative to the first inertia."""
     least_exchange: float = 0.5
-    """Least range of the energy, over the largest range of one of its terms: errors of the speeds are a large share of
-    the range if little energy is lost.
+    """Minimum range of the energy, relative to the largest range of one of its terms.
+
+    If little energy is lost, errors of the speeds are a large share of the range.
     """
     entering: float = 0.2
-    """The arm is driven if the sum of increases over the range of the energy exceeds this value. For 59 free arms with
-    an effect the ratio is at most 0.03, and 0.16 with cogging. It exceeds this limit for 37 of 54 driven arms.
+    """Minimum sum of energy increases of a driven arm, relative to the range of the energy.
+
+    For 59 free arms with an effect the ratio is at most 0.03, and 0.16 with cogging. It exceeds this limit for 37 of 54
+    driven arms.
     """
 
 
@@ -48,7 +51,7 @@ ARM_ENERGY = ArmEnergySettings()
 
 
 def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
-    """A sentence if an arm that is described as free receives energy; else empty."""
+    """Sentence on an arm that is described as free but receives energy; otherwise empty."""
     rise = arm_energy_rise([run for run in runs if run.arm_mode == "free"], rig)
     if rise < ARM_ENERGY.entering:
         return ""
@@ -60,7 +63,10 @@ def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
 
 
 def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
-    """Smallest sum of increases of the energy over its range for any parameters; 0 for a passive arm or if unknown."""
+    """Smallest sum of energy increases for any parameters, relative to the range of the energy.
+
+    It is 0 for a passive arm, or if it cannot be computed.
+    """
     from scipy.optimize import linprog
 
     parts = [part for run in runs if (part := _terms(run, rig)) is not None]
@@ -88,7 +94,7 @@ def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
 
 
 def _terms(run: Run, rig: Rig) -> Array | None:
-    """(intervals, 6 or 8) means of the terms of a, [b, d,] e1, A, k0 and f0; None if the speeds are not known."""
+    """(intervals, 6 or 8) means of the energy terms of a, [b, d,] e1, A, k0 and f0; None if the speeds are unknown."""
     swing = run.swing
     motion = local_motion(swing.t, swing.theta, min(periods(rig)), ARM_ENERGY.motion)
     if motion is None:

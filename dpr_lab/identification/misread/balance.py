@@ -1,4 +1,4 @@
-r"""Energy test: whether angles and times of a table can be a free swing of the rig.
+"""Energy test: whether angles and times of a table can be a free swing of the rig.
 
 With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md) the energy
 
@@ -6,12 +6,13 @@ With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/t
 
 changes by viscous and dry friction,
 
-    dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt;
+    dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt.
 
-known torques add tau1 w1 + tau2 (w2 - w1). If dry friction were omitted, a shift of the zeros would compensate for its
+Known torques add tau1 w1 + tau2 (w2 - w1). If dry friction were omitted, a shift of the zeros would compensate for its
 loss. All coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small
-residual if angles and times are interpreted correctly, and a large one otherwise. It needs neither an initial state nor
-a simulation. A single rod is represented as two equal halves with the same angle (`dpr_lab.dynamics.base`).
+residual if angles and times are interpreted correctly, and a large residual otherwise. The test needs neither an
+initial state nor a simulation. A single rod is represented as two equal halves with the same angle
+(`dpr_lab.dynamics.base`).
 """
 
 import math
@@ -35,35 +36,39 @@ class EnergySettings:
     """Settings of the energy test."""
 
     motion: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 16, window=(7, 51)))
-    """Local polynomials for the velocities; such short windows also suit a rod that turns five times as fast."""
+    """Local polynomials for the velocities; their short windows also suit a rod that turns five times as fast."""
     smooth: LocalMotionSettings = field(default=LocalMotionSettings(degree=3, window_share=1 / 4, window=(7, 201)))
-    """Longer windows for noisy readings at usual speeds: a speed's noise falls with the power 1.5 of the window."""
+    """Longer windows for noisy readings at usual speeds.
+
+    The noise of a speed decreases with the power 1.5 of the window.
+    """
     slack: float = 3.0
-    """Factor by which a base parameter may differ from the value of the rig file."""
+    """Maximum factor between a base parameter and its value in the rig file."""
     zeros: int = 18
-    """Number of zeros per turn that are tried for each rod."""
+    """Number of zeros per turn that are tested for each rod."""
     refined: int = 5
-    """Maximum number of local minima that are refined, the best first."""
+    """Maximum number of local minima that are refined, lowest first."""
     zero_step_rad: float = 0.1
     """First step of the refinement, rad."""
     zero_rows: int = 800
     """Number of rows used in the search for zeros."""
     friction: float = 100.0
-    """Factor by which a viscous coefficient, which is poorly known, may exceed the value of the rig file."""
+    """Maximum factor of a viscous coefficient, which is poorly known, relative to its value in the rig file."""
     dry: float = 0.5
-    """Maximum dry friction relative to the weight torque of the rods."""
+    """Maximum dry friction torque relative to the gravity torque of the rods."""
     zero_error_rad: float = 0.1
-    """Maximum zero error that is a property of the rig: dry friction can hold a rod away from the vertical by this
-    angle, and a camera can be tilted by it.
+    """Maximum zero error that may be a property of the rig, rad.
+
+    Dry friction can hold a rod away from the vertical by this angle, and a camera can be tilted by it.
     """
     exchanged: float = 0.9
-    """Minimum correlation of kinetic and potential energy, apart from trend and friction, with which times are judged.
-    """
+    """Minimum correlation of kinetic and potential energy, without trend and friction, for a judgement of the times."""
     paces: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0, 0.5, 0.25, 0.125)
-    """Speeds at which a video may be stored, relative to its stated frame rate."""
+    """Tested speeds of a stored video, relative to its stated frame rate."""
     much_better: float = 0.6
-    """Another speed is probably right if the ratio of its residual to the residual at the stated speed is below this
-    value.
+    """Maximum ratio of the residual at another speed to the residual at the stated speed.
+
+    Below it, the other speed is probably right.
     """
 
 
@@ -77,9 +82,12 @@ class EnergyFit:
     residual: float
     """Rms error of the energy balance, relative to the exchanged potential energy."""
     time_scale: float
-    """Factor for the times that balances the exchange of kinetic and potential energy, 1 if correct; nan if unclear."""
+    """Factor for the times that balances the exchange of kinetic and potential energy; 1 if correct, nan if unclear."""
     kinetic_scale: float
-    """Factor for the times from the magnitudes of both energies, also for driven rods; accurate to a factor of ten."""
+    """Factor for the times from the magnitudes of both energies; accurate to a factor of ten.
+
+    It is valid for driven rods as well.
+    """
 
 
 def mounted_base(rig: Rig, Z: ArrayLike) -> Array:
@@ -123,10 +131,10 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
-    """Angles to add to both rods, within a turn, so that a free swing conserves its energy best; None without motion.
+    """Angles to add to both rods, within a turn, so that the energy of a free swing balances best; None without motion.
 
     Args:
-        t: (n,) s
+        t: (n,) instants, s
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
     """
@@ -141,9 +149,9 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
 def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> float:
     """Residual of the balance of `energy_fit` at better zeros nearby; infinite without motion.
 
-    The potential energy of a small swing of amplitude A changes by the share delta / A with an error delta of its zero.
-    Both zeros move towards the best ones, by at most `ENERGY.zero_error_rad`. The better of short and long windows is
-    used, so that the noise of the readings has little influence.
+    An error delta of a zero changes the potential energy of a small swing of amplitude A by the share delta / A. Both
+    zeros are therefore moved towards the best ones, by at most `ENERGY.zero_error_rad`. The smaller residual of short
+    and long windows counts, so that the noise of the readings has little influence.
     """
     return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
 
@@ -159,12 +167,14 @@ def _residual_near(terms: Array, rig: Rig) -> float:
 
 
 def other_pace(t: Array, rods: Array, rig: Rig) -> float:
-    """Factor by which a free swing is faster than its times say, if its energy then balances much better; otherwise 1.
+    """Factor by which a free swing is faster than its times state, if its energy then balances much better.
+
+    Otherwise 1.
 
     A camera in slow motion takes more frames per second than its video shows.
 
     Args:
-        t: (n,) s
+        t: (n,) instants, s
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
     """
@@ -176,7 +186,8 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:
     """Angles to add to both rods, within a turn, with the smallest residual; equal angles for one degree of freedom.
 
-    The local minima on a grid of both angles are refined: from neighbours of one minimum all searches end in it.
+    The local minima on a grid of both angles are refined. Neighbours of one minimum are excluded, because all their
+    searches end in it.
 
     Args:
         residual: residual of a balance as a function of the (2,) added angles, rad
@@ -206,7 +217,7 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
 
 
 def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Array]:
-    """Terms of the balance with short and with long windows, without the terms of a motion that is too small."""
+    """Terms of the balance with short and with long windows; terms of a motion that is too small are omitted."""
     balances = (_terms_of_table(t, rods, torques, rig, motion) for motion in (ENERGY.motion, ENERGY.smooth))
     return [terms for terms in balances if terms is not None]
 
@@ -220,10 +231,10 @@ def _terms_of_table(
 
 
 def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
-    """(m, k) terms of the balance with the values of the rig file, in J.
+    """(m, k) terms of the balance with the values of the rig file, J.
 
-    They are both kinetic energies, d w1 w2 and e1 and e2 times cosine and sine of their angles, the four losses and,
-    with known torques, minus their work.
+    The terms are both kinetic energies, d w1 w2 and e1 and e2 times cosine and sine of their angles, the four losses
+    and, with known torques, minus their work.
     """
     t, (th1, th2), (w1, w2) = moving.t, moving.rods.T, moving.omega.T
     a, b, d, e1, c1, c2 = mounted_base(rig, rig.nominal).tolist()
@@ -244,13 +255,13 @@ def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
 
 
 def _residual(covariance: Array, added: Array) -> float:
-    """Rms error of the balance with coefficients within bounds, relative to the potential energy; infinite without it.
+    """Rms error of the balance with coefficients within bounds, relative to the potential energy.
 
-    At other zeros, cosine and sine of an angle are linear combinations of those given, so that the covariance of the
-    terms is enough.
+    It is infinite without potential energy. At other zeros, cosine and sine of an angle are linear combinations of
+    those given, so the covariance of the terms is sufficient.
 
     Args:
-        covariance: (m, m) of `_terms`
+        covariance: (m, m) covariance of `_terms`
         added: (2,) angles added to both rods, rad
     """
     inner, outer = added.tolist()
@@ -277,10 +288,10 @@ def _integral(t: Array, power: Array) -> Array:
 
 
 def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
-    """Factor of the times at which kinetic and potential energy are exchanged, apart from a trend and friction.
+    """Factor of the times for which kinetic and potential energy are exchanged, apart from a trend and friction.
 
-    With the factor s, K / s^2 + V + x L + trend is constant: K is compared with V after both are freed of the losses L
-    of friction. Nan if they are not exchanged, because the losses resemble one of them.
+    With the factor s, K / s^2 + V + x L + trend is constant. K is compared with V after the losses L by friction are
+    projected out of both. Nan if the energies are not exchanged, because the losses resemble one of them.
 
     Args:
         kinetic: (n,) K

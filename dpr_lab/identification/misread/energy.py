@@ -1,6 +1,6 @@
 """Test for an undescribed energy source that drives the rods.
 
-The energy of the rods over b is linear in their ratios, and so is the work of known torques in 1/b:
+The energy of the rods over b is linear in their ratios, and the work of known torques over b is linear in 1/b:
 
     E/b = a/b omega1^2 / 2 + omega2^2 / 2 + d/b (cos(theta1 - theta2) omega1 omega2 + g/L1 cos theta2) + e1/b cos theta1
 
@@ -23,18 +23,22 @@ class EnergyRiseSettings:
     """Settings of the test for energy increases."""
 
     apart_s: float = 0.1
-    """Interval between two means of the energy, s, which makes the noise of the speeds negligible."""
+    """Interval over which the energy is averaged, s; the noise of the speeds is then negligible."""
     quiet_rad: float = 0.01
-    """Maximum standard deviation of a reading for which the speeds, and thus the energy, are certain enough, rad."""
+    """Maximum standard deviation of a reading for sufficiently accurate speeds, rad."""
     least_ratio: float = 0.01
     """Smallest permitted ratio; typical double pendulums have no ratio below 0.3."""
     least_exchange: float = 0.5
-    """Least range of the energy, over the largest range of one of its terms. The total energy of rods in good bearings
-    hardly changes, so that errors of the speeds at a low sample rate are a large share of its range.
+    """Minimum range of the energy, relative to the largest range of one of its terms.
+
+    The total energy of rods in good bearings hardly changes. Errors of the speeds at a low sample rate are then a large
+    share of its range.
     """
     entering: float = 0.3
-    """The rods are driven if the sum of increases over the range of the energy exceeds this value. The ratio is up to
-    1e-4 for free rods, 0.013 with an error of 6 % in L1, and 0.9 or more for driven rods and rods on a moving arm.
+    """Minimum sum of energy increases of driven rods, relative to the range of the energy.
+
+    The ratio is up to 1e-4 for free rods, 0.013 with an error of 6 % in L1, and 0.9 or more for driven rods and rods on
+    a moving arm.
     """
 
 
@@ -42,9 +46,9 @@ ENERGY = EnergyRiseSettings()
 
 
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = ENERGY) -> float:
-    """Smallest sum of energy increases over the energy's range for any ratios; 0 for passive rods or if unknown.
+    """Smallest sum of energy increases for any ratios, relative to the range of the energy; 0 for passive rods.
 
-    Runs with a moving arm, with a single rod, or with much noise are ignored.
+    Runs with a moving arm, with a single rod, or with much noise are ignored; without any other run the result is 0.
     """
     from scipy.optimize import linprog
 
@@ -76,13 +80,13 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
 
 
 def _range(terms: Array, settings: EnergyRiseSettings) -> float:
-    """Range of the sum of the terms, or the least range if it is larger."""
+    """Range of the sum of the terms, or the minimum range if this is larger."""
     exchanged = float(np.ptp(terms, axis=0).max())
     return max(float(np.ptp(terms.sum(axis=1))), settings.least_exchange * exchanged)
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
-    """(n, 5) terms of the energy over b: of b, a, d, e1 and, minus the work, of 1/b."""
+    """(n, 5) terms of the energy over b: those of b, a, d, e1 and, with minus the work, of 1/b."""
     theta1, theta2, omega1, omega2 = prepared.states.T
     mixed = np.cos(theta1 - theta2) * omega1 * omega2 + rig.g / rig.L1 * np.cos(theta2)
     work = np.zeros(len(theta1))
@@ -93,6 +97,6 @@ def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
 
 
 def _means(terms: Array, t: Array, apart_s: float) -> Array:
-    """Means over intervals of time, (intervals, 5)."""
+    """(intervals, 5) means of the terms over intervals of time."""
     edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / apart_s), prepend=-1.0))
     return np.add.reduceat(terms, edges) / np.diff(edges, append=len(t))[:, None]

@@ -20,13 +20,16 @@ class LocalMotionSettings:
     window: tuple[int, int]
     """Minimum and maximum number of samples of a window."""
     gap: tuple[float, float] = (0.25, 4.0)
-    """An interval between rows longer than both, in periods and in median intervals, is a gap, outside all windows."""
+    """Minimum interval between rows that is a gap, in periods and in median intervals; both limits must be exceeded.
+
+    A gap lies outside all windows.
+    """
     looked_at_s: float = 10.0
-    """Examined duration of a table, s; a wrong interpretation is visible from the start."""
+    """Duration of a table that is examined, s; a wrong interpretation is visible from the start."""
     looked_at: int = 2000
-    """Minimum number of rows, because the unit of time may be wrong."""
+    """Minimum number of rows that are examined, because the unit of time may be wrong."""
     fewest: int = 30
-    """Minimum number of windows for a judgement."""
+    """Minimum number of windows for a result."""
     instants: int = 1500
     """Maximum number of windows."""
 
@@ -36,7 +39,7 @@ class LocalMotion:
     """Motion of the rods at the centres of windows."""
 
     near: NDArray[np.intp]
-    """(k,) indices of the rows in the middle of the windows."""
+    """(k,) indices of the rows at the centres of the windows."""
     t: Array
     """(k,) instants, s."""
     rods: Array
@@ -44,15 +47,15 @@ class LocalMotion:
     omega: Array
     """(k, 2) speeds, rad/s."""
     alpha: Array
-    """(k, 2) rad/s^2."""
+    """(k, 2) accelerations, rad/s^2."""
 
 
 def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
-    """Motion at the centres of windows; None if there are too few rows, or instants that are numerically equal.
+    """Motion at the centres of windows; None with too few rows, or with instants that are numerically equal.
 
     Args:
-        t: (n,) s
-        rods: (n, 2) rad
+        t: (n,) instants, s
+        rods: (n, 2) angles, rad
         period_s: period of the faster oscillation, s
         settings: settings of the polynomials
     """

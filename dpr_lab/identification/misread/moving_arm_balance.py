@@ -1,13 +1,13 @@
-r"""Balance of the last rod of a moving arm: whether its acceleration can be that of a rod that the arm moves.
+"""Balance of the last rod of a moving arm: whether its acceleration can be that of a rod that the arm moves.
 
 The last rod is the outer one of two, or the only one. With its angle th, the angle q of the arm and, of two rods, the
-angle th1 of the inner one, the equation of motion is (docs/theory.md, three coordinates)
+angle th1 of the inner rod, the equation of motion is (docs/theory.md, three coordinates)
 
     al = k1 sin(th) + k2 cos(th) q'' + k3 sin(th) cos(th) q'^2 + k4 w + k5 s(w)
          + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2 + k8 w1 + k9 sin(th1) cos(th) q'^2
 
 for any torque that moves the arm. It is linear in the coefficients k, which are fitted without the rig file. The zero
-and the signs of the angles only change signs of coefficients; a wrong unit of the rods breaks the equation. With the
+and the signs of the angles only change signs of coefficients. A wrong unit of the rods breaks the equation. With the
 true angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's angle.
 """
 
@@ -31,23 +31,30 @@ class ArmBalanceSettings:
     """Limits of the balance of a rod on a moving arm."""
 
     broken: float = 0.2
-    """The unit is doubted if the relative residual exceeds this value. On 33 simulated rigs the residual was at most
-    0.15 in the right unit, at least 0.92 for degrees declared as rad, and at least 0.27 for rad declared as degrees.
+    """Maximum relative residual for which the unit of the rods is not doubted.
+
+    On 33 simulated rigs the residual was at most 0.15 in the right unit, at least 0.92 for degrees declared as rad, and
+    at least 0.27 for rad declared as degrees.
     """
     better: float = 4.0
-    """Factor by which the relative residual must fall in the other unit."""
+    """Minimum factor by which the relative residual decreases in the other unit."""
     scaled: float = 1.5
-    """Minimum factor for which the scale of the arm's angle is doubted."""
+    """Minimum deviation factor of the scale of the arm's angle for which the scale is doubted."""
     agree: float = 1.2
-    """Factor within which both estimates of the scale must agree. They differ if the arm hardly moves, because noise
-    reduces them by different amounts, or if L0 is wrong, which changes only one of them.
+    """Maximum factor between both estimates of the scale for which they agree.
+
+    They differ if the arm hardly moves, because noise reduces them by different amounts, or if L0 is wrong, which
+    changes only one of them.
     """
     sure: float = 3.0
-    """Number of standard deviations by which the squared scale must exceed a limit."""
+    """Minimum difference of the squared scale from a limit, in standard deviations."""
     degrees: float = 1.4
-    """Factor within which a scale counts as due to degrees; noise reduces an estimated scale by a factor up to 1.3."""
+    """Maximum factor between a scale and that of degrees for which degrees are its cause.
+
+    Noise reduces an estimated scale by a factor up to 1.3.
+    """
     simple: float = 1.15
-    """Factor within which a scale counts as 1/2 or 2."""
+    """Maximum factor between a scale and 1/2 or 2 for which the scale counts as this value."""
 
 
 ARM_BALANCE = ArmBalanceSettings()
@@ -55,12 +62,12 @@ ARM_BALANCE = ArmBalanceSettings()
 
 @dataclass(frozen=True, slots=True)
 class ArmBalance:
-    """Fit of the last rod's equation."""
+    """Result of the fit of the last rod's equation."""
 
     residual: float
     """Relative residual: rms of the residual over rms of the acceleration; NaN with too few rows."""
     gravity: float = 0.0
-    """Coefficient of gravity, 1/s^2: positive, unless the zero of the rod is off by half a turn."""
+    """Coefficient of gravity, 1/s^2; positive unless the zero of the rod is off by half a turn."""
     coupled: float = 1.0
     """Estimate of the scale f of the arm's angle from the coupling with the arm's acceleration."""
     squared: float = 1.0
@@ -69,9 +76,9 @@ class ArmBalance:
 
     @property
     def arm_scale(self) -> float | None:
-        """True angle of the arm relative to its reading; None if its two estimates disagree.
+        """Ratio of the true angle of the arm to its reading; None if the two estimates disagree.
 
-        It is 1 unless it differs significantly.
+        The ratio is 1 unless it differs significantly from 1.
         """
         limits, reach = ARM_BALANCE, ARM_BALANCE.sure * self.squared_std
         if not (self.residual < limits.broken and self.squared > reach and self.coupled != 0.0):
@@ -131,7 +138,7 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
 
 
 def wrong_unit(residual: float, converted: float) -> bool:
-    """Whether the angles have another unit, from the residuals in the stated unit and in the other one."""
+    """Whether the angles are in another unit, from the residuals in the stated unit and in the other one."""
     return residual > ARM_BALANCE.broken and ARM_BALANCE.better * converted < residual
 
 
@@ -141,12 +148,12 @@ def is_unit(scale: float | None, factor: float) -> bool:
 
 
 def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
-    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings show neither of them.
+    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings indicate neither of them.
 
-    If the rods are in degrees and the scale of the arm is undetermined, the arm is assumed to be in degrees too.
+    If the rods are in degrees and the scale of the arm is undetermined, the arm is assumed to be in degrees, too.
 
     Args:
-        t: (n,) s
+        t: (n,) instants, s
         theta: (n, 3) angles of arm and rods in the stated interpretation, rad
         rig: mounted rods, lengths and gravity
     """

@@ -1,7 +1,8 @@
-"""Whether recordings of a moving arm are described wrongly: limits and sentences of `identify` and `diagnose`.
+"""Wrong descriptions of recordings of a moving arm: limits and sentences of `identify` and `diagnose`.
 
-Signs, zero and scale of the angles, and sign and unit of the input. Each command fits its own model in each
-interpretation: `identify` rods, arm and drive, `diagnose` also the cable and the friction that most arms have.
+The description contains signs, zero and scale of the angles, and sign and unit of the input. Each command fits its own
+model in each interpretation: `identify` rods, arm and drive, `diagnose` also the cable and the friction that most arms
+have.
 """
 
 from collections.abc import Iterable
@@ -22,32 +23,36 @@ class DescriptionLimits:
     doubted: float = 20.0
     """Minimum reduced chi-square for which other signs, zeros and scales are tested."""
     better: float = 4.0
-    """Factor by which the other sign of the arm's angle must reduce chi-square."""
+    """Minimum factor by which the other sign of the arm's angle must reduce chi-square."""
     better_angles: float = 10.0
-    """Factor by which another zero or scale must reduce chi-square; the right one reduces it by at least 100."""
+    """Minimum factor by which another zero or scale must reduce chi-square.
+
+    The right one reduces it by at least 100.
+    """
     unit: float = 0.5
     """Maximum distance between the logarithms (base 10) of the gain and of a unit's factor."""
     gain: float = 1.5
-    """Logarithm (base 10) of the ratio of the gain to that of the rig file beyond which no motor constant lies."""
+    """Largest absolute log10 of the ratio of the gain to that of the rig file that a motor constant can explain."""
 
 
 DESCRIPTION = DescriptionLimits()
 
 OTHER_ANGLES = (TURNED_RODS, *SCALED_READINGS)
-"""Interpretations to try if the sign of the arm's angle is not the cause."""
+"""Interpretations that are tested if the sign of the arm's angle is not the cause."""
 
 UNITS = {
     "torque": {-3.0: "mN m", -2.0: "N cm", 3.0: "kN m"},
     "current": {-3.0: "mA", 3.0: "kA"},
     "voltage": {-3.0: "mV", 3.0: "kV"},
 }
-"""Kind of input -> logarithm (base 10) of the ratio of the fitted gain to that of the rig file -> unit that the column
-seems to have.
-"""
+"""Kind of input -> log10 of the ratio of the fitted gain to that of the rig file -> probable unit of the column."""
 
 
 def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
-    """Sentence on another scale or unit of the angles, which the acceleration of the last rod shows; empty without."""
+    """Sentence on another scale or unit of the angles, according to the acceleration of the last rod.
+
+    Empty without one.
+    """
     scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in runs))
     return next((scale.cause(rig.rods.mounted) for scale in scales), "")
 
@@ -56,9 +61,9 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
     """Sentence on the sign that is wrong if the model fits with the opposite sign of theta0.
 
     Args:
-        rig: the rig with its mounted rods
-        before: reduced chi-square as described
-        after: with the opposite sign
+        rig: rig with its mounted rods
+        before: reduced chi-square with the described sign
+        after: reduced chi-square with the opposite sign
         of_rods: whether arm and input agree with each other, so that the sign of the rods is wrong
     """
     rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
@@ -75,11 +80,11 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
 
 
 def wrong_input(kind: str, gain: float) -> str:
-    """Sentence on sign or unit of the input of a drive; empty if both can be right.
+    """Sentence on a wrong sign or unit of the input of a drive; empty if both can be right.
 
     Args:
-        kind: of the input, as in `[motor]`
-        gain: fitted torque per input, relative to that of the rig file
+        kind: kind of the input, as in `[motor]`
+        gain: fitted torque per unit of the input, relative to that of the rig file
     """
     if gain < 0.0:
         return (

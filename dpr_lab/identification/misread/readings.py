@@ -23,19 +23,19 @@ class Misreading:
     cause: str
     """Description of the mistake, and the option or key of the rig file that corrects it."""
     read: Callable[[Run], Run | None]
-    """The run with this interpretation; None if it does not apply."""
+    """Function that returns the run with this interpretation; None if it does not apply."""
     arm: bool = False
-    """Whether the arm moves in this interpretation; a compliant arm moves too."""
+    """Whether the arm moves in this interpretation; a compliant arm moves, too."""
     time_factor: float = 1.0
-    """Factor of the times."""
+    """Factor on the times in this interpretation."""
 
 
 @dataclass(frozen=True, slots=True)
 class ZeroSettings:
-    """Limits of zeros that are tried."""
+    """Limits of the zeros that are tested."""
 
     least_deg: float = 5.0
-    """Smallest error of a zero, degrees; smaller ones are fitted as an encoder offset."""
+    """Smallest error of a zero that is tested, degrees; smaller ones are fitted as an encoder offset."""
     alike_deg: float = 2.0
     """Maximum difference between the zeros of two runs that count as equal, degrees."""
 
@@ -44,7 +44,7 @@ ZEROS = ZeroSettings()
 
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
-    """All other interpretations to try for the runs of a rig."""
+    """All other interpretations to test for the runs of a rig."""
     of_encoders = (
         replace(reading, read=_of_encoders(reading)) for reading in (_AGAINST_ARM, _ONE_SIGN, *_ANGLES, *_scaled(rig))
     )
@@ -84,7 +84,7 @@ def _of_angles(cause: str, angles: Angles) -> Misreading:
 
 
 def _of_two_rods(cause: str, angles: Angles) -> Misreading:
-    """Interpretation of the angles of one rod against the angles of the other rod; not for a rod alone."""
+    """Interpretation of the angles of one rod by those of the other rod; it does not apply to a single rod."""
     reading = _of_angles(cause, angles)
     return replace(reading, read=lambda run: None if run.setup.alone else reading.read(run))
 
@@ -156,9 +156,9 @@ _ANGLES = (
 
 
 def _scaled(rig: Rig) -> Iterator[Misreading]:
-    """Angles from hanging that are a multiple of the readings: of both joints, of one joint, or of one rod.
+    """Interpretations in which angles from hanging are a multiple of the readings.
 
-    The factors correspond to half, double and quadruple counts.
+    The factors correspond to half, double and quadruple counts, of both joints, of one joint, or of one rod.
     """
     counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
     for factor in (0.5, 2.0, 0.25, 4.0):
@@ -192,12 +192,12 @@ def _times(s1: float, s2: float, relative: bool = False) -> Angles:
 
 
 def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
-    """Adapt the interpretation to runs that contain angles but no counts."""
+    """Restriction of an interpretation to runs that contain angles but no counts."""
     return lambda run: reading.read(run) if run.counts is None else None
 
 
 def _of_encoders(reading: Misreading) -> Callable[[Run], Run | None]:
-    """Exclude videos from the interpretation: the angles of points in a picture have a known sign and unit."""
+    """Restriction of an interpretation to runs without a video, whose angles have a known sign and unit."""
     return lambda run: reading.read(run) if run.film_noise is None else None
 
 
@@ -213,7 +213,7 @@ _PARTS = {2: "half", 4: "a quarter", 8: "an eighth"}
 
 
 def _paced(factor: float) -> Misreading:
-    """Times multiplied by 2, 4 or 8, as for a video in slow motion with an unknown frame rate."""
+    """Interpretation with times multiplied by a factor, for example for a slow-motion video of unknown frame rate."""
     if factor > 1:
         part = _PARTS[round(factor)]
         cause = f"the swing is {part} as fast as its time stamps (import with {part} the --rate-hz, or check t)"
@@ -277,11 +277,11 @@ def _arm(rig: Rig) -> Misreading:
 
 
 def _with_moving_arm(run: Run, above_noise: float = 20.0) -> Run | None:
-    """The run with the motion of the arm from its encoder; None if the arm does not move or was not measured.
+    """Run with the motion of the arm from its encoder; None if the arm does not move or was not measured.
 
     Args:
         run: a run with readings of theta0
-        above_noise: range of theta0, in standard deviations of its readings, above which the arm moves
+        above_noise: minimum range of theta0 of an arm that moves, in standard deviations of its readings
     """
     theta0 = run.swing.theta[:, 0]
     if run.arm is not None or len(theta0) <= max(ORDER, FEWEST) or not np.isfinite(theta0).all():

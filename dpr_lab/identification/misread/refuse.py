@@ -70,7 +70,7 @@ _UNKNOWN_DRIVE = (
 
 
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
-    """Fit of the recordings with the given interpretation, or the reason why there is none."""
+    """Fit of the recordings with the given interpretation, or the reason why there is no fit."""
     try:
         return fitted(runs, rig), None
     except RunError as error:
@@ -78,18 +78,18 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
 
 
 def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None:
-    """Check that ratios are positive, and that the rig can have the inertia b from known torques or masses.
+    """Check that ratios are positive, and that known torques or masses give an inertia b that the rig can have.
 
-    Torques that contradict the motion give an infinite b of either sign; torques in another unit one that is far from
-    that of the rig file.
+    Torques that contradict the motion give an infinite b of either sign. Torques in another unit give a b that is far
+    from that of the rig file.
 
     Args:
         unknown: (7,) ratios, b and p/b of a fit
         runs: the fitted runs
-        rig: the rig of the recordings
+        rig: rig of the recordings
 
     Raises:
-        IdentificationError: the rig cannot have them; the message names the probable cause.
+        IdentificationError: the rig cannot have these values; the message names the probable cause.
     """
     ratios, inertia = unknown[:SCALE], float(unknown[SCALE])
     wrong = impossible(ratios, rig) if ratios[:3].min() <= 0 else impossible_scale(inertia, runs, rig)
@@ -101,7 +101,7 @@ def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> No
 
 
 def refuse_impossible(ratios: Array, rig: Rig) -> None:
-    """Refuse (5,) ratios that no rods with positive masses have.
+    """Check that rods with positive masses can have (5,) ratios.
 
     Raises:
         IdentificationError: no positive masses have these ratios.

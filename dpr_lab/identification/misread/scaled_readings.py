@@ -8,23 +8,23 @@ from dpr_lab.arrays import Array
 
 
 def per_degree() -> float:
-    """Factor from a reading in degrees that is declared as rad to the true angle."""
+    """Factor between a true angle and a reading in degrees that is declared as rad."""
     return float(np.deg2rad(1.0))
 
 
 @dataclass(frozen=True, slots=True)
 class ScaledReadings:
-    """True angles as a multiple of the readings: of the arm, and of the rods from hanging."""
+    """Interpretation with true angles that are multiples of the readings: of the arm, and of the rods from hanging."""
 
     arm: float = 1.0
-    """Factor of the angle of the arm."""
+    """Ratio of the true angle of the arm to its reading."""
     rods: float = 1.0
-    """Factor of the angles of the rods."""
+    """Ratio of the true angles of the rods from hanging to their readings."""
     turned: bool = False
     """Whether the zero of the rods is off by half a turn: upright instead of hanging, or the reverse."""
 
     def of_joints(self, joints: Array, hanging: Array) -> Array:
-        """(n, k) true angles of the joints.
+        """(n, k) true angles of the joints, rad.
 
         Args:
             joints: (n, k) readings of joints 1, 2 and, if the arm was read, 0, rad
@@ -39,11 +39,11 @@ class ScaledReadings:
         return self.of_joints(theta[:, [1, 2, 0]], np.full(2, np.pi))[:, [2, 0, 1]]
 
     def of_sigma(self, sigma: Array) -> Array:
-        """Noise of the true angles of the joints, in the order of `of_joints`, from (..., k) noise of the readings."""
+        """(..., k) noise of the true angles of the joints, in the order of `of_joints`, from that of the readings."""
         return sigma * np.abs([self.rods, self.rods, self.arm])[: sigma.shape[-1]]
 
     def cause(self, mounted: str) -> str:
-        """Description of the mistake, and the option or key of the rig file that corrects it.
+        """Description of the mistake, with the option or key of the rig file that corrects it.
 
         Args:
             mounted: the mounted rods, as in the rig file
@@ -69,6 +69,6 @@ class ScaledReadings:
 
 
 SCALED_READINGS = tuple(ScaledReadings(*factors) for f in (2.0, 0.5) for factors in ((1.0, f), (f, 1.0), (f, f)))
-"""Interpretations to try: the readings are half or twice the true angles."""
+"""Interpretations that are tested: the readings are half or twice the true angles."""
 
 TURNED_RODS = ScaledReadings(turned=True)

@@ -1,4 +1,4 @@
-"""Error messages instead of errors of linear algebra for recordings that do not determine the model."""
+"""Conversion of errors of linear algebra to messages on recordings that do not determine the model."""
 
 from collections.abc import Callable
 from functools import wraps

@@ -1,4 +1,4 @@
-r"""Torque balance: whether the rods of the rig can have the accelerations of a table.
+"""Torque balance: whether the rods of the rig can have the accelerations of a table.
 
 With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md), delta = th1 - th2 and the
 torques f1, f2 of Coulomb friction, the equations of motion of both rods are
@@ -9,7 +9,7 @@ torques f1, f2 of Coulomb friction, the equations of motion of both rods are
 
 They are linear in all coefficients, which are fitted within bounds about the rig file's values. The balance needs
 accelerations, and thus more rows than the energy balance (`balance`). It compares friction and gravity at every
-instant, so that a wrong zero or scale of one rod is not mistaken for friction. With one degree of freedom (a clamped
+instant. A wrong zero or scale of one rod is therefore not mistaken for friction. With one degree of freedom (a clamped
 elbow, or one rod as two equal halves) only the sum of both equations holds, in which the torques of joint 2 cancel.
 """
 
@@ -31,13 +31,13 @@ class TorqueBalanceSettings:
     """Settings of the torque balance."""
 
     motion: LocalMotionSettings = field(default=LocalMotionSettings(degree=4, window_share=1 / 5, window=(7, 101)))
-    """Local polynomials for the accelerations."""
+    """Settings of the local polynomials for the accelerations."""
     fewest_a_period: float = 30.0
-    """Minimum number of rows per period of the faster oscillation; the smallest window is too long with fewer."""
+    """Minimum number of rows per period of the faster oscillation; with fewer, the smallest window is too long."""
     coulomb: float = 1.0
-    """Largest Coulomb friction of a joint relative to the largest torque of gravity on its rod."""
+    """Largest Coulomb friction of a joint, relative to the largest gravity torque on its rod."""
     slipping: float = 0.1
-    """Speed over which Coulomb friction changes its sign, rad/s: the resolution of the velocities."""
+    """Speed over which Coulomb friction changes its sign, rad/s; it is the resolution of the velocities."""
 
 
 TORQUES = TorqueBalanceSettings()
@@ -45,7 +45,7 @@ TORQUES = TorqueBalanceSettings()
 
 @dataclass(frozen=True, slots=True)
 class TorqueBalance:
-    """Accelerations of the rods in a table, and the known torques."""
+    """Accelerations of the rods in a table and the known torques, with the equations of motion to fit."""
 
     moving: LocalMotion
     torques: Array | None
@@ -53,7 +53,7 @@ class TorqueBalance:
     rig: Rig
 
     def residual(self, added: Array | tuple[float, float] = (0.0, 0.0)) -> float:
-        """Rms error of both equations relative to the torques of gravity; infinite without motion.
+        """Rms error of both equations, relative to the gravity torques; infinite without motion.
 
         Args:
             added: (2,) angles added to both rods, rad
@@ -66,7 +66,7 @@ class TorqueBalance:
         return best_zeros(self._thinned().residual, self.rig, nearest=nearest)
 
     def inertias(self) -> tuple[float, Array]:
-        """Residual if L1 is free, and the fitted inertias relative to gravity, in the order of `inertias` below."""
+        """Residual for a free L1, and fitted inertias relative to gravity, in the order of the function `inertias`."""
         columns, target, least, most = self._equations(self.moving.rods)
         gravity = self._gravity_of_outer(self.moving.rods)
         columns = np.column_stack([*columns.T[:2], columns[:, 2] - gravity, *columns.T[3:], gravity])
@@ -77,7 +77,7 @@ class TorqueBalance:
 
     @property
     def gravity(self) -> tuple[float, float]:
-        """Largest torque of gravity on joint 1 and on joint 2 with the values of the rig file, N m."""
+        """Largest gravity torques on joint 1 and on joint 2 with the values of the rig file, N m."""
         *_, e2 = nominal = self._nominal()
         return nominal[3] + e2, e2
 
@@ -87,7 +87,7 @@ class TorqueBalance:
         return float(np.median(self.moving.rods[:, 1] - self.moving.rods[:, 0]))
 
     def _solution(self, columns: Array, target: Array, least: Array, most: Array) -> tuple[float, Array]:
-        """Residual and coefficients of a fit within bounds; infinite without motion."""
+        """Residual and coefficients of a fit within bounds; the residual is infinite without motion."""
         if not np.std(target) > 0:
             return np.inf, np.ones(len(least))
         H = columns.T @ columns
@@ -101,7 +101,7 @@ class TorqueBalance:
         return replace(self, moving=thinned, torques=None if self.torques is None else self.torques[::stride])
 
     def _equations(self, rods: Array) -> tuple[Array, Array, Array, Array]:
-        """Columns, target, and bounds of the coefficients relative to the values of the rig file."""
+        """Columns and target of the equations, and bounds of the coefficients relative to their rig file values."""
         a, b, d, e1, c1, c2, e2 = self._nominal()
         (th1, th2), (w1, w2), (al1, al2) = rods.T, self.moving.omega.T, self.moving.alpha.T
         cos, sin, zeros, turning = np.cos(th1 - th2), np.sin(th1 - th2), np.zeros_like(th1), w2 - w1
@@ -126,37 +126,37 @@ class TorqueBalance:
         return columns / size, target / size, np.array(least), np.array(most)
 
     def _of_joints(self, inner: Array, outer: Array) -> Array:
-        """Both equations one after the other, or their sum for one degree of freedom."""
+        """Both equations in sequence, or their sum for one degree of freedom."""
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
     def _nominal(self) -> list[float]:
-        """Base parameters of the rig file, and the largest torque of gravity on the outer rod e2, N m."""
+        """Base parameters of the rig file, and the largest gravity torque on the outer rod e2, N m."""
         base = mounted_base(self.rig, self.rig.nominal).tolist()
         return [*base, base[2] * self.rig.g / self.rig.L1]
 
     def _size(self, rods: Array, e1: float, e2: float) -> float:
-        """Rms torque of gravity, N m."""
+        """Rms gravity torque of both rods, N m."""
         std1, std2 = (e1 * np.sin(rods[:, 0])).std(), (e2 * np.sin(rods[:, 1])).std()
         return max(float(np.hypot(std1, std2)), float(np.finfo(float).tiny))
 
     def _gravity_of_outer(self, rods: Array) -> Array:
-        """Column of the torque of gravity on the outer rod, which the column of d contains."""
+        """Column of the gravity torque on the outer rod, which is a part of the column of d."""
         _, _, _, e1, _, _, e2 = self._nominal()
         torque = -e2 * np.sin(rods[:, 1])
         return self._of_joints(np.zeros_like(torque), torque) / self._size(rods, e1, e2)
 
 
 def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
-    """Inertias over the gravity of the inner rod, s^2.
+    """Inertias divided by gravity torques, s^2.
 
-    They are a/e1, b/e1, d/e1. For one degree of freedom with the elbow clamped at an angle x, the inertia over the
-    gravity of both rods together:
+    For two rods they are a/e1, b/e1 and d/e1. For one degree of freedom with the elbow clamped at an angle x, the
+    result is the inertia of both rods divided by their gravity torque:
 
         (a + b + 2 d cos(x)) / |e1 + e2 exp(i x)|
 
     Args:
         base: (..., 6) base parameters of the mounted rods
-        e2: (...,) gravity of the outer rod, N m
+        e2: (...,) gravity torque of the outer rod, N m
         rig: the recorded rig
         elbow: angle th2 - th1, rad; zero for a single rod
     """
@@ -167,7 +167,7 @@ def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
 
 
 def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
-    """Smallest and largest `inertias` at the corners of the bounds of the rig file, s^2."""
+    """Smallest and largest result of `inertias` at the corners of the bounds of the rig file, s^2."""
     corners = np.array(list(product(*rig.bounds.T)))
     base = mounted_base(rig, corners)
     ratios = inertias(base, base[:, 2] * rig.g / rig.L1, rig, elbow)
@@ -175,10 +175,10 @@ def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
 
 
 def torque_balance(t: Array, rods: Array, torques: Array | None, rig: Rig) -> TorqueBalance | None:
-    """Torque balance of one interpretation of a table; None if its rows are too few for accelerations.
+    """Torque balance of one interpretation of a table; None if the rows are too few for accelerations.
 
     Args:
-        t: (n,) s
+        t: (n,) instants, s
         rods: (n, 2) absolute angles, rad
         torques: (n, 2) known torques of the joints, N m; None for a free swing
         rig: the recorded rig

@@ -1,4 +1,4 @@
-"""Fits of other interpretations of recordings, and how much better each explains them."""
+"""Fits of other interpretations of recordings, compared with the fit of the given interpretation."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -25,48 +25,57 @@ class MisreadSettings:
     """Limits beyond which an interpretation is doubted."""
 
     looked_at_s: float = 5.0
-    """Examined duration of each run, s; a wrong interpretation is visible from the start."""
+    """Duration of each run that is examined, s; a wrong interpretation is visible from the start."""
     tried_s: float = 2.5
-    """Examined duration of each run in the test of other interpretations, s."""
+    """Duration of each run that is used in the test of other interpretations, s."""
     screened_s: float = 1.0
-    """Duration of the part of the first run in a quick test of each interpretation, before all runs are fitted, s."""
+    """Duration of the part of the first run in a quick test of each interpretation, s.
+
+    All runs are fitted only if the interpretation passes this test.
+    """
     worse: float = 3.0
-    """An interpretation is rejected if the reduced chi-square of this part exceeds the limit for all runs by this
-    factor. The factor is above 1 because the noise of a part is estimated from fewer readings.
+    """Maximum ratio of the reduced chi-square of this part to the limit for all runs.
+
+    The ratio is above 1 because the noise of a part is estimated from fewer readings.
     """
     suspicious: float = 0.02
-    """Residual over the standard deviation of the angle. Free rods reach 2e-4 for a clean plant, 0.002 and 0.065
-    for rigs with much friction; wrong interpretations of a clean plant start at 0.05.
+    """Residual, relative to the standard deviation of the angle, from which an interpretation is doubted.
+
+    Free rods reach 2e-4 for a clean plant, and 0.002 and 0.065 for rigs with much friction. Wrong interpretations of a
+    clean plant start at 0.05.
     """
     hopeless: float = 0.3
-    """Maximum ratio of the residual to the standard deviation of the angle for which the fit follows the swing at all.
-    """
+    """Maximum ratio of the residual to the standard deviation of the angle for a fit that follows the swing."""
     better: float = 10.0
-    """Factor by which chi2 must be smaller in another interpretation that refuses recordings."""
+    """Minimum factor by which chi2 is smaller in another interpretation for which recordings are refused."""
     better_hint: float = 5.0
-    """Factor by which the excess of chi2 must be smaller in an interpretation that is reported as a hint. Correctly
-    interpreted rods with an effect reach 3."""
+    """Minimum factor by which the excess of chi2 is smaller in another interpretation that is reported as a hint.
+
+    Correctly interpreted rods with an effect reach 3.
+    """
     explained: float = 20.0
-    """Maximum reduced chi-square of another interpretation, unless it is far better than the given one. A wrong
-    interpretation may fit better by chance.
+    """Maximum reduced chi-square of another interpretation, unless it is far better than the given one.
+
+    A wrong interpretation may fit better by chance.
     """
     far_better: float = 1000.0
-    """Factor by which the reduced chi-square of a far better interpretation must be smaller."""
+    """Minimum factor by which the reduced chi-square of a far better interpretation is smaller."""
     spare: float = 1.05
-    """Factor on the limits of the ratios, because ratios are uncertain."""
+    """Factor on the physical limits of the ratios, because fitted ratios are uncertain."""
     slow: float = 2.5
-    """A longer beginning of the run is examined if the ratio of its period to the period of a mass point at L1 exceeds
-    this value.
-    """
+    """Ratio of the period to that of a mass point at L1, above which a longer beginning of the run is examined."""
     rate_hz: float = 250.0
-    """Sample rate for other interpretations, Hz; their difference must be far above the noise."""
+    """Sample rate for fits of other interpretations, Hz; their difference must be far above the noise."""
     iterations: int = 20
     """Maximum number of iterations for another interpretation; the right one converges in ten."""
     thorough: int = 40
     """Maximum number of iterations for the given interpretation."""
     wrong_inertia: float = 300.0
-    """Known torques contradict the rig if the inertia b of a fit is larger or smaller than the value of the rig file by
-    this factor. Wrong masses and unknown gears reach 100; a wrong unit is a factor of 1000.
+    """Maximum factor between the inertia b of a fit and its value in the rig file.
+
+    Beyond it known torques are contradictory.
+
+    Wrong masses and unknown gears reach 100; a wrong unit is a factor of 1000.
     """
 
 
@@ -75,7 +84,7 @@ SETTINGS = MisreadSettings()
 
 @dataclass(frozen=True, slots=True)
 class BetterReading:
-    """Another interpretation that explains recordings better."""
+    """Another interpretation that explains recordings better than the given one."""
 
     reading: Misreading
     share: float
@@ -84,18 +93,19 @@ class BetterReading:
 
 @dataclass(frozen=True, slots=True)
 class SecondLook:
-    """Evidence against the description of recordings."""
+    """Evidence against the description of recordings, from a test of other interpretations."""
 
     tried: tuple[BetterReading, ...]
-    """Other interpretations that explain them better, best first."""
+    """Other interpretations that explain the recordings better, best first."""
     energy_rise: float
-    """Increase of the rods' energy relative to the range of the energy, impossible for passive rods; used if no
-    interpretation explains it.
+    """Increase of the rods' energy relative to its range, which is impossible for passive rods.
+
+    It is evidence if no other interpretation explains the recordings.
     """
 
     @property
     def sentence(self) -> str:
-        """Probable mistake and the option that corrects it; empty without evidence against the description."""
+        """Probable mistake with the option that corrects it; empty without evidence against the description."""
         if self.tried:
             causes = ", or ".join(dict.fromkeys(trial.reading.cause for trial in self.tried))
             return (
@@ -114,19 +124,19 @@ class SecondLook:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """Evidence against the description of the recordings."""
+    """Conclusion on the description of the recordings."""
 
     hint: str = ""
-    """Probable mistake and its correction; empty without evidence against the description."""
+    """Probable mistake with its correction; empty without evidence against the description."""
     withholds: bool = False
-    """Whether another interpretation explains as much as the chosen effects, so that none of them is a cause."""
+    """Whether another interpretation explains as much as the chosen effects, so that none of the effects is a cause."""
 
 
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
     """Test other interpretations of recordings that the bare model fits poorly.
 
     Args:
-        runs: the runs with the given interpretation
+        runs: runs with the given interpretation
         rig: rig of the recordings
     """
     # over the same short time as the other interpretations, in which the model error accumulates less
@@ -150,7 +160,10 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
-    """Reduced chi-square of the rods in the given interpretation; infinite if their beginning shows no motion."""
+    """Reduced chi-square of the rods in the given interpretation.
+
+    Infinite if the beginning of a run shows no motion.
+    """
     try:
         ratio_fit = fitted(runs, rig, quick=quick)
     except RunError:
@@ -164,15 +177,15 @@ def better_readings(
     """Other interpretations that explain the runs far better, best first; those far worse than the best are omitted.
 
     In an interpretation with slower times, segments of the same length contain less of the swing. The residual then
-    accumulates less, in chi2 with the fourth power. In an interpretation with smaller angles, the noise of the same
-    readings may count as a larger part of the swing, so that chi2 is too small: it is compared at the same ratio of
-    noise to swing.
+    accumulates less, in chi2 with the fourth power of the time. In an interpretation with smaller angles, the noise of
+    the same readings may count as a larger part of the swing, so that chi2 is too small. chi2 is therefore compared at
+    the same ratio of noise to swing.
 
     Args:
-        runs: the runs with the given interpretation
+        runs: runs with the given interpretation
         rig: rig of the recordings
-        chi2_per_dof: of the rods with the given interpretation
-        limit: chi2_per_dof below which an interpretation explains the runs
+        chi2_per_dof: reduced chi-square of the rods with the given interpretation
+        limit: reduced chi-square below which an interpretation explains the runs
     """
     good: list[tuple[Misreading, RatioFit]] = []
     for tried in (readings(rig), other_zeros(runs, rig)):  # a free zero can also explain these mistakes
@@ -184,7 +197,10 @@ def better_readings(
 def _explaining(
     tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> Iterator[tuple[Misreading, RatioFit]]:
-    """The given interpretations that explain the runs far better, with their fits; arguments as above."""
+    """Those of the interpretations `tried` that explain the runs far better, with their fits.
+
+    The other arguments are those of `better_readings`.
+    """
     limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
         compared = other.chi2_per_dof * _larger_noise(reading, runs, rig) ** 2
@@ -204,16 +220,16 @@ def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
 
 
 def _noise_of_swing(run: Run, rig: Rig) -> float:
-    """Noise of joint 1 relative to the standard deviation of its swing."""
+    """Ratio of the noise of joint 1 to the standard deviation of its swing."""
     spread = float(np.std(run.swing.theta[:, 1]))
     return float(noise_floor(run, rig).std_joint[0]) / max(spread, float(np.finfo(float).tiny))
 
 
 def impossible(ratios: Array, rig: Rig) -> str:
-    """Reason why no positive masses have (5,) ratios; empty if some have.
+    """Reason why no positive masses have (5,) ratios; empty if some masses have them.
 
-    With m2 at l2 on the rod and M >= m2 at the joint: d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2, e1 >= M L1 g, so
-    that a/b > (d/b)^2 and e1/b >= (d/b)^2 g/L1.
+    With m2 at l2 on the rod and M >= m2 at the joint: d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2, e1 >= M L1 g.
+    Therefore a/b > (d/b)^2 and e1/b >= (d/b)^2 g/L1.
     """
     a, d, e1, *_ = ratios.tolist()
     least = d * d / SETTINGS.spare
@@ -228,10 +244,10 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Reason why the rig cannot have the inertia b, kg m^2, of a fit; empty if it can.
+    """Reason why the rig cannot have the inertia b of a fit, kg m^2; empty if it can.
 
-    A wrong unit of known torques changes only b, so that the residual does not show it. Without known torques, the
-    motion does not determine b, and only the sign of b can contradict the rig.
+    A wrong unit of known torques changes only b, so the residual does not show it. Without known torques, the motion
+    does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)
@@ -264,12 +280,12 @@ def fitted(
     part of the segments has at most the chi2 of the fit to all segments.
 
     Args:
-        runs: the runs in one interpretation
+        runs: runs in one interpretation
         rig: the recorded rig
-        quick: whether fewer samples and iterations are enough
+        quick: whether fewer samples and iterations are sufficient
         worst: reduced chi-square above which the fit stops after the first segments
-        time_factor: by which the times were multiplied; slower swings are fitted over a longer time, to the same
-        samples
+        time_factor: factor by which the times were multiplied; slower swings are fitted over a longer time, to the same
+            samples
     """
     iterations = SETTINGS.iterations if quick else SETTINGS.thorough
     longer = float(np.clip(time_factor, 1.0, 2.0))
@@ -296,7 +312,7 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def residual(ratio_fit: RatioFit) -> float:
-    """Ratio of the rms residual above the noise to the standard deviation of the angle, of the worse rod."""
+    """Rms residual above the noise, relative to the standard deviation of the angle, of the worse rod."""
     problem, segments = ratio_fit.problem, ratio_fit.problem.segments
     owner = np.repeat(segments.run, np.diff(segments.offsets))
     measured = problem.joints.to_rods(problem.measured)
@@ -334,10 +350,11 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Ratio of the observed period of theta1 to the period of rods of this length, from 1 to 8, as in slow motion.
+    """Ratio of the observed period of theta1 to the period of rods of this length, limited to 1 to 8.
 
-    The observed half period is the mean time between two passages through the middle of the range. The half period of
-    the rods is half the period of a mass point at L1. A motion within a tenth of the range is not a passage.
+    A larger ratio than 1 indicates slow motion. The observed half period is the mean time between two passages through
+    the middle of the range. The half period of the rods is that of a mass point at L1. A motion within a tenth of the
+    range is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)
@@ -352,5 +369,5 @@ def _beginning(run: Run, seconds: float) -> Run:
 
 
 def _decimation(run: Run, slowness: float) -> int:
-    """Samples per kept sample."""
+    """Decimation factor: number of samples per kept sample."""
     return max(1, round(slowness * run.rate_hz / SETTINGS.rate_hz))

@@ -1,4 +1,4 @@
-"""Identification of any rig: recordings of a clamped, prescribed, free or driven arm, and the models of all of them."""
+"""Identification of any rig, for recordings of a clamped, prescribed, free or driven arm, and reading of its models."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def identify(
 ) -> Model | MovingArmModel:
     """Identify the parameters of a rig from recordings, including arm and drive if the arm is free or driven.
 
-    With a clamped or prescribed arm the search (IGA by default) finds the basin inside the rig file's bounds; least
+    With a clamped or prescribed arm the search (IGA by default) finds the basin inside the rig file's bounds. Least
     squares over segments of 0.25 s, then over longer and longer segments while the model follows them, gives the ratios
     and their covariance. With a free or driven arm the same least squares starts from the rig file, and the options
     below have no meaning: a genetic algorithm searches only if this start fails.
@@ -49,10 +49,10 @@ def identify(
         settings: settings of the search; default: those of the objective
         seed: seed of all random numbers; the same seed gives the same result for any number of threads
         profile: whether to compute the interval of each ratio by profile likelihood as well, which takes some seconds
-        on_generation: called with each generation and the maximum number of generations
-        stop: called after each generation; if it returns true the search ends, and the local fit starts from the best
-        individual
-        on_polish: called at the start of the local fit
+        on_generation: function that is called with each generation and the maximum number of generations
+        stop: function that is called after each generation; if it returns true the search ends, and the local fit
+            starts from the best individual
+        on_polish: function that is called at the start of the local fit
 
     Returns:
         `MovingArmModel` if the arm of a run is free or driven, or if a single rod swings on the clamped arm of a rig
@@ -62,7 +62,7 @@ def identify(
         ConfigError: unknown objective or search.
         RunError: no runs, or one that cannot be used.
         IdentificationError: no candidate inside the bounds could be simulated, the fit determines nothing, or the
-        recordings do not match the rig: zero, unit, sign or order of the readings is specified wrongly.
+            recordings do not match the rig: zero, unit, sign or order of the readings is specified wrongly.
     """
     runs = as_runs(runs)
     if has_arm_model(runs, rig):
@@ -84,10 +84,10 @@ def identify(
 
 
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
-    """Whether `identify` gives a `MovingArmModel`.
+    """Whether `identify` returns a `MovingArmModel`.
 
-    One rod with a clamped arm determines ratios to its own inertia only, which are the ratios that the rig file of a
-    rotary pendulum expects.
+    One rod with a clamped arm determines ratios to its own inertia only. The rig file of a rotary pendulum expects
+    these ratios.
     """
     alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
     return moves(runs) or (alone and bool(runs) and not any(run.arm_mode == "prescribed" for run in runs))
@@ -102,18 +102,17 @@ def identifiability(
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
-        runs: one or several recordings; none: releases simulated from the poses of the rig with the values of the rig
-        file
+        runs: one or several recordings; none: simulated releases from the poses of the rig, with the values of the rig
+            file
         rig: bounds, measured values, encoders, poses and motor
-        tell: called with each notice or warning
+        tell: function that is called with each notice or warning
 
     Returns:
         `ArmIdentifiability` if the arm of a run, or without runs that of the rig file, is free or driven; else
         `Identifiability`.
 
     Raises:
-        ConfigError: neither runs nor poses, or no runs of a rig with a prescribed joint, whose motion is known from
-        runs only.
+        ConfigError: neither runs nor poses, or no runs of a rig with a prescribed joint, whose motion only runs show.
         RunError: a run that cannot be used.
         IdentificationError: the fitted values are physically impossible, or cannot be simulated.
     """

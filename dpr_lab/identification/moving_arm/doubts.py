@@ -32,19 +32,19 @@ class DoubtSettings:
     """Thresholds of the tests for an arm that is held or that hits a stop."""
 
     tried_s: float = 2.5
-    """Examined duration of each recording for another zero or scale of the angles, s."""
+    """Duration of each recording that is examined for another zero or scale of the angles, s."""
     hardly_rad: float = 0.05
-    """A free arm may be held by its cable or by Coulomb friction if the range of theta0 is below this value, rad."""
+    """Maximum range of theta0 of a free arm that its cable or Coulomb friction may hold, rad."""
     contact_s: float = 0.006
-    """Time over which a stop changes the speed of the arm."""
+    """Time over which a stop changes the speed of the arm, s."""
     sudden: float = 4.0
-    """Change of speed at a stop, relative to the 90 % quantile of all changes."""
+    """Minimum change of speed at a stop, relative to the 90 % quantile of all changes."""
     strong: float = 0.3
-    """Change of speed at a stop, relative to the largest speed."""
+    """Minimum change of speed at a stop, relative to the largest speed."""
     apart: float = 0.02
-    """Distance of the arm from the end of its range at a stop, relative to the range."""
+    """Maximum distance of the arm from the end of its range at a stop, relative to the range."""
     held_s: float = 0.2
-    """Time that an arm stays at a stop after a single contact if it is pressed against it."""
+    """Minimum time for which an arm that is pressed against a stop stays there after a single contact, s."""
 
 
 DOUBTS = DoubtSettings()
@@ -57,11 +57,11 @@ def failures(
 
     Args:
         fit: fit of the recordings with the given description
-        misfit: its reduced chi-square at the noise of the readings
+        misfit: reduced chi-square of the fit at the noise of the readings
         recordings: the fitted recordings
         rig: the recorded rig
-        gain_seen: whether the recordings determine the gain of the drive; sign and unit of the input are doubted only
-            then
+        gain_seen: whether the recordings determine the gain of the drive; otherwise sign and unit of the input are not
+            doubted
     """
     if misfit > DESCRIPTION.doubted and (scaled := measured_scale(_moving(recordings), rig)):
         return [scaled]
@@ -79,7 +79,7 @@ def failures(
 
 
 def _moving(recordings: Sequence[ArmRecording]) -> list[Run]:
-    """The runs whose arm moved."""
+    """Runs whose arm moved."""
     return [recording.run for recording in recordings if recording.run.arm_mode != "clamped"]
 
 
@@ -96,7 +96,7 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
 
 
 def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """A sentence if the recordings fit much better with the opposite sign of theta0; otherwise empty."""
+    """Sentence on recordings that fit much better with the opposite sign of theta0; otherwise empty."""
     other = fit_moving_arm([_reversed(recording) for recording in recordings], rig)
     other_misfit = other.misfit or other.chi2_per_dof
     if not DESCRIPTION.better * other_misfit < misfit:
@@ -106,7 +106,7 @@ def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording]
 
 
 def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """A sentence if the recordings fit much better with another zero or scale of the angles; else empty."""
+    """Sentence on recordings that fit much better with another zero or scale of the angles; otherwise empty."""
     before = _misfit_of(recordings, rig)
     tried = [(_misfit_of([_reinterpreted(r, other) for r in recordings], rig), other) for other in OTHER_ANGLES]
     after, other = min(tried, key=lambda pair: pair[0])
@@ -117,7 +117,7 @@ def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
 
 
 def _misfit_of(recordings: Iterable[ArmRecording], rig: Rig) -> float:
-    """Reduced chi-square of short segments of the beginning; infinite if they cannot be fitted."""
+    """Reduced chi-square of short segments at the beginning; infinite if they cannot be fitted."""
     with suppress(DprError, np.linalg.LinAlgError):
         fit = fit_moving_arm([_beginning(r) for r in recordings], rig, replace(ARM_FIT, ranges_rad=()))
         return fit.misfit or fit.chi2_per_dof
@@ -135,13 +135,13 @@ def _reinterpreted(recording: ArmRecording, other: ScaledReadings) -> ArmRecordi
 
 
 def _reversed(recording: ArmRecording) -> ArmRecording:
-    """The opposite sign of arm and drive."""
+    """Recording with the opposite sign of arm and drive."""
     mirrored = _reinterpreted(recording, ScaledReadings(arm=-1.0))
     return replace(mirrored, drive=-recording.drive, slope=-recording.slope)
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Mistakes in sign and unit of the input."""
+    """Sentences on mistakes in sign and unit of the input."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []
@@ -151,7 +151,7 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 
 
 def stop_sentence(run: Run, rig: Rig) -> str:
-    """Sentence on an arm that hits a stop, or whose cable tightens at one end of its range; else empty.
+    """Sentence on an arm that hits a stop, or whose cable tightens at one end of its range; otherwise empty.
 
     At a stop the speed of the arm jumps twice, or once before it stays there. At a soft stop, a torque acts beyond an
     angle.
@@ -175,22 +175,22 @@ def stop_sentence(run: Run, rig: Rig) -> str:
 
 
 def _without_stop(first: float) -> str:
-    """Advice on recordings without the contact whose first instant is given, s."""
+    """Advice on how to avoid the contact in a recording; `first` is the first instant of the contact, s."""
     return f"Record smaller motions, or import the part before it (--duration-s {max(first - 0.01, 0.0):.2f})"
 
 
 def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) -> bool:
-    """Whether the arm stays within `reach` of an angle after the sample of a contact, rad."""
+    """Whether the arm stays within `reach` of an angle, rad, after the sample of a contact."""
     after = (t >= t[contact]) & (t < t[contact] + DOUBTS.held_s)
     return bool(t[-1] - t[contact] > DOUBTS.held_s and (np.abs(theta0[after] - angle) < reach).all())
 
 
 def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
-    """Stops of an arm: end of the range, angle (rad), and instants of the contacts (s).
+    """Stops of an arm, each with the end of the range, its angle, rad, and the instants of the contacts, s.
 
     Args:
-        t: (n,) s
-        theta0: (n,) rad
+        t: (n,) instants, s
+        theta0: (n,) angles of the arm, rad
     """
     dt = float(np.median(np.diff(t)))
     k = max(1, round(DOUBTS.contact_s / dt / 2 + 1e-6))

@@ -1,7 +1,7 @@
 """Conversion between a model with a moving arm and the unknowns of the common fitting engine with every effect.
 
 The engine has the ratios to b of a whole rig, b and p/b. With an inner rod alone, only a - p, e1 - p g/L1 and c1 act
-(`dpr_lab.dynamics.base`); the other parameters have the values of the rig file.
+(`dpr_lab.dynamics.base`). The other parameters then have the values of the rig file.
 """
 
 import numpy as np
@@ -20,11 +20,11 @@ from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import PARAMETERS, Rig
 
 OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
-"""Effects of the engine that are part of every model with a moving arm and are not faults."""
+"""Effects of the engine that are part of every model with a moving arm, and not faults."""
 
 
 def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
-    """A model in the unknowns of the engine: (7,) five ratios to b, b and p/b, and (SIZE,) parameters of effects."""
+    """A model in the unknowns of the engine: (7,) ratios to b, b and p/b, and (SIZE,) parameters of effects."""
     sizes, effects = model.with_arm_effects().sizes, dict(model.with_arm_effects().effects)
     effects[FREE_ARM.name] = {"inertia_kgm2": sizes["A"], "viscous_Nms": sizes["c0"]}
     if model.input and (assumed := drive_gain(rig).value):
@@ -46,7 +46,7 @@ def engine_constants(model: MovingArmModel, rig: Rig) -> RigConstants:
 
 
 def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig) -> tuple[list[float], float]:
-    """(12,) `SWING_PARAMETERS` over the scale, and the scale, kg m^2, from the engine's unknowns and effects."""
+    """(12,) `SWING_PARAMETERS` divided by the scale, and the scale, kg m^2, from the engine's unknowns and effects."""
     effects, b = named_params(params), float(unknown[SCALE])
     whole = dict(zip((name.partition("/")[0] for name in RATIOS), unknown[: len(RATIOS)].tolist(), strict=True))
     elbow = 0.0 if mounted == "both" else float(unknown[ON_ELBOW])

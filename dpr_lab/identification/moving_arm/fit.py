@@ -1,4 +1,4 @@
-"""Gauss-Newton fit with Marquardt damping on segments with free initial states, which are eliminated."""
+"""Gauss-Newton fit with Marquardt damping, on segments whose free initial states are eliminated."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -23,28 +23,29 @@ class ArmFitSettings:
     first_s: float = 0.25
     """Length of the first segments, s."""
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Maximum distance of the free run of a segment from the readings of the next segment for which the two are merged,
-    rad. After a failed merge, the next smaller distance is tried.
+    """Maximum distance of the free run of a segment from the readings of the next one for which both are merged, rad.
+
+    After a failed merge, the next smaller distance is tried.
     """
     worse: float = 1.05
-    """Maximum growth of the reduced chi-square for which merged segments are kept."""
+    """Maximum growth factor of the reduced chi-square for which merged segments are kept."""
     iterations: int = 100
     """Maximum number of iterations of each fit."""
     converged: float = 1e-5
-    """Convergence limits: reduction of chi-square by a step with little damping, relative to the degrees of freedom and
-    per unknown."""
+    """Limit of convergence: reduction of chi-square by a step with little damping.
+
+    The reduction is relative to the degrees of freedom, or per unknown.
+    """
     damping: float = 1e-3
     """Initial damping, relative to the diagonal of the normal equations."""
     most_damping: float = 1e9
     """Maximum damping; with more damping, no step can reduce the cost."""
     searched: float = 20.0
-    """A global search determines other initial values if the reduced chi-square of the first segments exceeds this
-    value.
-    """
+    """Reduced chi-square of the first segments above which a global search determines other initial values."""
     searched_segments: int = 32
-    """Number of segments, spread over all recordings, that this search simulates."""
+    """Number of segments, spread over all recordings, that the global search simulates."""
     misfit: float = 1.5
-    """If the reduced chi-square exceeds this value, the covariance accounts for residuals clustered by segment."""
+    """Reduced chi-square above which the covariance accounts for residuals clustered by segment."""
 
 
 ARM_FIT = ArmFitSettings()
@@ -52,28 +53,28 @@ ARM_FIT = ArmFitSettings()
 
 @dataclass(frozen=True, slots=True)
 class ArmFit:
-    """Result of a fit."""
+    """Result of a fit with a moving arm."""
 
     problem: ArmProblem
     """The fitted problem."""
     p: Array
-    """(12,) `SWING_PARAMETERS` in units of the scale."""
+    """(12,) fitted `SWING_PARAMETERS` in units of the scale."""
     initial: Array
     """(segments, 6) fitted initial states, rad and rad/s."""
     converged: bool
     """Whether the fit reached a minimum."""
     information: Array
-    """(free, free) Fisher information of the unknowns with initial states eliminated, at the noise floor."""
+    """(free, free) Fisher information of the unknowns at the noise floor, with initial states eliminated."""
     scores: Array
-    """(segments, free) gradient of each segment's half chi-square, initial states eliminated."""
+    """(segments, free) gradient of half the chi-square of each segment, with initial states eliminated."""
     misfit: float = 0.0
-    """Reduced chi-square at the noise of the readings if the joints are weighted by their residuals; otherwise 0."""
+    """Reduced chi-square at the noise of the readings, if the joints are weighted by their residuals; otherwise 0."""
     merges: tuple[tuple[float, float], ...] = ()
-    """(median segment length, s; reduced chi-square) for the first segments and after each merge."""
+    """Median segment length, s, and reduced chi-square, for the first segments and after each merge."""
 
     @property
     def values(self) -> Array:
-        """(free,) estimates."""
+        """(free,) estimated unknowns."""
         return self.p[self.problem.unknowns.places]
 
     @property
@@ -128,7 +129,7 @@ def _length_and_misfit(fit: ArmFit) -> tuple[float, float]:
 def _short_fit(
     problem: ArmProblem, initial: Array, recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings
 ) -> ArmFit:
-    """Fit of the first segments from the values of the rig file; from a global search if that fails.
+    """Fit of the first segments from the values of the rig file, or from a global search if this fails.
 
     Raises:
         IdentificationError: neither can be simulated.
@@ -154,13 +155,16 @@ def _short_fit(
 
 
 def _spread(problem: ArmProblem, most: int) -> list[int]:
-    """About `most` segments at equal distances, and the first one of each recording."""
+    """Indices of about `most` segments at equal distances, and of the first segment of each recording."""
     first = {recording: s for s, (recording, _) in reversed(list(enumerate(problem.cuts)))}
     return sorted({*first.values(), *range(0, len(problem.cuts), -(-len(problem.cuts) // most))})
 
 
 def _start(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> Array:
-    """(12,) values of the rig file; with a gain of zero if that fits better: the unit or sign may be wrong."""
+    """(12,) initial values: those of the rig file, with a gain of zero if this fits better.
+
+    The unit or the sign of the input may be wrong.
+    """
     start = problem.unknowns.start
     if "gain" not in problem.unknowns.free:
         return start
@@ -235,7 +239,7 @@ def fit_segments(
 
 
 def _slopes(problem: ArmProblem, p: Array, initial: Array) -> tuple[Array, Array] | None:
-    """Derivatives by unknowns and by initial states; None if they are too large for normal equations."""
+    """Derivatives with respect to unknowns and to initial states; None if they are too large for normal equations."""
     by_unknowns, by_states = problem.slopes(p, initial)
     with np.errstate(over="ignore", invalid="ignore"):
         sizes = np.sum(by_unknowns**2), np.sum(by_states**2)
@@ -280,7 +284,7 @@ def _solved(H: Array, gradient: Array) -> Array:
 
 
 def covariance_of(fit: ArmFit) -> Array:
-    """(free, free) covariance, very large in undetermined directions.
+    """(free, free) covariance of the unknowns; very large in undetermined directions.
 
     If the residual exceeds the noise, the covariance is computed for residuals clustered by segment (White 1980).
     """

@@ -1,8 +1,8 @@
-"""Identifiability of a rig with a free or driven arm, and the bench measurements that determine the other parameters.
+"""Identifiability of a rig with a free or driven arm, and bench measurements that determine the other parameters.
 
 Information is represented by whitened rows, as in `dpr_lab.identification.identifiability`: sensitivities to relative
 changes of the physical parameters of rods, arm and motor. With q the unknowns of the recordings and F^T F their Fisher
-information, the rows of the recordings are F dq/dx x; a measured value x adds the row x / std.
+information, the rows of the recordings are F dq/dx x. A measured value x adds the row x / std.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,7 +28,7 @@ from dpr_lab.run import Run
 from dpr_lab.shown import Row, Shown
 
 SINGLE_ROD = ("l1", "m1", "c1", "J1")
-"""Parameters of the inner rod alone."""
+"""Names of the parameters of the inner rod alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +36,11 @@ class Excitation:
     """Assumed excitation of a driven arm without recordings."""
 
     turn_rad: float = 0.5
-    """Amplitude of the arm's motion for each sine of the input on a rigid rig, rad."""
+    """Amplitude of the arm's motion for each sine of the input, on a rigid rig, rad."""
     rates: tuple[float, ...] = (3.0, 5.1, 8.7)
     """Angular frequencies of the sines, rad/s."""
     step: float = 1e-6
-    """Relative step of the derivatives of the unknowns."""
+    """Relative increment for the derivatives of the unknowns."""
     kt: float = 0.05
     """Assumed torque constant of an unknown motor, N m/A."""
     R: float = 5.0
@@ -52,13 +52,13 @@ EXCITATION = Excitation()
 
 @dataclass(frozen=True, slots=True)
 class ArmInstrument:
-    """A bench measurement of arm or motor, and its typical uncertainty."""
+    """A bench measurement of arm or motor, with its typical uncertainty."""
 
     name: str
     parameter: str
-    """Measured parameter."""
+    """Name of the measured parameter."""
     relative_std: float
-    """Relative standard uncertainty."""
+    """Relative standard uncertainty of the measurement."""
     how: str
     """Instruction for the operator."""
     quantity: BenchReading
@@ -97,33 +97,33 @@ class ArmIdentifiability(Shown):
     arm: tuple[str, ...]
     """Modes of the arm in the recordings."""
     input: str
-    """Kind of the input; empty without one."""
+    """Kind of the input of the arm; empty without an input."""
     simulated: bool
-    """Whether the recordings were simulated with the values of the rig file; then no value is a result."""
+    """Whether the recordings were simulated with the values of the rig file; no value is then a result."""
     rank: int
     """Number of directions that the recordings determine."""
     singular_values: tuple[float, ...]
     """Singular values of the whitened sensitivity to relative changes of the parameters."""
     combinations: Mapping[str, float]
-    """Determined quantities, with the expected relative standard deviation of each."""
+    """Determined combination of parameters -> expected relative standard deviation."""
     values: Mapping[str, float]
-    """Estimates of these quantities, SI; empty for simulated recordings."""
+    """Determined combination of parameters -> estimate, SI; empty for simulated recordings."""
     unseen: tuple[str, ...]
-    """Combinations that are not determined."""
+    """Combinations of parameters that are not determined."""
     null_space: tuple[Mapping[str, float], ...]
-    """Directions that recordings and measured values do not determine: relative changes of the parameters involved."""
+    """Directions that recordings and measured values do not determine, as relative changes of the parameters."""
     fixed_by: Mapping[str, str]
     """Source of each parameter: `data`, `measured` or `bound`."""
     spread: Mapping[str, float]
     """Relative standard deviation of each determined parameter."""
     advice: tuple[Advice, ...]
-    """All bench measurements that are not in the rig file, best first."""
+    """All bench measurements that are not in the rig file, largest gain first."""
     sequence: tuple[Advice, ...]
     """Sequence of best measurements until all parameters are determined."""
 
     @property
     def heading(self) -> str:
-        """One line: mode of the arm, its input, and the number of determined directions."""
+        """Heading with the mode of the arm, its input, and the number of determined directions."""
         drive = f" (input: {self.input})" if self.input else ""
         return (
             f"Identifiability with a {' and '.join(self.arm)} arm{drive}: {self.rank} of"
@@ -137,7 +137,7 @@ class ArmIdentifiability(Shown):
         return [("parameter", "determined by"), *self.fixed_by.items()]
 
     def to_json(self) -> dict[str, Any]:
-        """The result as JSON values."""
+        """Analysis as JSON values."""
         return {
             "arm": list(self.arm),
             "input": self.input,
@@ -163,8 +163,8 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     """Identifiability of a rig with a free or driven arm.
 
     Args:
-        runs: recordings; none: releases simulated from the poses of the rig with the values of the rig file; a driven
-        rig without poses starts hanging
+        runs: recordings; none: simulated releases from the poses of the rig with the values of the rig file; a driven
+            rig without poses starts hanging
         rig: bounds, measured values and motor
 
     Raises:
@@ -212,7 +212,7 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
 def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
     """Parameters of rods, arm and motor from the rig file, SI, and (free, n) d ln(unknown) / d ln(parameter).
 
-    Missing motor constants are replaced by the constants of a small motor whose back-EMF is as large as the friction.
+    Missing motor constants are replaced by those of a small motor whose back-EMF is as large as the friction.
     """
     both_rods, motor = rig.rods.mounted == "both", rig.motor
     of_rods = PARAMETERS if both_rods else SINGLE_ROD
@@ -247,13 +247,13 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
 
 
 def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
-    """Entry of the rig file for each parameter; None if missing."""
+    """Entry of the rig file for each parameter; None if it is missing."""
     tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
     return {name: tables.get(name) for name in names}
 
 
 def _std(parameter: Parameter | None) -> float:
-    """Standard uncertainty of a measured parameter, otherwise 0."""
+    """Standard uncertainty of a measured parameter; 0 if it was not measured."""
     return parameter.std or 0.0 if parameter is not None and parameter.measured is not None else 0.0
 
 
@@ -265,7 +265,10 @@ def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[st
 
 
 def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    """Standard deviation of a uniform distribution between the bounds; without bounds, over a decade."""
+    """(k, n) rows of the bounds, with the standard deviation of a uniform distribution.
+
+    Without bounds, the distribution extends over a decade.
+    """
     rows = [
         sizes[name] * 12**0.5 / (parameter.upper - parameter.lower)
         if parameter and parameter.upper and parameter.lower
@@ -278,7 +281,7 @@ def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, 
 def _answers(
     sizes: Mapping[str, float], parameters: Mapping[str, Parameter | None], rig: Rig
 ) -> dict[Measurement, Array]:
-    """(k, n) whitened readings of each measurement that is not in the rig file, for relative changes."""
+    """(k, n) whitened readings of each measurement that is not in the rig file, for relative parameter changes."""
     names, answers = list(sizes), dict[Measurement, Array]()
     for instrument in INSTRUMENTS:
         if instrument.parameters == PARAMETERS or not set(instrument.parameters) <= sizes.keys():
@@ -298,13 +301,13 @@ def _answers(
 
 
 def _of_one_rod(instrument: Instrument) -> Instrument:
-    """The measurement at a rig without a second rod, whose only rod has no encoder of joint 2."""
+    """The measurement adapted to a rig without a second rod, whose only rod has no encoder of joint 2."""
     quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
     return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 
 
 def _simulated(rig: Rig) -> ArmFit:
-    """Releases from the poses of the rig without noise, with the values of the rig file, and their information."""
+    """Fit to simulated releases from the poses of the rig, without noise and with the values of the rig file."""
     driven = rig.arm.mode == "driven"
     poses = list(rig.poses.values()) or ([Pose(theta1=np.pi, theta2=np.pi)] if driven else [])
     if not poses:
@@ -337,7 +340,7 @@ def _simulated(rig: Rig) -> ArmFit:
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:
-    """(n,) input of three sines, each with the amplitude `Excitation.turn_rad` on a rigid rig."""
+    """(n,) input of three sines, each of which turns a rigid rig by `Excitation.turn_rad`."""
     inertia = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")]
     gain = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("gain")]
     sines = [rate**2 * np.sin(rate * t + k) for k, rate in enumerate(EXCITATION.rates)]

@@ -25,16 +25,17 @@ JOINTS_READ = ("joint 0", "joint 1", "joint 2")
 
 @dataclass(frozen=True, slots=True)
 class ArmWarnings:
-    """Limits for determined unknowns and for a reliable fit."""
+    """Limits of determined unknowns and of a reliable fit."""
 
     hardly_seen: float = 0.5
-    """Maximum relative standard deviation of an unknown that is determined."""
+    """Maximum relative standard deviation of an unknown that counts as determined."""
     unseen: float = 1e3
-    """An interval contains no information, as after a failed fit, if the standard deviation exceeds this value,
-    relative to the value or in units of the ratio.
+    """Maximum standard deviation of an unknown with information, relative to its value or in units of the ratio.
+
+    A larger one occurs after a failed fit.
     """
     gap: float = 3.0
-    """The model is clearly incomplete if the reduced chi-square exceeds this value."""
+    """Reduced chi-square above which the model is clearly incomplete."""
 
 
 ARM_WARNINGS = ArmWarnings()
@@ -44,7 +45,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     """Identify rods, arm and drive from runs with a clamped, free or driven arm.
 
     Args:
-        runs: at least one with a free or driven arm
+        runs: runs, at least one with a free or driven arm
         rig: initial values and measured values
 
     Raises:
@@ -110,7 +111,7 @@ def _misfit(fit: ArmFit) -> float:
 
 
 def estimated(value: float, std: float) -> EstimatedValue:
-    """A value with its normal 90 % interval."""
+    """Estimate with the 90 % interval of a normal distribution."""
     reach = NORMAL_Q90 * std
     return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach))
 
@@ -150,7 +151,7 @@ def _warnings(fit: ArmFit) -> list[str]:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ArmComparison(Shown):
-    """One run compared with one model by segment."""
+    """One run compared with one model, by segments."""
 
     run: str
     """Name of the run."""
@@ -159,15 +160,15 @@ class ArmComparison(Shown):
     t: Array
     """(n,) times since the release, s."""
     measured: Array
-    """(n, 3) readings of the joints, rad; joint 2 as its encoder reads it."""
+    """(n, 3) readings of the joints, rad; that of joint 2 is as its encoder reads it."""
     simulated: Array
-    """(n, 3) prediction of the model, with an initial state fitted for each segment."""
+    """(n, 3) readings predicted by the model, with an initial state fitted for each segment, rad."""
     segment_s: float
     """Length of a segment, s."""
     rms_rad: dict[str, float]
-    """Rms residual by joint."""
+    """Joint -> rms residual, rad."""
     noise_rad: dict[str, float]
-    """Noise of the readings by joint."""
+    """Joint -> noise of the readings, rad."""
 
     def _heading(self) -> str:
         part = "held out" if self.held_out else "used in the fit"
@@ -180,7 +181,7 @@ class ArmComparison(Shown):
 
 
 def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float = 0.5) -> ArmComparison:
-    """Simulate a run with a model by segment; only initial states are fitted.
+    """Compare a run with a model by segments; only initial states are fitted.
 
     Raises:
         RunError: the model belongs to another rig, or cannot follow the readings.

@@ -1,8 +1,8 @@
 """Test whether the input of a driven arm acts at other instants than its rows, or changes between them.
 
-A row shows the value of its instant; how long it acts is not recorded (docs/decisions/0025). The fit holds each value
-until the next row. It is repeated with other delays, and with rows that are samples of a continuous signal. Chi-square
-is a parabola of the delay, because the readings change in proportion to it.
+A row contains the value of its instant; how long the value acts is not recorded (docs/decisions/0025). The fit holds
+each value until the next row. It is repeated with other delays, and with rows that are samples of a continuous signal.
+Chi-square is a parabola of the delay, because the readings change in proportion to the delay.
 """
 
 from collections.abc import Sequence
@@ -19,26 +19,28 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class InputRows:
-    """Limits of this test."""
+    """Limits of the test of the input."""
 
     doubted: float = 1.1
-    """The test is made if the reduced chi-square exceeds this value."""
+    """Reduced chi-square above which the input is tested."""
     better: float = 1.3
-    """Factor by which the reduced chi-square must fall, as for an additional effect of a diagnosis."""
+    """Minimum factor by which the reduced chi-square must decrease, as for an additional effect of a diagnosis."""
     least: float = 0.1
     """Smallest delay that is reported, as a share of the interval between rows."""
     explained: float = 0.8
-    """Share of the excess chi-square that a delay after the rows must explain. Such a delay is an effect of the drive,
-    which other effects can resemble.
+    """Minimum share of the excess chi-square that a delay after the rows must explain.
+
+    Such a delay is an effect of the drive, which other effects can resemble.
     """
     alike: float = 1.1
-    """Factor by which the reduced chi-square must fall for a delay to be preferred to none, and for a delayed
-    continuous input to be preferred to a delayed held one.
+    """Minimum factor by which the reduced chi-square must decrease for a more complex description of the input.
+
+    A delay is more complex than none, and a delayed continuous input is more complex than a delayed held one.
     """
     step_s: float = 0.004
     """Minimum step of the delay, s."""
     most_steps: float = 8.0
-    """Largest distance of a delay from the tried ones, in steps; the parabola is not valid farther away."""
+    """Maximum distance of a delay from the tested ones, in steps; the parabola is not valid farther away."""
 
 
 INPUT_ROWS = InputRows()
@@ -46,14 +48,14 @@ INPUT_ROWS = InputRows()
 
 @dataclass(frozen=True, slots=True)
 class _InputModel:
-    """Interpolation and delay of the input, with the misfit of the fit that uses it."""
+    """Interpolation and delay of the input, with the misfit of the corresponding fit."""
 
     delay_s: float
     """Delay after the rows, s."""
     continuous: bool
     """Whether the rows are samples of a continuous signal."""
     misfit: float
-    """Reduced chi-square."""
+    """Reduced chi-square of the fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ class _Tested:
         return _InputModel(delay_s, continuous, fit.chi2_per_dof)
 
     def near(self, centre: _InputModel, step_s: float) -> _InputModel:
-        """The best delay according to the parabola through one model and its two neighbours."""
+        """Model with the best delay according to the parabola through one model and its two neighbours."""
         before, after = (self.model(centre.delay_s + sign * step_s, centre.continuous).misfit for sign in (-1, 1))
         curvature = before - 2 * centre.misfit + after
         if curvature <= 0:
@@ -87,13 +89,13 @@ class _Tested:
 
 
 def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Sentence with import options that would describe the input better than the present ones; empty if there are none.
+    """Sentence with import options that would describe the input better than the present ones; empty without any.
 
     Args:
         fit: fit with the input as the runs state it
-        misfit: its reduced chi-square at the noise of the readings
+        misfit: reduced chi-square of the fit at the noise of the readings
         runs: the fitted runs
-        rig: their rig
+        rig: rig of the runs
     """
     driven = [run for run in runs if run.arm_mode == "driven"]
     if not driven or misfit < INPUT_ROWS.doubted:
@@ -118,7 +120,7 @@ def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> st
 
 
 def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _InputModel]:
-    """The input as described in the runs, and the best description: held or continuous, with or without a delay."""
+    """Input as described in the runs, and its best description: held or continuous, with or without a delay."""
     stated = tested.model(run.input_delay_s, run.continuous)
     step = max(interval / 2, INPUT_ROWS.step_s)
     best = tested.near(stated, step)
@@ -136,12 +138,12 @@ def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _In
 
 
 def _preference(model: _InputModel) -> float:
-    """Reduced chi-square, multiplied by a penalty for a delay, and for a continuous signal with a delay."""
+    """Criterion: reduced chi-square times a penalty for a delay, and for a continuous signal with a delay."""
     return model.misfit * INPUT_ROWS.alike ** ((1 + model.continuous) if model.delay_s else 0)
 
 
 def _cause(model: _InputModel, interval: float) -> str:
-    """Interpolation and delay of the input in words."""
+    """Description of the interpolation and delay of the input in words."""
     late = f"{1e3 * model.delay_s:.3g} ms after its rows" if model.delay_s > 0 else ""
     if model.continuous:
         return f"the input of the arm changes between its rows, as a continuous signal{late and f', and acts {late}'}"

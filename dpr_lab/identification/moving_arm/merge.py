@@ -1,4 +1,4 @@
-"""Merging of neighbouring segments while the model follows them: longer segments contain more information."""
+"""Merging of neighbouring segments as long as the model follows them; longer segments contain more information."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ class ArmMergeSettings:
     """Limits of the integration of a merged segment."""
 
     solver_error: float = 0.2
-    """Largest error of the integration, relative to the noise."""
+    """Maximum error of the integration, relative to the noise."""
     shortest_step: float = 2.5e-4
-    """Shortest Runge-Kutta step, s: segments that need a shorter one are not merged."""
+    """Shortest Runge-Kutta step, s; segments that need a shorter step are not merged."""
 
 
 MERGE = ArmMergeSettings()
@@ -27,13 +27,13 @@ MERGE = ArmMergeSettings()
 def merged(
     problem: ArmProblem, p: Array, initial: Array, recordings: Sequence[ArmRecording], rig: Rig, near_rad: float
 ) -> tuple[ArmProblem, Array] | None:
-    """Merged segments and their initial states; None if no segments can be merged.
+    """Merged segments with their initial states; None if no segments can be merged.
 
     Args:
-        problem: the current segments
+        problem: problem of the current segments
         p: (12,) fitted parameters
         initial: (segments, 6) fitted initial states
-        recordings: the recordings of the segments
+        recordings: recordings of the segments
         rig: the recorded rig
         near_rad: maximum distance of the free run of the first segment from the readings of the second, rad
     """
@@ -66,7 +66,7 @@ def _following(
     near_rad: float,
     step: float,
 ) -> tuple[set[int], set[int]]:
-    """Segments whose free run agrees with the next segment, and segments with a negligible integration error."""
+    """Indices of segments whose free run agrees with the next one, and of those with negligible integration error."""
     if not pairs:
         return set(), set()
     coarse, fine = (problem_of(recordings, rig, list(pairs.values()), h) for h in (step, step / 2))

@@ -25,23 +25,23 @@ class ArmFitSummary(BaseModel):
     model_config = CONFIG
 
     rms_rad: dict[str, Number]
-    """Rms residual by joint, as its encoder reads it."""
+    """Joint -> rms residual of its encoder's reading, rad."""
     noise_rad: dict[str, Number]
-    """Noise of the readings by joint."""
+    """Joint -> noise of its encoder's reading, rad."""
     segments: int
     """Number of segments with free initial states."""
     segment_s: Number
-    """Their length, s."""
+    """Median length of a segment, s."""
     chi2_per_dof: Number
     """Reduced chi-square; 1 = noise only."""
     converged: bool
     """Whether the fit converged."""
     merges: list[tuple[Number, Number]] = []
-    """(segment length, s; reduced chi-square) for the first segments and after each merge."""
+    """Segment length, s, and reduced chi-square, for the first segments and after each merge."""
 
 
 class MovingArmModel(Shown, BaseModel):
-    """An identified rig with a free or driven arm; contains only what the recordings determine."""
+    """An identified rig with a free or driven arm; the model contains only values that the recordings determine."""
 
     model_config = CONFIG
 
@@ -52,13 +52,13 @@ class MovingArmModel(Shown, BaseModel):
     mounted: Literal["both", "inner"]
     """Mounted rods."""
     input: str
-    """Kind of the input; empty without a driven run."""
+    """Kind of the input of the arm; empty without a driven run."""
     scale: Literal["a", "b"]
     """Inertia by which ratios are divided: a for the inner rod alone, b for both rods."""
     ratios: dict[str, EstimatedValue]
-    """Determined quantities, SI; `L0` in m."""
+    """Determined ratios, SI; `L0` in m."""
     undetermined: dict[str, str]
-    """Undetermined unknowns, each with the reason."""
+    """Unknown that is not determined -> reason."""
     covariance: list[list[Number]]
     """(n, n) covariance of all unknowns, in the order of `unknowns`."""
     unknowns: list[str]
@@ -66,23 +66,23 @@ class MovingArmModel(Shown, BaseModel):
     absolute: dict[str, EstimatedValue]
     """Absolute values, SI; `fixed_by` is `bound` if their scale is taken from the rig file and not measured."""
     scale_sentence: str
-    """Source of the scale of absolute values."""
+    """Sentence on the source of the scale of absolute values."""
     swing: Annotated[list[Number], Field(min_length=12, max_length=12)]
     """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, divided by the scale."""
     effects: dict[str, dict[str, Number]] = {}
-    """Effects named by a diagnosis: effect -> parameter -> value, SI."""
+    """Effects that a diagnosis named: effect -> parameter -> value, SI."""
     fit: ArmFitSummary
     """Residuals, noise and segments of the fit."""
     runs: list[RunUsed]
     """Runs used in the identification."""
     notes: list[str] = []
-    """Combinations that the recordings cannot separate, and the values that the rig file contributes."""
+    """Notes on combinations that the recordings cannot separate, and on values that the rig file contributes."""
     warnings: list[str] = []
     """Warnings on the interpretation of the values."""
     failures: list[str] = []
-    """Failed checks; empty for a reliable model."""
+    """Failed checks of the identification; empty for a reliable model."""
     version: str = ""
-    """Version of dpr-lab that wrote it."""
+    """Version of dpr-lab that wrote the file."""
 
     def _heading(self) -> str:
         rms = ", ".join(f"{1e3 * value:.3g} mrad ({name})" for name, value in self.fit.rms_rad.items())
@@ -101,7 +101,7 @@ class MovingArmModel(Shown, BaseModel):
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
     def with_arm_effects(self) -> "MovingArmModel":
-        """A copy of the model in which effects replace k0 and f0, the stiffness and dry friction of the arm."""
+        """Copy of the model in which effects replace k0 and f0, the stiffness and dry friction of the arm."""
         sizes, effects = self.sizes, dict(self.effects)
         for effect, name in ((SPRING_JOINT0, "k0"), (COULOMB_JOINT0, "f0")):
             if sizes[name]:
@@ -118,7 +118,7 @@ class MovingArmModel(Shown, BaseModel):
         """Write `model.json` atomically.
 
         Raises:
-            RunError: it cannot be written.
+            RunError: the file cannot be written.
         """
         write_text(path, self.model_dump_json(indent=1) + "\n", RunError)
 
@@ -127,7 +127,7 @@ def load_moving_arm_model(path: Path) -> MovingArmModel | None:
     """Read `model.json`; None for a model of another kind, or a file that is not JSON.
 
     Raises:
-        RunError: it cannot be read, or is damaged; the message names the key.
+        RunError: the file cannot be read, or is damaged; the message names the key.
     """
     try:
         content = json.loads(read_text(path, RunError))

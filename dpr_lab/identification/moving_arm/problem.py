@@ -21,17 +21,17 @@ from dpr_lab.run import Run
 from dpr_lab.setup import Torques
 
 Cut = tuple[int, slice]
-"""Index of a recording, and the samples of a segment of it."""
+"""Index of a recording, and the samples of one of its segments."""
 
 
 @dataclass(frozen=True, slots=True)
 class CentralDifferences:
-    """Increments of the central differences; their error is below 1e-7 of a derivative."""
+    """Increments of the central differences; the error of a derivative is below 1e-7 of it."""
 
     relative: float = 1e-5
     """Relative increment of an unknown."""
     least: float = 1e-6
-    """Increment of an unknown near zero."""
+    """Minimum increment of an unknown, for unknowns near zero."""
     state: float = 1e-5
     """Increment of an angle or speed, rad and rad/s."""
 
@@ -41,7 +41,7 @@ STEPS = CentralDifferences()
 
 @dataclass(frozen=True, slots=True)
 class ArmRecording:
-    """A run from its release on with its noise."""
+    """A run from its release on, with its noise and input."""
 
     run: Run
     """The run from the release on."""
@@ -52,17 +52,17 @@ class ArmRecording:
     drive: Array
     """(n,) mean input between consecutive samples."""
     slope: Array
-    """(n,) mean derivative of the input between consecutive samples, 1/s."""
+    """(n,) mean derivative of the input between consecutive samples, per second."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmProblem:
-    """Segments of all recordings."""
+    """Problem of the fit with a moving arm: the segments of all recordings with their unknowns."""
 
     unknowns: Unknowns
     """The fitted unknowns."""
     segments: ArmSegments
-    """Beginnings of the segments, and their inputs."""
+    """Layout of the segments, with their inputs."""
     cuts: tuple[Cut, ...]
     """Recording and samples of each segment."""
     max_step: float
@@ -72,13 +72,13 @@ class ArmProblem:
     measured: Array
     """(samples, 3) readings of joints 0, 1, 2, rad; joint 2 as its encoder reads it."""
     weight: Array
-    """(samples, 3) reciprocal noise, zero for ignored joints, 1/rad."""
+    """(samples, 3) reciprocal standard deviation of the noise, 1/rad; zero for ignored joints."""
     moves: Flags
     """(segments, 6) mask of the free entries of the initial state."""
     frame: tuple[float, float]
-    """Lengths L1 (m) and gravity g (m/s^2)."""
+    """Length L1 (m) and gravity g (m/s^2)."""
     relative: bool
-    """Whether joint 2 reads theta2 - theta1."""
+    """Whether the encoder of joint 2 reads theta2 - theta1."""
     prior: Array
     """(free,) reciprocal standard deviation of a measured unknown; zero for an unknown that was not measured."""
 
@@ -89,15 +89,15 @@ class ArmProblem:
 
     @property
     def lengths_s(self) -> Array:
-        """(segments,) duration of each, s."""
+        """(segments,) duration of each segment, s."""
         return np.array([self.t[part][-1] - self.t[part][0] for part in self.slices()])
 
     def slices(self) -> list[slice]:
-        """Number of samples of each segment."""
+        """Slices of the samples, one for each segment."""
         return [slice(i, j) for i, j in pairwise(self.segments.offsets.tolist())]
 
     def predict(self, p: Array, initial: Array) -> Array:
-        """(samples, 3) readings of the joints, rad."""
+        """(samples, 3) predicted readings of the joints, rad."""
         readings = swing_segments(p, self.frame, self.segments, initial)[:, :3]
         if self.relative:
             with np.errstate(invalid="ignore"):  # value if the integration fails
@@ -126,7 +126,7 @@ class ArmProblem:
         return np.stack(columns, axis=2) * weight, np.stack(states, axis=2) * weight
 
     def with_std(self, std: Array) -> "ArmProblem":
-        """A copy of the problem with the standard deviations (3,) of the joints, rad."""
+        """Copy of the problem with other standard deviations (3,) of the joints, rad."""
         return replace(self, weight=np.where(self.weight > 0, 1.0 / std, 0.0))
 
 
@@ -165,7 +165,7 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
 
 
 def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
-    """(n - 1,) mean and (n - 1,) slope of a linear input in each interval between (n,) instants.
+    """Mean (n - 1,) and slope (n - 1,) of a linear input in each interval between instants (n,).
 
     The line has the mean and the first moment of the input in the interval. A constant with this mean would cause a
     relative error (w T)^2/12 of the angles at the angular frequency w and the interval T.
@@ -180,7 +180,7 @@ def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
 
 
 def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
-    """Recordings cut into segments of about this length (s), and (segments, 6) rough initial states."""
+    """Problem with segments of about one length (s), and (segments, 6) rough initial states."""
     cuts = [(i, part) for i, recording in enumerate(recordings) for part in partition(recording.run, length)]
     problem = problem_of(recordings, rig, cuts)
     initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
@@ -191,7 +191,7 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
 def problem_of(
     recordings: Sequence[ArmRecording], rig: Rig, cuts: Sequence[Cut], max_step: float = MAX_STEP
 ) -> ArmProblem:
-    """Recordings cut into the given segments, with steps of at most `max_step` seconds."""
+    """Problem with the given segments, and with steps of at most `max_step` seconds."""
     both_rods = rig.rods.mounted == "both"
     modes = [recordings[i].mode for i, _ in cuts]
     driven = any(recording.run.arm_mode == "driven" and recording.mode != DRIVEN for recording in recordings)
@@ -229,7 +229,7 @@ def problem_of(
 
 
 def _rough_state(run: Run, part: slice, neighbours: int = 12) -> Array:
-    """(6,) state at the first sample of a segment from a parabola through its neighbours."""
+    """(6,) state at the first sample of a segment, from a parabola through the neighbours."""
     rows = slice(max(part.start - neighbours, 0), min(part.start + neighbours, len(run.t)))
     t = run.t[rows] - run.t[part.start]
     slope = np.polynomial.polynomial.polyfit(t, run.theta[rows], 2)[:2]

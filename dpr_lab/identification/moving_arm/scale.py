@@ -16,16 +16,16 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class ArmScale:
-    """Inertia by which ratios are multiplied."""
+    """Scale of absolute sizes: the inertia by which ratios are multiplied."""
 
     value: float
     """Value, kg m^2."""
     relative_std: float
-    """Relative standard deviation of the sources besides the recordings; 0 if unknown."""
+    """Relative standard deviation of the sources other than the recordings; 0 if unknown."""
     by_gain: bool
-    """Whether the scale is torque over fitted gain, so that its error is correlated with the errors of the ratios."""
+    """Whether the scale is torque over fitted gain; its error is then correlated with the errors of the ratios."""
     known: bool
-    """Whether recordings or measured values determine it."""
+    """Whether recordings or measured values determine the scale."""
     sentence: str
 
 
@@ -81,7 +81,7 @@ def _relative_std(rig: Rig) -> float | None:
 def absolute_values(
     fit: ArmFit, covariance: Array, scale: ArmScale, determined: Sequence[bool]
 ) -> dict[str, EstimatedValue]:
-    """Absolute values of the determined unknowns, and of the scale."""
+    """Absolute values of the determined unknowns and of the scale, by name."""
     unknowns, values = fit.problem.unknowns, fit.values
     absolute = {}
     gain_index = unknowns.free.index("gain") if scale.by_gain else None
@@ -112,14 +112,14 @@ def absolute_values(
 
 
 def absolute_name(parameter: str, kind: str) -> str:
-    """Name of an absolute value; the name of a gain depends on the kind of the input."""
+    """Name of an absolute value; that of a gain depends on the kind of the input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")
 
 
 def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[str]) -> list[str]:
-    """Combinations that the input cannot separate, and their values with the constants of the rig file.
+    """Notes on combinations that the input cannot separate, with their values for the constants of the rig file.
 
     Args:
         fit: the fit

@@ -1,8 +1,8 @@
 """Global search for initial values of rods, arm and drive for the local solver.
 
-A gene is the logarithm of an unknown of the fit, between the bounds that the rig file gives its parameters. The cost of
-a candidate is the sum of squared residuals over segments of a quarter of a second, from initial states estimated from
-the readings. The search is the improved genetic algorithm of `dpr_lab.search`.
+A gene is the logarithm of an unknown of the fit, between the bounds that the rig file defines for its parameters. The
+cost of a candidate is the sum of squared residuals over segments of a quarter of a second, from initial states
+estimated from the readings. The search is the improved genetic algorithm of `dpr_lab.search`.
 """
 
 from dataclasses import dataclass
@@ -23,24 +23,24 @@ class ArmSearchSettings:
     """Settings of the search for initial values."""
 
     algorithm: str = "iga"
-    """Name in `dpr_lab.search.ALGORITHMS`."""
+    """Name of the algorithm in `dpr_lab.search.ALGORITHMS`."""
     population: int = 24
     generations: int = 16
     wide: float = 10.0
-    """Range of an unknown without bounds in the rig file, relative to its start."""
+    """Factor between an end of the range of an unknown and its initial value, without bounds in the rig file."""
     draws: int = 200
-    """Number of random rigs within the bounds that span the range of a ratio."""
+    """Number of random rigs within the bounds from which the range of a ratio is computed."""
 
 
 ARM_SEARCH = ArmSearchSettings()
 
 
 def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0) -> Array | None:
-    """(12,) `SWING_PARAMETERS` of the best candidate; None if none can be simulated.
+    """(12,) `SWING_PARAMETERS` of the best candidate; None if no candidate can be simulated.
 
     Args:
         problem: short segments of the recordings
-        initial: (segments, 6) their estimated initial states
+        initial: (segments, 6) estimated initial states of the segments
         rig: bounds of all parameters
         seed: seed of the search
     """
@@ -71,12 +71,12 @@ def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0)
 
 
 def _owner(problem: ArmProblem) -> Integers:
-    """(samples,) segment of each sample."""
+    """(samples,) index of the segment that contains each sample."""
     return np.repeat(np.arange(len(problem.cuts)), np.diff(problem.segments.offsets))
 
 
 def _range(name: str, problem: ArmProblem, rig: Rig, rng: np.random.Generator) -> tuple[float, float]:
-    """Lower and upper end of an unknown, in units of the scale."""
+    """Lower and upper end of the search range of an unknown, in units of the scale."""
     unknowns = problem.unknowns
     low, high = rig.bounds
     drawn = np.array([rod_inertias(rng.uniform(low, high), rig) for _ in range(ARM_SEARCH.draws)])
@@ -94,6 +94,6 @@ def _range(name: str, problem: ArmProblem, rig: Rig, rng: np.random.Generator) -
 
 
 def _positive(low: float, high: float) -> tuple[float, float]:
-    """The ends of a range of positive numbers that are not equal."""
+    """Ends of a range, changed to be positive and different."""
     low = max(low, 1e-9)
     return low, max(high, 1.01 * low)

@@ -18,15 +18,15 @@ class DriveGain:
     """Ratio of the torque on the arm to the input."""
 
     value: float
-    """N m over the unit of the input; arbitrary without data in the rig file."""
+    """Gain, N m per unit of the input; arbitrary without data in the rig file."""
     known: bool
-    """Whether it follows from measured constants, or from the unit: an input that is a torque."""
+    """Whether the gain follows from measured constants, or from the unit of an input that is a torque."""
     relative_std: float = 0.0
-    """Relative standard deviation of measured constants."""
+    """Relative standard deviation of the gain from measured constants."""
 
 
 def drive_gain(rig: Rig) -> DriveGain:
-    """The gain of the drive according to the rig file."""
+    """Gain of the drive according to the rig file."""
     motor, value = rig.motor, nominal_gain(rig)
     if motor is None or value == 0.0:
         return DriveGain(float(rod_inertias(rig.nominal, rig)[1]), False)
@@ -46,7 +46,7 @@ def rods_measured(rig: Rig) -> bool:
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Initial values for the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
+    """Initial values of the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)
@@ -54,10 +54,9 @@ def arm_start(rig: Rig) -> tuple[float, float]:
 
 
 def setup_of(run: Run, rig: Rig) -> Setup:
-    """Mounting, known inputs, and mode of the arm of a run.
+    """Setup of a run: mounting, known inputs, and mode of the arm.
 
-    An arm that is driven by an acceleration has a prescribed motion, the motion of its encoder, because its torque is
-    unknown.
+    An arm that is driven by an acceleration has the prescribed motion of its encoder, because its torque is unknown.
 
     Raises:
         RunError: a driven arm without its input in the rig file.

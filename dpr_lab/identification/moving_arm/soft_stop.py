@@ -1,16 +1,16 @@
-r"""Soft stop of a moving arm, such as the end of its cable: a torque that begins beyond an angle.
+"""Soft stop of a moving arm, such as the end of its cable: a torque that acts beyond an angle.
 
 The equation of the arm (docs/theory.md, three coordinates) is linear in ratios of its parameters. With the angles q of
 the arm and th_i of the rods, s = sin, c = cos,
 
     q'' = sum_j k_j x_j - K+ max(q - Q+, 0) + K- max(Q- - q, 0)
 
-the x_j are 1, q, q', sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'' - s_i th_i'^2 of each rod, and
-the term of their coupling. The angles Q are scanned; all coefficients follow by linear least squares from local
+The x_j are 1, q, q', sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'' - s_i th_i'^2 of each rod, and
+the term of their coupling. The angles Q are scanned. All coefficients follow by linear least squares from local
 polynomials, without the rig file's values.
 
-The residual of a cable that stiffens gradually, or of cogging, is also reduced by a stop, but less than by the smooth
-torque K2 q^2 + K3 q^3. A stop is therefore named only if it reduces the residual more than this torque does.
+A stop also reduces the residual of a cable that stiffens gradually, or of cogging, but less than the smooth torque K2
+q^2 + K3 q^3 does. A stop is therefore named only if it reduces the residual more than this torque does.
 """
 
 from dataclasses import dataclass
@@ -31,23 +31,26 @@ class SoftStopSettings:
     """Limits beyond which a soft stop is the likely cause."""
 
     nearest: float = 0.75
-    """Smallest distance of the stop from the other end of the arm's range, relative to the range."""
+    """Minimum distance of a stop from the other end of the arm's range, relative to the range."""
     angles: int = 12
-    """Number of angles that are tried at each end."""
+    """Number of angles that are tested at each end of the range."""
     better: float = 3.0
-    """Factor by which stops must reduce the residual. On rigs without a stop, with or without Coulomb friction or drag,
-    they reduce it by a factor below 1.5.
+    """Minimum factor by which stops reduce the residual.
+
+    On rigs without a stop, with or without Coulomb friction or drag, they reduce it by a factor below 1.5.
     """
     separated: float = 1.5
-    """Factor by which stops must reduce the residual more than a smooth torque does. It was at least 1.6 on 95 of 96
-    simulated rigs with a stop, and at most 1.03 on 96 rigs with a stiffening cable or cogging.
+    """Minimum factor by which stops reduce the residual more than a smooth torque does.
+
+    It was at least 1.6 on 95 of 96 simulated rigs with a stop, and at most 1.03 on 96 rigs with a stiffening cable or
+    cogging.
     """
     rarely: float = 0.25
-    """Largest share of the time beyond a stop."""
+    """Maximum fraction of the time that the arm spends beyond a stop."""
     contacts: int = 2
-    """Smallest number of contacts."""
+    """Minimum number of contacts with a stop."""
     certain: float = 5.0
-    """A single contact is enough if stops reduce the residual by this factor."""
+    """Factor of the reduction of the residual from which a single contact is sufficient."""
 
 
 SOFT_STOP = SoftStopSettings()
@@ -58,16 +61,16 @@ class SoftStop:
     """A stop at one end of the arm's range."""
 
     end: str
-    """`largest` or `smallest` angle."""
+    """End of the range at which the stop is: `largest` or `smallest` angle."""
     angle: float
-    """Angle at which its torque begins, rad."""
+    """Angle beyond which the torque of the stop acts, rad."""
     contacts: tuple[float, ...]
-    """Instants at which the arm reaches it, s."""
+    """Instants at which the arm reaches the stop, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """A stop at one angle, with its share of the equation."""
+    """A stop at one tested angle, with its column in the equation."""
 
     end: str
     angle: float
@@ -77,7 +80,7 @@ class _Trial:
 
 
 def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
-    """The stop that explains most of the residual of the arm's equation; None without one.
+    """Stop that explains most of the residual of the arm's equation; None without a stop.
 
     Args:
         run: a recording with a moving arm
@@ -120,7 +123,7 @@ def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
 
 
 def _trials(angle: Array, basis: Array) -> tuple[list[_Trial], list[_Trial]]:
-    """Stops at the largest and at the smallest angle."""
+    """Trials of stops at the largest and at the smallest angle."""
     low, high = float(angle.min()), float(angle.max())
     shares = np.linspace(SOFT_STOP.nearest, 1.0, SOFT_STOP.angles, endpoint=False)
     largest, smallest = list[_Trial](), list[_Trial]()
@@ -143,7 +146,7 @@ def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]
 
 
 def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
-    """Factor by which a torque K2 q^2 + K3 q^3 of the arm's angle (k,) reduces the residual (k,)."""
+    """Factor by which a torque K2 q^2 + K3 q^3 of the arm's angle q (k,) reduces the residual (k,)."""
     relative = (angle - angle.mean()) / np.ptp(angle)
     columns = np.column_stack([relative**2, relative**3])
     columns -= basis @ (basis.T @ columns)
@@ -153,7 +156,7 @@ def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
 
 
 def _reduction(stops: tuple[_Trial, ...], rest: Array) -> float:
-    """Factor by which stops reduce the residual (k,); 1 if any stop does not push inwards."""
+    """Factor by which stops reduce the residual (k,); 1 if any stop would push outwards."""
     if not stops:
         return 1.0
     columns = np.column_stack([stop.column for stop in stops])

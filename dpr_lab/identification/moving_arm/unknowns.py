@@ -1,8 +1,8 @@
 """Unknowns that recordings with a moving arm determine: ratios to the inertia of one rod, and the scale of torques.
 
-Both rods: ratios to b. The inner rod alone (a Furuta pendulum): ratios to its own a = J1 + m1 l1^2. A torque input u
-enters as u/b, so that its gain is 1/b; that of a current is kt gear/b, that of a voltage kt gear/(R b). The back-EMF of
-a voltage drive, ke kt gear^2/R, adds to c0, and no recording separates these two terms.
+The ratios of both rods are to b, and those of the inner rod alone (a Furuta pendulum) to its own a = J1 + m1 l1^2. A
+torque input u enters as u/b, so that its gain is 1/b. The gain of a current is kt gear/b, and that of a voltage is kt
+gear/(R b). The back-EMF of a voltage drive, ke kt gear^2/R, adds to c0, and no recording separates these two terms.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,20 @@ from dpr_lab.rig_tables import ArmMode, Parameter
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """The unknowns of a set of recordings."""
+    """Unknowns of a set of recordings."""
 
     scale: str
-    """`a` or `b`: the inertia by which ratios are divided."""
+    """Inertia by which ratios are divided, `a` or `b`."""
     free: tuple[str, ...]
-    """Names in `SWING_PARAMETERS` that are fitted."""
+    """Names of the fitted parameters, as in `SWING_PARAMETERS`."""
     input: str
-    """Kind of the input; empty without one."""
+    """Kind of the input of the arm; empty without an input."""
     scale_value: float
-    """Value of this inertia in the rig file, kg m^2."""
+    """Value of the inertia `scale` in the rig file, kg m^2."""
     start: Array
-    """(12,) `SWING_PARAMETERS` in units of the scale, from the rig file."""
+    """(12,) initial values of `SWING_PARAMETERS` from the rig file, in units of the scale."""
     positive: tuple[str, ...] = ("a", "e1", "A", "L0")
-    """Unknowns that must be positive; a gain is negative if the input has the opposite sign."""
+    """Names of the unknowns that must be positive; a gain is negative if the input has the opposite sign."""
 
     @property
     def places(self) -> list[int]:
@@ -41,7 +41,7 @@ class Unknowns:
         return [SWING_PARAMETERS.index(name) for name in self.free]
 
     def name(self, parameter: str) -> str:
-        """Name of an unknown in results, such as `A/b`."""
+        """Name of an unknown in results, for example `A/b`."""
         if parameter == "L0":
             return parameter
         if parameter == "gain":
@@ -57,12 +57,12 @@ def mode_number(mode: ArmMode, kind: str) -> int:
 
 
 def best(parameter: Parameter | None, otherwise: float) -> float:
-    """Measured value of a parameter, otherwise its nominal value."""
+    """Measured value of a parameter, or its nominal value without a measurement; `otherwise` without an entry."""
     return otherwise if parameter is None else parameter.measured or parameter.nominal
 
 
 def rod_inertias(Z: Array, rig: Rig) -> Array:
-    """(6,) a, b, d, e1, c1, c2 of the rods on the arm, SI; for the inner rod alone b = a and all others are zero."""
+    """(6,) a, b, d, e1, c1, c2 of the rods on the arm, SI; for the inner rod alone b = a, and d and c2 are zero."""
     if rig.rods.mounted == "both":
         return base_parameters(Z, rig.L1, rig.g)
     l1, m1, c1, J1 = (Z[PARAMETERS.index(name)] for name in ("l1", "m1", "c1", "J1"))
@@ -71,11 +71,11 @@ def rod_inertias(Z: Array, rig: Rig) -> Array:
 
 
 def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
-    """Unknowns of recordings with these modes.
+    """Unknowns of recordings with given modes of the arm.
 
     Args:
         modes: mode of each recording, CLAMPED, FREE or DRIVEN
-        driven: whether a torque, current or voltage drives one of them
+        driven: whether a torque, current or voltage drives the arm in one of them
         rig: initial values
     """
     both_rods, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
@@ -102,7 +102,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
 
 
 def nominal_gain(rig: Rig) -> float:
-    """Torque per input from the rig file; zero if unknown."""
+    """Torque per unit of the input according to the rig file; zero if unknown."""
     motor = rig.motor
     if motor is None:
         return 0.0

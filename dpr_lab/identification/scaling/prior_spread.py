@@ -1,13 +1,14 @@
 """Uncertainty of parameters that only the prior of the rig file determines (docs/theory.md, equation 56).
 
-Each of the nine parameters has a lognormal prior. Its median is the measured value, or the nominal one. The standard
-deviation of its logarithm is that of a measured value, std / measured, or that of a uniform distribution between its
-bounds, ln(upper / lower) / sqrt(12). The ratios of inertias and gravity then update this prior, in logarithms z = ln Z:
+Each of the nine parameters has a lognormal prior. Its median is the measured value, or the nominal value without a
+measurement. The standard deviation of its logarithm is that of a measured value, std / measured, or that of a uniform
+distribution between its bounds, ln(upper / lower) / sqrt(12). The ratios of inertias and gravity then update this
+prior, in logarithms z = ln Z:
 
     K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z0)),    P = P0 - K J P0,    J = d ln q / d z
 
-Ratios of friction are not used, because a missing effect changes them first. Masses, lengths and inertias are
-positive and enter as products, so logarithms are nearly linear even for bounds that are a factor of ten apart.
+Ratios of friction are not used, because a missing effect changes them first. Masses, lengths and inertias are positive
+and enter as products, so logarithms are nearly linear even for bounds that are a factor of ten apart.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +31,7 @@ class PriorSettings:
     """Settings of the update of the prior by the ratios."""
 
     ratio_std: float = 1e-3
-    """Relative standard deviation of the ratios, about the change due to a missing effect."""
+    """Relative standard deviation of the ratios; it is about the change due to a missing effect."""
     longest_step: float = 0.5
     """Maximum change of a logarithm in one iteration."""
     converged: float = 1e-9
@@ -43,10 +44,10 @@ _B = BASE.index("b")
 
 
 def scale_of(b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> Scale:
-    """Scale of absolute sizes determined by the rig file.
+    """Scale of absolute sizes that the rig file determines.
 
     Args:
-        b: the used value of b, and its source
+        b: value of b in use, and its source
         unknown: (7,) ratios, b and p/b, of which only ratios count
         rig: measured values, nominal values and bounds
         visible: indices in `UNKNOWN_RATIOS` that the recordings determine; default: the five ratios
@@ -74,8 +75,8 @@ def with_intervals(
     Args:
         nine: the nine parameters
         base: the six absolute base parameters
-        ratios: the ratios with their intervals
-        scale: the assumed scale of absolute values
+        ratios: ratios with their intervals
+        scale: assumed scale of absolute values
         unknown: (7,) ratios, b and p/b
         rig: measured values, nominal values and bounds
         visible: as in `scale_of`
@@ -100,7 +101,7 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
     """90 % intervals of the parameters that only bounds determine.
 
     Args:
-        Z: (9,) used values, which the intervals contain
+        Z: (9,) values in use, which the intervals contain
         unknown: (7,) ratios, b and p/b
         rig: measured values, nominal values and bounds
         visible: as in `scale_of`
@@ -121,7 +122,7 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
 
 
 def _of_std(value: ParameterValue) -> Interval90 | None:
-    """Normal interval of a value that is not determined by bounds alone."""
+    """Normal 90 % interval of a value with a standard deviation; None for a value that only bounds determine."""
     if value.std is None:
         return None
     reach = NORMAL_Q90 * value.std
@@ -129,13 +130,13 @@ def _of_std(value: ParameterValue) -> Interval90 | None:
 
 
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
-    """Lognormal 90 % interval inside the bounds, extended to contain the used value."""
+    """Lognormal 90 % interval inside the bounds, extended to contain the value in use."""
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))
 
 
 def _edges(rig: Rig) -> Array:
-    """(2, 9) bounds; for a measured value at least its own 90 % interval."""
+    """(2, 9) bounds of the parameters, extended to the 90 % interval of a measured value."""
     reach = NORMAL_Q90 * np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) * ~rig.searched
     return rig.bounds + np.outer([-1.0, 1.0], reach)
 

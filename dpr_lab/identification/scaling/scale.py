@@ -1,4 +1,4 @@
-"""The common scale of masses, inertias and torques: the inertia b that absolute sizes refer to.
+"""Common scale of masses, inertias and torques: the inertia b to which absolute sizes refer.
 
 A free swing determines only ratios to b. A size of power k in the scale (1 for a torque or an inertia, -1 for 1/kg) is
 therefore ratio * b^k, and both factors are uncertain.
@@ -16,11 +16,11 @@ Interval90 = tuple[float, float]
 
 
 ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
-"""Inertia of the scale -> rod to which it belongs."""
+"""Inertia that defines the scale -> rod to which the inertia belongs."""
 
 
 class Scale(BaseModel):
-    """Assumed value of b for absolute sizes, with its interval and its source."""
+    """Value of b that absolute sizes assume, with its interval and its source."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
@@ -29,11 +29,13 @@ class Scale(BaseModel):
     interval90: tuple[Positive, Positive]
     """90 % interval of b from the recordings and the rig file together, kg m^2."""
     fixed_by: Literal["data", "measured", "bound"]
-    """`data`: a known torque, added mass or weighed load. `measured`: measured values of the rig file. `bound`: only
+    """Source of the scale: `data`, `measured` or `bound`.
+
+    `data`: a known torque, added mass or weighed load. `measured`: measured values of the rig file. `bound`: only
     nominal values and bounds of the rig file, so that only ratios to b are identifiable.
     """
     inertia: Literal["a", "b"] = "b"
-    """`b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if no other rod is mounted."""
+    """Name of the inertia: `b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if it is alone."""
 
     @property
     def known(self) -> bool:
@@ -42,7 +44,7 @@ class Scale(BaseModel):
 
     @property
     def assumption(self) -> str:
-        """Note on an assumed scale, `assuming b = 0.00534 kg m^2 (not measured)`, or on a known one."""
+        """Note on the scale, for example `assuming b = 0.00534 kg m^2 (not measured)`."""
         if self.known:
             source = "measured" if self.fixed_by == "measured" else "identified"
             return f"with {self.inertia} = {self.b:.4g} kg m^2 ({source})"
@@ -50,7 +52,7 @@ class Scale(BaseModel):
 
     @property
     def sentence(self) -> str:
-        """Statement of the scale of an absolute size, with the interval of b."""
+        """Sentence on the scale of absolute sizes, with the interval of b."""
         low, high = self.interval90
         known = f"{self.inertia} = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
         if self.fixed_by == "data":
@@ -64,28 +66,28 @@ class Scale(BaseModel):
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
-        """Express the scale by another inertia, which is `factor` times this one."""
+        """The scale expressed by another inertia, which is `factor` times this one."""
         low, high = self.interval90
         ends = (low * factor, high * factor)
         return Scale(b=self.b * factor, interval90=ends, fixed_by=self.fixed_by, inertia=inertia)
 
     def ratio(self, value: float, power: int = 1) -> float:
-        """Size divided by b^power, which does not depend on the scale."""
+        """Ratio of a size to b^power, which does not depend on the scale."""
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """90 % interval of a ratio from the interval of a size at this b."""
+        """90 % interval of a ratio, from the interval of the size at this b."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def absolute90(self, value: float, interval: Interval90, power: int = 1) -> Interval90:
-        """90 % interval of an absolute size including the uncertainty of the scale.
+        """90 % interval of an absolute size, including the uncertainty of the scale.
 
         On each side, two independent errors are added: the distance to the end of the fitted interval, and the change
         of the value due to b alone.
 
         Args:
-            value: the size at this b
-            interval: its 90 % interval at this b
+            value: size at this b
+            interval: 90 % interval of the size at this b
             power: power of the scale in the size; 0 for an angle or a time, whose interval is unchanged
         """
         if self.fixed_by == "data" or power == 0:
