@@ -1,4 +1,4 @@
-"""Extensions of `mcap.writer.Writer`: a chunk index on disk, and writing of many messages at once."""
+"""Extensions of `mcap.writer.Writer`: a chunk index on disk, and one call that writes many messages."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +16,7 @@ from dpr_lab.arrays import Integers
 
 
 class ChunkIndices:
-    """Index of the chunks that `mcap.writer.Writer` writes at the end, kept as bytes in a temporary file.
+    """Chunk index of an MCAP file, held in a temporary file until `mcap.writer.Writer` writes it at the end.
 
     Args:
         folder: for the temporary file, 0.15 kB per chunk
@@ -50,14 +50,14 @@ class ChunkIndices:
 
 
 class RowIndex(MessageIndex):
-    """Position of each message in a chunk: (n, 2) times and offsets, as written."""
+    """Message index of one chunk: (n, 2) log time in ns and byte offset of each message."""
 
     def __init__(self, channel: int, entries: Integers) -> None:
         super().__init__(channel, [])
         self._entries = entries
 
     def write(self, stream: RecordBuilder) -> None:
-        """Write the entry of a chunk as an MCAP record."""
+        """Write the index as an MCAP record."""
         stream.start_record(Opcode.MESSAGE_INDEX)
         stream.write2(self.channel_id)
         stream.write4(self._entries.nbytes)
@@ -66,7 +66,7 @@ class RowIndex(MessageIndex):
 
 
 def write_rows(writer: Writer, channel: int, log_ns: Integers, records: NDArray[np.uint8]) -> None:
-    """Write (n, width) message records of (n,) increasing times as one chunk."""
+    """Write one chunk of message records (n, width) with increasing log times (n,), ns."""
     writer.flush()
     chunk: Any = getattr(writer, "_Writer__chunk_builder")  # noqa: B009
     statistics: Any = getattr(writer, "_Writer__statistics")  # noqa: B009
@@ -83,7 +83,10 @@ def write_rows(writer: Writer, channel: int, log_ns: Integers, records: NDArray[
 
 
 def keep_on_disk(writer: Writer, folder: Path) -> ChunkIndices:
-    """Replace the index list of a new writer, which takes 0.6 kB per chunk, by an index on disk."""
+    """Replace the list in which a new writer collects its chunk index by an index on disk.
+
+    The list takes 0.6 kB of memory per chunk.
+    """
     name = "_Writer__chunk_indices"
     if getattr(writer, name) != []:
         raise ValueError("this writer has already started")

@@ -1,8 +1,9 @@
-"""Export of a run to formats of other programs: one file per format, one row each in `EXPORTERS`.
+"""Export of a run to the formats of other programs.
 
-Every format contains the same columns (`COLUMNS`, `COUNT_COLUMNS` if the run has counts, torques if it was driven), one
-row per sample, without resampling. Formats with metadata also contain the metadata of the run: Parquet under the key
-`dpr_lab`, HDF5 and NetCDF as attributes, MATLAB as struct `run`. CSV has none.
+`EXPORTERS` has one writer per format. Every format contains the same columns, with one row per sample and without
+resampling: `COLUMNS`, also `COUNT_COLUMNS` if the run has counts, and the torques if it was driven. Formats with
+metadata also contain the metadata of the run: Parquet under the key `dpr_lab`, HDF5 and NetCDF as attributes, MATLAB as
+struct `run`. CSV has none.
 """
 
 import io
@@ -93,7 +94,10 @@ def about(run: Run) -> dict[str, Any]:
 
 
 def write_csv(run: Run, path: Path) -> None:
-    """Write comma-separated text with a header but without comment lines, which a spreadsheet would take for data."""
+    """Write comma-separated text with a header line.
+
+    There are no comment lines, because a spreadsheet would read them as data.
+    """
     table = columns(run)
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(table) + "\n")
@@ -171,13 +175,13 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
-"""The message definition of ROS 2: `ros2 interface show sensor_msgs/msg/JointState`."""
+"""Message definition of JointState in ROS 2, as printed by `ros2 interface show sensor_msgs/msg/JointState`."""
 
 JOINTS_TOPIC, JOINT_NAMES = "/joint_states", ("theta0", "theta1", "theta2")
 
 
 def write_joint_states(run: Run, path: Path) -> None:
-    """Write MCAP with `sensor_msgs/JointState` on `/joint_states`, absolute angles; time starts at the first sample."""
+    """Write MCAP with `sensor_msgs/JointState` on `/joint_states`: absolute angles, time from the first sample."""
     with extra("ros2"):
         from mcap_ros2.writer import Writer
     with path.open("wb") as file, Writer(file) as writer:

@@ -35,7 +35,7 @@ class RunInfo:
     """Time from the release, or from the first sample if there is no release, to the last sample, s."""
     rate_hz: float
     gaps: int
-    """Number of gaps of at least one sample."""
+    """Number of intervals of the time axis in which at least one sample is missing."""
     longest_gap_s: float
     lost: Mapping[str, int]
     release_tick: int | None
@@ -52,7 +52,7 @@ class RunInfo:
     inner: str
     """Mode of joint 1 in this run: free or prescribed."""
     input: str
-    """Input of a driven arm, such as `measured voltage`; empty without one."""
+    """Kind and quantity of the input of a driven arm, such as `measured voltage`; empty for other modes of the arm."""
     rig: str
     rig_sha256: str
     source: str
@@ -63,9 +63,9 @@ class RunInfo:
     schema_hash: str
     versions: Mapping[str, str]
     created_utc: str
-    """Creation time of the file; for an imported table it is not the time of the recording."""
+    """Creation time of the file. For an imported table this is the time of the import, not of the recording."""
     recorded_utc: str
-    """Time of the recording, ISO 8601 date, or date and time; empty if an import does not state it."""
+    """Time of the recording as ISO 8601 date, or date and time; empty if the import does not state it."""
     note: str
     notes: tuple[str, ...]
     extra: Mapping[str, str]
@@ -84,7 +84,7 @@ class Verification:
 
 
 def info(path: Path | str) -> RunInfo:
-    """Describe a run file, also if it is damaged or has no release.
+    """Describe a run file; damaged files and files without a release are accepted.
 
     Raises:
         RunError: the file is not a run, or is damaged before its first sample.
@@ -146,7 +146,10 @@ def _input(stored: Scan) -> str:
 
 
 def holds_both_torques(path: Path) -> bool:
-    """Whether a run contains measured and commanded torques, according to its first sample; False if unreadable."""
+    """Whether a run contains both measured and commanded torques.
+
+    Only the first sample is checked. The result is False if the file is unreadable.
+    """
     try:
         with closing(stored_messages(path)) as messages:
             first = next((message.data for message in messages if message.topic == SAMPLES), b"")
@@ -156,7 +159,7 @@ def holds_both_torques(path: Path) -> bool:
 
 
 def verify(path: Path | str) -> Verification:
-    """Check a run file: its hash, CRCs, counts and order.
+    """Verify the integrity of a run file: its hash, the CRCs, the number of samples and their order.
 
     Raises:
         RunError: there is no such file.
@@ -172,7 +175,7 @@ def verify(path: Path | str) -> Verification:
 
 
 def recover(path: Path | str, out: Path | str) -> int:
-    """Write a new complete run from the valid part of a damaged one, which is not changed.
+    """Write the valid part of a damaged run to a new, complete run file; the damaged file is not changed.
 
     Args:
         path: the broken file

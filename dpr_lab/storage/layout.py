@@ -1,8 +1,8 @@
 """Layout of a run file: channels and their schemas, metadata records, limits.
 
-Time in the file: `log_time` counts nanoseconds from the start of the stream on every channel. On `/samples` and on
-events that name a tick it is device time, tick / rate_hz (the row's own time in an imported table); on the other
-channels it is host time since the first host time seen, and `publish_time` keeps the host time itself.
+On every channel `log_time` counts nanoseconds from the start of the stream. On `/samples`, and for events that name a
+tick, it is device time, tick / rate_hz; for an imported table it is the time column. On the other channels it is host
+time since the first host time received, and `publish_time` is the host time itself.
 """
 
 import hashlib
@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 FORMAT = "dpr-lab run 1"
-"""Value of `format` in the provenance record; this version cannot read other layouts."""
+"""Value of the key `format` in the provenance record. This version reads no other layout."""
 
 SUFFIX = ".mcap"
 RIG_ATTACHMENT = "rig.toml"
 RELEASED = "RELEASED"
-"""Kind of the event that contains the release tick."""
+"""Kind of the event that contains the tick of the release."""
 
 PROVENANCE, UNITS, END = "provenance", "units", "end"
 """Names of the metadata records before the first and after the last sample."""
@@ -32,17 +32,18 @@ class FileLimits:
     chunk_bytes: int = 1 << 20
     """Maximum size of the samples in a chunk, before compression."""
     record_bytes: int = 4 << 20
-    """Maximum size of a record, far above that of any chunk of the writer; limits damaged or malicious lengths."""
+    """Maximum size of a record, bytes. It is far above the largest chunk of the writer, and limits lengths in damaged
+    or malicious files."""
     expansion: int = 100
-    """Maximum compression ratio of all chunks together; rods at rest compress by a factor of fifteen."""
+    """Maximum ratio of unpacked to compressed size, over all chunks together. Chunks of rods at rest have a ratio of
+    15."""
     small_chunk_bytes: int = 2 << 20
-    """Size to which even a small chunk may expand: twice that of the writer."""
+    """Maximum unpacked size of a small chunk, bytes: twice the chunk size of the writer."""
     surplus_bytes: int = 1 << 26
-    """Additional total size to which the chunks may expand, because a chunk that repeats one message compresses
-    further.
-    """
+    """Additional unpacked size that all chunks together may have, bytes. Chunks that repeat one message compress
+    further than `expansion` allows."""
     ticks: int = 1 << 53
-    """Maximum tick: 70,000 years at 4 kHz, and exact as a float."""
+    """Maximum tick: 70,000 years at 4 kHz. Ticks up to this value are exact as floats."""
 
 
 LIMITS = FileLimits()
@@ -51,7 +52,8 @@ NANOSECONDS = 1_000_000_000
 """Nanoseconds per second: the unit of every time in the file."""
 
 TORQUE_KEYS = ("tau", "tau_commanded")
-"""Keys of the torques of a sample: the torques, or the measured and then the commanded torques if both are known."""
+"""Keys of the torques in a sample. The first is the only torque or, if both are known, the measured torque; the second
+is the commanded torque."""
 
 UNIT_TABLE = {
     "tick": "sample periods since the stream started; row number in an imported table",
@@ -96,7 +98,7 @@ SCHEMAS: dict[str, dict[str, Any]] = {
     ),
     CLOCK: _object({}),
 }
-"""JSON schema of each channel with JSON content; `/raw` contains the received bytes."""
+"""JSON schema of each channel with JSON content. The channel `/raw` has no schema: it contains the received bytes."""
 
 
 class Stored(NamedTuple):
@@ -109,12 +111,15 @@ class Stored(NamedTuple):
 
 
 def sealed(record: Mapping[str, str]) -> dict[str, str]:
-    """A metadata record with its own digest, because MCAP protects chunks with a CRC but not these records."""
+    """Add a digest to a metadata record.
+
+    MCAP protects chunks with a CRC, but not metadata records.
+    """
     return {**record, "digest": _digest(record)}
 
 
 def unsealed(record: Mapping[str, str]) -> dict[str, str] | None:
-    """The record without its digest, or None if they do not match."""
+    """Remove the digest from a metadata record; None if the digest does not match the record."""
     content = {key: value for key, value in record.items() if key != "digest"}
     return content if record.get("digest") == _digest(content) else None
 

@@ -29,16 +29,17 @@ def _versions() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class RunMetadata:
-    """Origin of a run; known before its first sample."""
+    """Origin of a run: all metadata known before the first sample."""
 
     rig: Rig
-    """The rig, stored completely as a TOML attachment, so that the file can be read alone."""
+    """The rig. The file contains it completely, as a TOML attachment, so that no other file is needed to read the
+    run."""
     pose: str | None
-    """Name of the requested pose, one of the rig's; None for a table without one."""
+    """Name of the requested pose, one of the poses of the rig; None for a table without a pose."""
     rate_hz: float
     """Nominal sample rate, Hz."""
     source: str = "device"
-    """`device`, or `import` for a table of another program."""
+    """`device` for a recording of a device, `import` for a table of another program."""
     time_source: TimeSource = "ticks"
     """Source of sample times: counted ticks, or the time column of a table."""
     url: str = ""
@@ -50,7 +51,7 @@ class RunMetadata:
     note: str = ""
     """Note of the operator."""
     extra: Mapping[str, str] = field(default_factory=dict)
-    """Further information, such as the options of an import."""
+    """Further metadata, for example the options of an import."""
     created_utc: str = field(default_factory=_utc_now)
     versions: Mapping[str, str] = field(default_factory=_versions)
 
@@ -119,20 +120,20 @@ _PLAIN = ("source", "url", "firmware", "uid", "protocol", "schema_hash", "note",
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """End of a run, known after its last sample."""
+    """End of a run: all metadata known after the last sample."""
 
     release_tick: int | None = None
     """Tick at which the latch opened; None if it never opened."""
     lost: Mapping[str, int] = field(default_factory=dict)
-    """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
+    """Number of lost samples by cause (`dpr_lab.run.LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
-    """Fit of device time to host time."""
+    """Parameters of the fit of device time to host time, by name."""
     gate: str = ""
     """Verdict of the quality gate, one sentence."""
     gate_figures: Mapping[str, float] = field(default_factory=dict)
-    """Values on which the verdict is based, by name with unit."""
+    """Figures on which the verdict of the quality gate is based, by name with unit."""
     pose_measured: tuple[float, float, float] | None = None
-    """Absolute angles just before the release, rad."""
+    """Absolute angles measured just before the release, rad; None if not measured."""
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -140,7 +141,12 @@ class RunSummary:
             raise ValueError(f"pose_measured needs {JOINTS} angles, not {len(self.pose_measured)}")
 
     def to_record(self, samples: int, stopped: str = "") -> dict[str, str]:
-        """The end record of a file with this number of samples; `stopped` is the reason of an early end."""
+        """The end record of a file.
+
+        Args:
+            samples: number of samples in the file
+            stopped: reason of an early end; empty for a regular end
+        """
         return {
             "complete": json.dumps(not stopped),
             "stopped": stopped,
@@ -180,13 +186,13 @@ def _words(values: Mapping[str, Any]) -> dict[str, str]:
 
 
 def numbers(values: Mapping[str, Any]) -> dict[str, float]:
-    """Finite numbers among the metadata of a file."""
+    """Entries of a mapping from a file whose values are finite numbers."""
     known = {name: value for name, value in values.items() if isinstance(value, int | float)}
     return {str(name): value for name, value in known.items() if np.isfinite(value)}
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON: NumPy scalars as numbers, non-finite numbers as null."""
+    """Convert a value to JSON types: NumPy scalars become numbers, non-finite numbers become null."""
     if isinstance(value, Mapping):
         return {str(key): plain(element) for key, element in value.items()}
     if isinstance(value, list | tuple):

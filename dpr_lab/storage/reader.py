@@ -18,7 +18,7 @@ from dpr_lab.storage.samples import STRANGE, Samples, json_object
 from dpr_lab.storage.scan import Scan, scan
 from dpr_lab.storage.sidecar import read_sidecar
 
-# Zeros and noise may differ between runs of the same rig, so they are not compared.
+# Encoder zeros and noise may differ between runs of the same rig, so they are not compared.
 _SAME_ENCODERS = ("counts_per_rev", "joint2", "direction")
 _SAME_FRAME = ("name", "L1", "g")
 
@@ -26,11 +26,11 @@ _SAME_FRAME = ("name", "L1", "g")
 def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> Run:
     """Read a run.
 
-    t = (tick - release tick) / rate, or the time column of an imported table. Angles come from the counts by the rig
-    stored in the file; full turns are removed from theta1 and theta2, so that each rod lies within pi of the requested
-    pose at the release: it may have been raised in either direction.
+    t = (tick - release tick) / rate, or the time column of an imported table. The angles are computed from the counts
+    with the encoders of the rig stored in the file. Full turns are removed from theta1 and theta2, so that each rod
+    lies within pi of the requested pose at the release, because a rod may have been raised in either direction.
 
-    For a file that was cut or damaged the samples before the damage are returned, with `complete` False and a note.
+    If the file was cut or damaged, the samples before the damage are returned, with `complete` False and a note.
 
     Args:
         path: the run file
@@ -98,7 +98,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Fields of a run that only imported tables have, such as `keep_rest` and `film_noise`."""
+    """Fields of a `Run` that only imported tables have, such as `keep_rest` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
     options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
@@ -130,7 +130,7 @@ def _object(text: str) -> dict[str, Any]:
 def released(run: Run) -> Run:
     """Part of an imported run between the start of the motion and the end of the swing.
 
-    The whole run if no such part can be determined; `refuse_held` gives the reason.
+    The whole run is returned if this part cannot be determined; `refuse_held` gives the reason.
     """
     try:
         part = free_part_of(run)
@@ -150,7 +150,10 @@ def released(run: Run) -> Run:
 
 
 def _torques(samples: Samples) -> tuple[Array | None, Array | None]:
-    """The torques, and the commanded torques if both are known; None without drives."""
+    """Torques (n, 2) and commanded torques (n, 2) of the samples, N m.
+
+    The first is None without drives. The second is None unless both kinds are known.
+    """
     if not any(torques.any() for torques in samples.torques):
         return None, None
     first, *second = samples.torques
@@ -158,7 +161,9 @@ def _torques(samples: Samples) -> tuple[Array | None, Array | None]:
 
 
 def arm_mode(stored: Scan) -> ArmMode:
-    """Mode of the arm stored with the run or in its rig. A device may send only the angle of a driven arm.
+    """Mode of the arm as stated by the run, otherwise by its rig.
+
+    A driven arm whose run states no mode counts as prescribed, because a device may send only its angle.
 
     Raises:
         RunError: an unknown mode.
@@ -172,7 +177,7 @@ def arm_mode(stored: Scan) -> ArmMode:
 
 
 def inner_mode(stored: Scan) -> str:
-    """Motion of the inner rod: as stated by the run, otherwise by its rig.
+    """Mode of the inner rod as stated by the run, otherwise by its rig.
 
     Raises:
         RunError: an unknown mode.
@@ -186,7 +191,10 @@ def inner_mode(stored: Scan) -> str:
 
 
 def _delay(stored: Scan) -> float:
-    """Delay between logged and acting torques stored in the file, s; checked, because a file may contain any value."""
+    """Delay from the logged to the acting torque, as stored in the file, s.
+
+    The file may contain any text, so the value is checked.
+    """
     try:
         delay = float(stored.metadata.extra.get("input_delay_s", 0.0))
     except ValueError:
@@ -197,7 +205,7 @@ def _delay(stored: Scan) -> float:
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """Clock fit at the end of a run, or the last one during the recording; empty without one."""
+    """Clock fit at the end of a run, otherwise the last fit during the recording; empty without either."""
     clock = stored.summary.clock if stored.summary is not None and stored.summary.clock else stored.newest_clock
     return numbers(clock)
 
@@ -212,7 +220,7 @@ def stored_rig(path: Path | str) -> Rig:
 
 
 def lost_by_gaps(stored: Scan, samples: Samples) -> dict[str, int]:
-    """Losses computed from the ticks alone, for a file without an end record."""
+    """Number of lost samples computed from the ticks alone, for a file without an end record."""
     return {"tick_gap": samples.missing} if stored.metadata.time_source == "ticks" else {}
 
 
@@ -230,15 +238,19 @@ def _time(stored: Scan, samples: Samples) -> Array:
 
 
 def release_row(release: int | None, ticks: Integers) -> int:
-    """Row of an imported table at which the rods were released; the first row if the file does not name a valid one."""
+    """Row of an imported table at which the rods were released.
+
+    The first row if the file names no release, or a tick that is not in the table.
+    """
     row = 0 if release is None else int(np.searchsorted(ticks, release))
     return row if row < len(ticks) and ticks[row] == release else 0
 
 
 def full_turns(rig: Rig, pose: str | None, t: Array, theta: Array) -> Array:
-    """(3,) whole turns to subtract, rad, so that each rod lies within pi of the pose at t = 0; zero without a pose.
+    """Whole turns (3,) to subtract from the angles, rad, so that each rod lies within pi of the pose at t = 0.
 
-    Without a pose, whole turns between recordings are kept, because they may show a wrong number of counts per turn.
+    They are zero without a pose: whole turns between recordings are then kept, because they may show a wrong number of
+    counts per turn.
     """
     turns = np.zeros(3)
     if pose is not None:
@@ -278,7 +290,7 @@ def _what_happened(stored: Scan) -> list[str]:
 
 
 def _degraded(stored: Scan) -> list[str]:
-    """Failed checks of the quality gate for a recording."""
+    """Note that the quality gate marked the recording as degraded; empty otherwise."""
     gate = stored.summary.gate if stored.summary is not None else ""
     return [f"the quality gate marked this recording as {gate}"] if gate.startswith("degraded") else []
 

@@ -1,4 +1,4 @@
-"""Check of the free disk space for a recording before anything moves."""
+"""Check that enough disk space is free for a recording, before the rig moves."""
 
 import shutil
 from pathlib import Path
@@ -8,7 +8,7 @@ from dpr_lab.errors import RunError
 
 
 def check_room(folder: Path, samples: float, bytes_a_sample: int = 128) -> None:
-    """Create a folder if needed and check that a recording with this number of samples fits.
+    """Check that a recording of a given number of samples fits on the disk; the folder is created if needed.
 
     Args:
         folder: folder of the run file and of the spool

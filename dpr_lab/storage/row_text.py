@@ -1,7 +1,8 @@
-"""Samples as JSON with fixed width, written and read as arrays of bytes, without a Python call for each row.
+"""Samples as JSON of fixed width, written and read as arrays of bytes without a Python call for each row.
 
-Within a block, a number has the same number of characters in every row. JSON allows blanks before a number, so any JSON
-reader can read these messages. If a number needs more digits, the block is written and read row by row.
+Within a block, each number has the same number of characters in every row. Shorter numbers are preceded by blanks,
+which JSON allows, so any JSON reader can read these messages. A block in which a number needs more digits is written
+and read row by row.
 """
 
 import re
@@ -18,27 +19,27 @@ from dpr_lab.storage.layout import TORQUE_KEYS
 
 @dataclass(frozen=True, slots=True)
 class TextSettings:
-    """Number format of text files."""
+    """Format of the numbers in fixed-width text."""
 
     decimals: tuple[int, ...] = (3, 6, 9, 11)
-    """Tried numbers of decimals; the smallest that reproduces every number of a column exactly is used."""
+    """Numbers of decimals to try, in this order. The first that reproduces every number of a column exactly is used."""
     largest: int = 1 << 53
-    """Upper limit of the digits of a number, read as one integer. A smaller integer is exact as a float, so that only
-    its division by a power of ten is rounded.
-    """
+    """Maximum value of the digits of a number, read as one integer. Smaller integers are exact as floats, so only the
+    division by a power of ten is rounded."""
 
 
 SETTINGS = TextSettings()
 Bytes = NDArray[np.uint8]
 
 _QUADS = np.frombuffer("".join(f"{n:04d}" for n in range(10_000)).encode(), dtype=np.uint32)
-"""Type that combines four characters: reading an array of it takes a twentieth of the time for rows of four bytes."""
+"""Four-digit texts of 0 to 9999, each stored as one 32-bit integer. Text is then built in units of four characters, in
+a twentieth of the time."""
 _BLANK, _MINUS, _POINT, _ZERO = b" -.0"
 _HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("log", "<u8", 2)])
 
 
 def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
-    """(n, 31 + w) MCAP message records of (n,) times and (n, w) texts."""
+    """MCAP message records (n, 31 + w) for log times (n,), ns, and texts (n, w)."""
     head = np.zeros(len(texts), dtype=_HEAD)
     head["kind"], head["length"] = Opcode.MESSAGE, _HEAD.itemsize - 9 + texts.shape[1]
     head["channel"], head["log"] = channel, log_ns[:, None]
@@ -46,7 +47,7 @@ def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
 
 
 def message_texts(records: bytes) -> tuple[int, Bytes] | None:
-    """Channel and (n, w) texts of records from `message_records`; None for other records."""
+    """Channel and texts (n, w) of records written by `message_records`; None for other records."""
     if len(records) < _HEAD.itemsize:
         return None
     first = np.frombuffer(records, dtype=_HEAD, count=1)
@@ -67,7 +68,7 @@ def sample_texts(
     counts: Integers | None,
     torques: Array,
 ) -> Bytes | None:
-    """(n, w) samples as JSON; None if a number has no text of fixed width.
+    """JSON texts (n, w) of samples; None if a number cannot be written with fixed width.
 
     Args:
         tick: (n,)
@@ -91,7 +92,7 @@ def sample_texts(
 
 
 def _decimals(values: Integers | Array) -> Bytes | None:
-    """(n, w) decimal text of (n,) numbers, with leading blanks; None if no number of decimals is sufficient."""
+    """Decimal texts (n, w) of numbers (n,), with leading blanks; None if no tried number of decimals is exact."""
     if values.dtype == np.int64:
         return _fixed(values.astype(np.int64), 0) if np.abs(values).max() < SETTINGS.largest else None
     for decimals in SETTINGS.decimals:
@@ -104,14 +105,14 @@ def _decimals(values: Integers | Array) -> Bytes | None:
 
 
 def _fixed(scaled: Integers, decimals: int) -> Bytes:
-    """(n, w) text of integers with a point before the last `decimals` digits."""
+    """Texts (n, w) of integers (n,), with a decimal point before the last `decimals` digits."""
     size = np.abs(scaled)
     digits = max(len(str(size.max())), decimals + 1)
     quads = [_QUADS[size // 10**power % 10_000] for power in reversed(range(0, digits, 4))]
     text = np.column_stack([_QUADS[np.zeros_like(size)], *quads]).view(np.uint8)[:, -digits - 1 :]
     text[:, 0] = _BLANK
     whole = digits - decimals
-    # Before the first digit of each row there are blanks and a sign.
+    # Each row has blanks and a sign before its first digit.
     blanks = sum((size < 10**power).astype(np.intp) for power in range(decimals + 1, digits))
     for column in range(whole - 1):
         text[blanks > column, column + 1] = _BLANK
@@ -137,9 +138,9 @@ _SAMPLE = re.compile(
 
 
 def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
-    """Numbers of (n, w) texts from `sample_texts`, in its order: tick, t, counts, theta, torques; each (n,).
+    """Numbers in the texts (n, w) of `sample_texts`: tick, t, counts, theta and torques, each column (n,).
 
-    A column is None if the texts do not contain its name. The result for other texts is None.
+    A column is None if the texts do not contain it. The result is None if the texts are not from `sample_texts`.
     """
     match = _SAMPLE.fullmatch(texts[0].tobytes())
     if match is None:
@@ -156,14 +157,14 @@ def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
-    """Position of a number with its leading blanks; (-1, -1) if it is missing."""
+    """Position of a number including its leading blanks; (-1, -1) if the number is missing."""
     while start > 0 and row[start - 1] == _BLANK:
         start -= 1
     return start, stop
 
 
 def _numbers(texts: Bytes) -> Array | Integers | None:
-    """(n,) numbers of (n, w) texts with all points in one column; None for other texts."""
+    """Numbers (n,) of texts (n, w) whose decimal points are all in the same place; None for other texts."""
     points = np.flatnonzero(texts[0] == _POINT)
     decimals = texts.shape[1] - 1 - int(points[0]) if len(points) else 0
     if len(points) and not (texts[:, points[0]] == _POINT).all():

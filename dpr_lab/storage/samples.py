@@ -1,4 +1,4 @@
-"""Messages of a run file as numbers, collected chunk by chunk; their content is not trusted."""
+"""Conversion of the messages of a run file to arrays, chunk by chunk; their content is not trusted."""
 
 import json
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from dpr_lab.storage.layout import CLOCK, EVENTS, LIMITS, RELEASED, SAMPLES, TOR
 from dpr_lab.storage.row_text import sample_columns
 
 STRANGE = (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError)
-"""Exceptions for JSON with unexpected content."""
+"""Exceptions that JSON with unexpected content causes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,13 +25,13 @@ class Samples:
     ticks: Integers
     """(n,) ticks."""
     t: Array
-    """(n,) s since tick 0"""
+    """(n,) time since tick 0, s."""
     theta: Array
     """(n, 3) angles computed during the recording, rad."""
     counts: Integers | None
     """(n, 3) position counts."""
     torques: tuple[Array, ...] = ()
-    """(n, 2) N m, in the order of `TORQUE_KEYS`."""
+    """(n, 2) torques of each kind, N m, in the order of `TORQUE_KEYS`."""
 
     @property
     def missing(self) -> int:
@@ -66,7 +66,10 @@ def json_object(data: bytes) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class Gathered:
-    """Collector of the numbers in the messages of a file; memory grows with the samples and not with the text."""
+    """Collector of the numbers in the messages of a file.
+
+    It stores arrays and not the texts, to save memory.
+    """
 
     release_tick: int | None = None
     """Tick of the first valid release."""
@@ -94,7 +97,7 @@ class Gathered:
             self.strange_event = str(error) or type(error).__name__
 
     def take_rows(self, texts: NDArray[np.uint8]) -> bool:
-        """Add the samples of (n, w) texts of fixed width; returns false, without adding any, for other texts."""
+        """Add samples given as texts (n, w) of fixed width; returns False, and adds nothing, for other texts."""
         if self.strange_sample:
             return True
         columns = sample_columns(texts)
@@ -141,7 +144,7 @@ class Gathered:
 
 
 def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
-    """(n, k) values of k columns; None if they are missing."""
+    """Stack of k columns as (n, k); None if the columns are missing."""
     present = [column for column in columns if column is not None]
     return np.column_stack(present) if present else None
 

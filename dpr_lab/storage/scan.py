@@ -1,8 +1,8 @@
-"""Reading of a run file from its start to its end or to the first damage, without trust in its content.
+"""Reading of a run file up to its end or first damage; its content is not trusted.
 
-The indexed reader of the library needs a complete file. This reader reads in order and stops at the first inconsistent
-record: every chunk has a CRC, the two essential records have a digest, the rig has its hash, and every length in the
-file is compared with `LIMITS`.
+The indexed reader of the MCAP library needs a complete file. This reader reads the records in order and stops at the
+first inconsistent one. Every chunk has a CRC, the two essential records have a digest, and the rig has a hash. Every
+length in the file is compared with `LIMITS`.
 """
 
 import hashlib
@@ -53,7 +53,7 @@ DAMAGE = (
     AttributeError,
     AssertionError,
 )
-"""Exceptions of the libraries for invalid bytes."""
+"""Exceptions that the libraries raise for invalid bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +62,15 @@ class Scan:
 
     path: Path
     size_bytes: int
-    """Size of the file, or of its part before the first hole, bytes."""
+    """Size of the file in bytes, up to its first hole."""
     sha256: str
-    """SHA-256 of these bytes."""
+    """SHA-256 of the file up to its first hole."""
     metadata: RunMetadata
     rig_sha256: str
     read: Gathered
     """Samples, first release and last clock fit, collected chunk by chunk."""
     summary: RunSummary | None
-    """End of the run; None if the file has no end record."""
+    """End record of the run; None if the file has no end record."""
     stopped: str
     """Reason why the recording ended early, from the writer; empty if it did not."""
     samples_announced: int | None
@@ -87,7 +87,7 @@ class Scan:
 
     @property
     def release_tick(self) -> int | None:
-        """Tick of the release: from the end record, or from the event if the end record is missing.
+        """Tick of the release, from the end record; without an end record, from the event.
 
         Raises:
             RunError: an event that does not have the layout of a run.
@@ -111,7 +111,7 @@ class Scan:
             raise RunError(f"{self.path}: {CLOCK} does not have the layout of a run: {error}") from error
 
     def samples(self) -> Samples:
-        """Decode the samples.
+        """Samples of the run.
 
         Raises:
             RunError: the channel has other content, or ticks that do not increase.
@@ -127,12 +127,12 @@ class Scan:
 
 @dataclass(slots=True)
 class _Room:
-    """Budget of the bytes to which the chunks of a file may expand."""
+    """Number of bytes to which the chunks of a file may still expand."""
 
     left: int = LIMITS.surplus_bytes
 
     def take(self, packed: int, expanded: int) -> None:
-        """Subtract the size of a chunk from the budget before the chunk is expanded.
+        """Check the unpacked size of a chunk and subtract it from the budget, before the chunk is unpacked.
 
         Raises:
             McapError: the chunk, or all chunks together, exceed the limits.
@@ -199,7 +199,7 @@ def stored_messages(path: Path) -> Generator[Stored]:
 
 
 def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, int | None]:
-    """End of the run, the reason of an early end, and the announced number of samples."""
+    """End record of the run, reason of an early end, and number of samples that the end record states."""
     end = collected.records.get(END)
     if end is None:
         return None, "", None
@@ -213,10 +213,10 @@ def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, 
 
 @contextmanager
 def mapped(path: Path) -> Iterator[mmap.mmap]:
-    """The file as memory: reads past its end are short, and no damaged length causes an allocation.
+    """Map a file into memory, up to its first hole.
 
-    The memory ends at the first hole. A valid run has no hole: the missing part was never written to the disk, or the
-    size of a small file was set artificially.
+    Reads past the end return fewer bytes, and no damaged length causes an allocation. A valid run has no hole. A hole
+    means that a part was never written to the disk, or that the size of a small file was set artificially.
     """
     try:
         with regular(path, RunError).open("rb") as file:
@@ -232,29 +232,32 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 
 def _until_hole(file: BinaryIO) -> int:
-    """Number of bytes of a file before its first hole, or its end."""
+    """Number of bytes of a file before its first hole; the whole size if it has none."""
     if not hasattr(os, "SEEK_HOLE"):
         return os.fstat(file.fileno()).st_size
     try:
         return os.lseek(file.fileno(), 0, os.SEEK_HOLE)
-    except OSError:  # an empty file, or a file system without this function
+    except OSError:  # an empty file, or a file system that cannot find holes
         return os.fstat(file.fileno()).st_size
 
 
 class _Reader(StreamReader):
-    """Skip the message index of each chunk, which takes more time than the messages and is not needed."""
+    """Stream reader that skips the message index of each chunk.
+
+    The index is not needed, and reading it takes more time than reading the messages.
+    """
 
     def _read_record(self, opcode: int, length: int) -> McapRecord | None:
         return None if opcode == Opcode.MESSAGE_INDEX else super()._read_record(opcode, length)
 
 
 def _reader(file: mmap.mmap) -> StreamReader:
-    # The mapping has read, tell and seek but is not declared as a file.
+    # The mapping has read, tell and seek but is not typed as a file.
     return _Reader(file, emit_chunks=True, validate_crcs=True, record_size_limit=LIMITS.record_bytes)  # pyright: ignore[reportArgumentType]
 
 
 def _collect(file: mmap.mmap, collected: _Collected) -> str:
-    """Collect the records in file order; returns the damage at which reading ended, if any."""
+    """Collect the records of a file in order; returns the damage that ended the reading, or an empty text."""
     reader = _reader(file)
     try:
         for record in reader.records:
@@ -265,7 +268,7 @@ def _collect(file: mmap.mmap, collected: _Collected) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """Reason in brackets if it is a message of this package; messages of libraries are omitted."""
+    """Reason of a damage in brackets, if this package raised the error; messages of libraries are omitted."""
     if type(error) is McapError and str(error):
         return f" ({error})"
     if isinstance(error, CRCValidationError):
@@ -295,7 +298,7 @@ def _take(record: McapRecord, collected: _Collected) -> None:
 
 
 def _expanded(chunk: Chunk, room: _Room) -> bytes:
-    """Records of a chunk, decompressed and checked.
+    """Unpack the records of a chunk and check their CRC.
 
     Raises:
         DAMAGE: the chunk is not valid in a run, or does not match its CRC.
@@ -315,7 +318,7 @@ def _expanded(chunk: Chunk, room: _Room) -> bytes:
 
 
 def _take_rows(content: bytes, collected: _Collected) -> bool:
-    """Collect the samples of a chunk with rows of one fixed width; false for any other chunk."""
+    """Collect the samples of a chunk whose rows have one fixed width; returns False for other chunks."""
     rows = message_texts(content)
     if rows is None or collected.topics.get(rows[0]) != SAMPLES:
         return False
@@ -323,7 +326,7 @@ def _take_rows(content: bytes, collected: _Collected) -> bool:
 
 
 def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stored]:
-    """Messages of a chunk with this content."""
+    """Messages of an unpacked chunk."""
     records = breakup_chunk(replace(chunk, compression="", data=content))
     topics.update({record.id: record.topic for record in records if isinstance(record, Channel)})
     messages = [record for record in records if isinstance(record, Message)]

@@ -1,6 +1,7 @@
-"""Files next to a run: hash and note. The run itself never changes.
+"""Hash file and note file of a run.
 
-`<file>.sha256` contains its hash, in the format of `sha256sum -c`; `<file>.note` contains a later note of the operator.
+`<file>.sha256` contains the hash of the run, in the format of `sha256sum -c`. `<file>.note` contains a note that the
+operator wrote after the recording. The run file itself never changes.
 """
 
 from pathlib import Path
@@ -19,7 +20,12 @@ def sidecar_of(path: Path) -> Path:
 
 
 def write_sidecar(path: Path, content: Path | None = None) -> None:
-    """Hash a finished run and write its hash file; `content` is the path before the run is renamed."""
+    """Hash a finished run and write its hash file.
+
+    Args:
+        path: final path of the run
+        content: path of the run before it is renamed; None if it already has its final path
+    """
     sidecar_of(path).write_text(f"{sha256_of(content or path)}  {path.name}\n", encoding="utf-8", newline="\n")
 
 
@@ -33,12 +39,12 @@ def read_sidecar(path: Path) -> str | None:
 
 
 def note_of(path: Path) -> Path:
-    """Path of the file with the later note on a run."""
+    """Path of the file with a note that was written after the recording."""
     return path.with_name(path.name + ".note")
 
 
 def write_note(path: Path, note: str) -> None:
-    """Write a note on a run, which replaces the note of the recording.
+    """Write a note on a run. It replaces the note of the recording in all displays.
 
     Raises:
         RunError: it cannot be written.
@@ -47,7 +53,7 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """Note on a run: the later note, or the note of the recording."""
+    """Note on a run: from the note file, otherwise the note of the recording."""
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

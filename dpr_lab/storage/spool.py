@@ -1,4 +1,4 @@
-"""Samples of the current recording in an unnamed temporary file, so that memory does not grow with its length."""
+"""Temporary file with the samples of the current recording, so that memory does not grow with its length."""
 
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -13,7 +13,7 @@ _ROW = np.dtype((np.int64, (1 + JOINTS,)))
 
 
 class Spool:
-    """Ticks and counts in order of arrival; a context manager that deletes them at the end.
+    """Ticks and counts in order of arrival, in an unnamed file that is deleted at the end of the context.
 
     Args:
         folder: folder of the temporary file, 32 bytes per sample
@@ -42,12 +42,12 @@ class Spool:
 
     @property
     def first_tick(self) -> int:
-        """Tick of the first sample, -1 without samples."""
+        """Tick of the first sample; -1 without samples."""
         return self._first_tick
 
     @property
     def last_tick(self) -> int:
-        """Tick of the newest sample, -1 without samples."""
+        """Tick of the newest sample; -1 without samples."""
         return self._last_tick
 
     @property

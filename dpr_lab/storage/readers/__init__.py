@@ -35,9 +35,10 @@ class Reader:
 
     kind: str
     begins: tuple[bytes, ...]
-    """First bytes of the file."""
+    """Possible first bytes of a file of this format."""
     read: Callable[[Path, Sequence[str]], Table]
-    """Function of the file and the requested parts (`ImportOptions.take`) that returns a table."""
+    """Function that reads a file and returns a table. Its second argument names the requested parts
+    (`ImportOptions.take`)."""
 
 
 def _refuse_spreadsheet(path: Path, take: Sequence[str]) -> Table:
@@ -56,11 +57,12 @@ _OWN = (
 )
 
 READERS: tuple[Reader, ...] = (*_OWN, *plugin_rows("readers", Reader, ()).values())
-"""Formats in the order in which they are tried; any other file is text, or text compressed by gzip."""
+"""Formats in the order in which they are tried. A file of none of these formats is read as text, or as text compressed
+by gzip."""
 
 
 def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
-    """Read a table of any kind.
+    """Read a table of any format.
 
     Args:
         path: a file, or the folder of a ROS 2 bag

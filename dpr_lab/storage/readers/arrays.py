@@ -26,11 +26,11 @@ BROKEN = (
     TypeError,
     ValueError,
 )
-"""Exceptions of libraries for invalid bytes."""
+"""Exceptions that libraries raise for invalid bytes."""
 
 
 def refuse_large(path: Path, values: int) -> None:
-    """Check that a file does not unpack to more numbers than a recording.
+    """Refuse a file that contains more numbers than a recording can have.
 
     Args:
         path: the file
@@ -45,7 +45,7 @@ def refuse_large(path: Path, values: int) -> None:
 
 
 def refuse_swollen(path: Path, size: int) -> None:
-    """Check that a compressed file does not unpack to far more than a recording of its size.
+    """Refuse a compressed file whose unpacked size exceeds `most_unpacked`.
 
     Args:
         path: the file
@@ -69,7 +69,7 @@ def most_unpacked(path: Path) -> int:
 
 
 def broken(path: Path, kind: str, error: BaseException) -> RunError:
-    """Message for a file that its library cannot read."""
+    """Error for a file that its library cannot read."""
     if isinstance(error, MemoryError):
         return RunError(f"{path}: needs more memory than is free on this computer: split it into recordings")
     return RunError(
@@ -80,10 +80,10 @@ def broken(path: Path, kind: str, error: BaseException) -> RunError:
 def table_of(
     path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequence[str] = (), notes: Sequence[str] = ()
 ) -> Table:
-    """Convert named arrays to a table: a vector is one column, a matrix several; single numbers are ignored.
+    """Convert named arrays to a table: a vector becomes one column, a matrix several; single numbers are ignored.
 
-    A matrix's columns are `NAME[1]`, `NAME[2]`, ...; for `group/name` the last part is the column's name if it is
-    unique.
+    The columns of a matrix are named `NAME[1]`, `NAME[2]`, .... The column of an array `group/name` is named `name` if
+    this is unique in the file.
 
     Args:
         path: the file

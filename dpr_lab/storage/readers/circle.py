@@ -1,8 +1,8 @@
-"""The circle on which most points of a film lie, although a tracker followed something else in some frames.
+"""Robust fit of a circle to the path of a tracked point; the tracker followed other objects in some frames.
 
-Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k;
-Rousseeuw (1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the least median of
-distances, then least squares for the points near it.
+Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k; Rousseeuw
+(1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the least median of distances, then
+least squares for the points near it.
 """
 
 from dataclasses import dataclass
@@ -14,26 +14,29 @@ from dpr_lab.arrays import Array, Flags
 
 @dataclass(frozen=True, slots=True)
 class CircleSettings:
-    """Limits for a circle through tracked points."""
+    """Settings of the robust fit of a circle to tracked points."""
 
     triples: int = 100
-    """Number of circles through three random points: if a third of the points are wrong, 30 of them are right."""
+    """Number of circles through three random points. If a third of the points are wrong, about 30 of them pass through
+    correct points only."""
     near: float = 6.0
-    """Maximum distance of a point on the circle from it, in median distances; it is about 4 standard deviations."""
+    """Maximum distance of a point from the circle to count as on the circle, in median distances; about 4 standard
+    deviations."""
     fits: int = 20
-    """Maximum number of fits to the points near the previous circle."""
+    """Maximum number of least-squares fits. Each is made to the points near the previous circle."""
     rounding: float = 1e-9
-    """Maximum distance from the circle, relative to its radius, of a point that is on it in any case."""
+    """Distance from the circle, relative to its radius, up to which a point counts as on the circle regardless of
+    `near`."""
 
 
 SETTINGS = CircleSettings()
 
 
 def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
-    """Centre (2,) of the circle on which most points lie and (n,) whether each does; None if they lie on a line.
+    """Centre (2,) of the circle on which most points lie, and flags (n,) of these points; None if they lie on a line.
 
-    The candidates for the first circle are the fit to all points and circles through three points; the one with the
-    least median distance of all points is chosen.
+    The candidates for the first circle are the fit to all points and the circles through three random points. The
+    candidate with the smallest median distance of all points is chosen.
 
     Args:
         points: (n, 2) in the order of the frames, each finite
@@ -58,13 +61,13 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
 
 
 def _distances(points: Array, centre: Array) -> tuple[Array, float]:
-    """(n,) distances from the circle of median radius about a centre, and this radius."""
+    """Distances (n,) of points from the circle of median radius about a centre, and this radius."""
     radii = np.hypot(*(points - centre).T)
     return np.abs(radii - np.median(radii)), float(np.median(radii))
 
 
 def _centre(points: Array) -> Array | None:
-    """Centre of the circle through points; None if they lie on a line."""
+    """Centre (2,) of the least-squares circle through points; None if they lie on a line."""
     if len(points) < 3:
         return None
     centred = points - points.mean(axis=0)

@@ -19,10 +19,10 @@ KIND = "HDF5 file"
 
 @dataclass(frozen=True, slots=True)
 class TreeLimits:
-    """Limits on the groups and data sets of a file; a recording has a few dozen."""
+    """Limits on the number and depth of the groups and data sets of a file. A recording has a few dozen."""
 
     depth: int = 32
-    """Maximum depth of groups."""
+    """Maximum nesting depth of groups."""
     objects: int = 2000
 
 
@@ -30,7 +30,7 @@ LIMITS = TreeLimits()
 
 
 def read_hdf5(path: Path, take: Sequence[str]) -> Table:
-    """Read every numeric data set that is stored in an HDF5 file itself.
+    """Read every numeric data set of an HDF5 file; data sets in other files are refused.
 
     Raises:
         RunError: a damaged file, data in other files, a MATLAB object, too many groups, or more numbers than a
@@ -60,9 +60,10 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
 
 
 def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
-    """Groups and data sets of a file with their names, each once; links to other files are not followed.
+    """Groups and data sets of a file with their names.
 
-    Internal groups of MATLAB, whose names begin with `#`, are skipped.
+    Each is returned once. Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`,
+    are skipped.
     """
     import h5py
 

@@ -30,12 +30,13 @@ KIND = "ROS 2 bag"
 
 @dataclass(frozen=True, slots=True)
 class BagLimits:
-    """Limits of a bag."""
+    """Limits on the sizes of records and messages of a bag."""
 
     record_bytes: int = 64 << 20
-    """Maximum size of a record or chunk, compressed and unpacked; images may be in the same chunk as the joints."""
+    """Maximum size of a record or chunk, compressed or unpacked, bytes. A chunk may contain images next to the joint
+    states."""
     message_bytes: int = 1 << 16
-    """Maximum size of a JointState message, some hundred joints."""
+    """Maximum size of a JointState message, bytes; enough for some hundred joints."""
     joints: int = 100
 
 
@@ -43,11 +44,11 @@ LIMITS = BagLimits()
 _BROKEN = (*BROKEN, McapError, zstandard.ZstdError, struct.error)
 
 Stamped = tuple[str, int, bytes]
-"""Topic, log time in ns, and message as CDR."""
+"""One message: topic, log time in ns, and CDR bytes."""
 
 
 def read_mcap(path: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of an MCAP file; `take` is the topic.
+    """Read the joint positions of an MCAP file; `take` names the topic.
 
     Raises:
         RunError: a damaged file, a run file, no JointState or several topics with it, or two joints with the same name.
@@ -57,12 +58,12 @@ def read_mcap(path: Path, take: Sequence[str]) -> Table:
 
 
 def read_sqlite(path: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of the `.db3` file of a bag; as `read_mcap`."""
+    """Read the joint positions of the `.db3` file of a bag. Arguments and errors are those of `read_mcap`."""
     return _table(path, KIND, lambda: _sqlite_messages(path), take)
 
 
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of a ROS 2 bag, a folder with `metadata.yaml`; as `read_mcap`."""
+    """Read the joint positions of a ROS 2 bag: a folder with `metadata.yaml`. Otherwise as `read_mcap`."""
     if not (folder / "metadata.yaml").is_file():
         raise RunError(f"{folder}: is a folder without metadata.yaml, so it is not a ROS 2 bag: give a file in it")
     files = sorted((p for p in folder.iterdir() if p.suffix in (".mcap", ".db3")), key=_by_number)
@@ -105,7 +106,7 @@ def _decoder() -> Callable[[bytes], Any]:
     """
     with extra("ros2"):
         from mcap_ros2.decoder import DecoderFactory
-    # The layout of the message in the file is not needed, and not read.
+    # The stored definition of the message is not needed, so it is not read.
     schema = Schema(id=1, name=JOINT_STATE, encoding="ros2msg", data=JOINT_STATE_DEFINITION.encode())
     decode = DecoderFactory().decoder_for("cdr", schema)
     assert decode is not None
@@ -115,7 +116,7 @@ def _decoder() -> Callable[[bytes], Any]:
 def _gathered(
     path: Path, messages: Iterable[Stamped], take: Sequence[str]
 ) -> tuple[list[int], list[str], list[dict[int, float]], str]:
-    """Times in ns, joint names, and positions by joint of every message on the single topic."""
+    """Times in ns, joint names, positions by joint, and topic, from all messages on the one JointState topic."""
     logged: list[int] = []
     stamped: list[int] = []
     joints: dict[str, int] = {}
@@ -185,7 +186,7 @@ def _refuse_encoding(path: Path, channel: Channel) -> None:
 
 
 def _expanded(chunk: Chunk) -> Chunk:
-    """Unpacked chunk, limited to its declared size and to the limit."""
+    """Unpack a chunk; its size must not exceed the declared size or the limit."""
     size = chunk.uncompressed_size
     if size > LIMITS.record_bytes:
         raise McapError(f"a chunk that would expand to {size:,} bytes; the maximum is {LIMITS.record_bytes:,}")

@@ -17,11 +17,12 @@ from dpr_lab.storage.tables.table import Table
 
 KIND = "MATLAB file"
 HEADER, TAG, COMPRESSED = 128, 8, 15
-"""Size of the header, size of the tag of an element, and type of a compressed element (MAT-File Format, 2024)."""
+"""Sizes of the file header and of the tag of an element, bytes, and type of a compressed element (MAT-File Format,
+2024)."""
 
 
 def object_sentence(path: Path, class_name: str) -> RunError:
-    """Error message for a MATLAB object in the file."""
+    """Error for a file that contains a MATLAB object."""
     commands = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
     return RunError(
         f"{path}: contains an object of the MATLAB class {class_name}, which only MATLAB can read: save it"
@@ -58,7 +59,7 @@ def _most_bytes() -> int:
 def _parts(path: Path, content: bytes) -> Iterator[bytes]:
     """Split a MATLAB file into one file per element, decompressed; declared sizes are not trusted.
 
-    Only one element is in memory at a time, next to the numbers that were read.
+    Memory holds one element at a time and the numbers read so far.
     """
     order = "<" if content[126:HEADER] == b"IM" else ">"
     total, position = HEADER, HEADER
@@ -99,7 +100,10 @@ def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[
 
 
 def _class_of(opaque: Any) -> str:
-    """Class of an object: the last text of its header, which are bytes before scipy 1.18."""
+    """MATLAB class of an object: the last text of its header.
+
+    The texts are bytes before scipy 1.18.
+    """
     header = opaque.reshape(-1)[0]
     texts = [part for part in header if isinstance(part, bytes | str)]
     names = [part.decode("latin-1") if isinstance(part, bytes) else part for part in texts]

@@ -15,7 +15,7 @@ KIND = "NumPy file"
 
 
 def read_numpy(path: Path, take: Sequence[str]) -> Table:
-    """Read every numeric array of a .npz, or the array of a .npy.
+    """Read every numeric array of a .npz file, or the array of a .npy file.
 
     Raises:
         RunError: a damaged file, another archive, pickled objects, or more numbers than a recording has.

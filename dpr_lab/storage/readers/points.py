@@ -31,29 +31,30 @@ class PointSettings:
     """Limits for tracked points."""
 
     likelihood: float = 0.6
-    """Minimum likelihood of a point; DeepLabCut does not draw points below it (its pcutoff)."""
+    """Minimum likelihood of a tracked point. The plots of DeepLabCut use the same limit (its pcutoff)."""
     at_rest: float = 0.05
-    """Maximum ratio of the motion of one point to the motion of another for which the first point is a fixed pivot."""
+    """Maximum ratio of the motion of one point to the motion of another, below which the first point is a fixed
+    pivot."""
     at_origin: float = 1.5
-    """The origin is the pivot if the ratio of the scatter of the distance to the origin to the scatter of the distance
-    to the fitted centre of the circle is at most this value. Users of Tracker place the axes at the pivot.
-    """
+    """Maximum ratio of two scatters for which the origin is the pivot: the scatter of the distance to the origin over
+    the scatter of the distance to the fitted centre of the circle. Users of Tracker place the axes at the pivot."""
     repeats: float = 0.2
-    """A frame repeats the frame before if the ratio of its motion to the motion in the neighbouring frames is below
-    this value.
-    """
+    """Maximum ratio of the motion in a frame to the motion in the neighbouring frames, below which the frame repeats
+    the frame before it."""
     share_of_repeats: float = 0.1
-    """Minimum share of such frames for them to count as repeated: the noise of a slow motion causes a few."""
+    """Minimum share of repeating frames for them to count as repeated. In a slow motion, noise makes a few frames look
+    repeated."""
     straight: float = 1e-3
-    """Maximum second difference of an interpolated point, relative to the median of all second differences."""
+    """Maximum second difference of a point in an interpolated frame, relative to the median of all second
+    differences."""
     fine: float = 20.0
-    """Minimum median of the second differences, in units of the resolution of the table, for a test of interpolated
-    points; coarser coordinates, such as whole pixels, lie on straight lines by chance.
-    """
+    """Minimum median of the second differences, in units of the resolution of the table, for the test of interpolated
+    points. Coarser coordinates, such as whole pixels, lie on straight lines by chance."""
     chance: float = 3.0
-    """Standard deviations by which the number of frames on straight lines must exceed the number expected by chance."""
+    """Minimum excess of the number of frames on straight lines over the number expected by chance, in standard
+    deviations."""
     frames_of_speed: int = 8
-    """Ratio of an interval of motion to half the interval over which its speeds are measured."""
+    """Ratio of an interval of motion to half of the interval over which speeds are measured in it."""
 
 
 SETTINGS = PointSettings()
@@ -64,7 +65,7 @@ _UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
 _BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
 _WORDS = r"[\W_]*(?:coordinate|coord|position|pos)[\W_]*(?:(?:for|of)\b[\W_]*)?(?:the\b[\W_]*)?"
 _IN_WORDS = re.compile(rf"(?P<axis>[xy]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
-"""Part of a message, such as "x coordinate of the elbow"."""
+"""Pattern of a column name in words, such as "x coordinate of the elbow"."""
 _ANGLE = re.compile(r"theta|(?<![a-z])th(?![a-z])|phi|angle|^q\d|joint")
 _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 
@@ -82,7 +83,7 @@ _INTERPOLATED = (
 class _Point:
     name: str
     at: Array
-    """(n, 2) x to the right, y upwards, NaN if the point was not detected."""
+    """(n, 2) coordinates, x to the right and y upwards; NaN if the point was not detected."""
 
 
 def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
@@ -104,9 +105,9 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
 
 
 def _with_names(table: Table) -> Table:
-    """A table without a header as t, x1, y1, x2, y2, ... if its columns are ends of rods of constant length.
+    """Name the columns of a table without a header t, x1, y1, x2, y2, ... if they are ends of rods of constant length.
 
-    Neither angles nor speeds of rods keep a constant distance.
+    This cannot be confused with angles or speeds of rods, because those keep no constant distance.
     """
     timed = len(table.names) % 2
     xy = range(timed, len(table.names), 2)
@@ -148,7 +149,7 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
 
 
 def _coordinate(name: str) -> tuple[str, str]:
-    """Point and axis of a column of coordinates; empty for other columns."""
+    """Point and axis named by a column of coordinates; two empty texts for other columns."""
     if match := _IN_WORDS.fullmatch(name):
         return match["point"].lower(), match["axis"].lower()
     match = _BY_NAME.fullmatch(name)
@@ -156,7 +157,10 @@ def _coordinate(name: str) -> tuple[str, str]:
 
 
 def _groups(table: Table) -> list[str]:
-    """Name of the point for each column of a Tracker table; the name is above its first column."""
+    """Name of the point for each column of a Tracker table.
+
+    The row above the header has this name above the first column of the point.
+    """
     above = [row for row in table.heading if row != table.names and any(row)]
     row = (above[-1] if above else ()) + ("",) * len(table.names)
     groups, current, number = [], "", 0
@@ -242,7 +246,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
 
 
 def _repeats(ends: list[_Point]) -> Flags:
-    """(n,) frames that repeat the frame before them, apart from the noise of the tracker; no frames if they are few.
+    """Flags (n,) of frames that repeat the frame before them, apart from tracking noise; all False if there are few.
 
     The points hardly move in such a frame, although they move in the same direction before and after it.
     """
@@ -257,11 +261,11 @@ def _repeats(ends: list[_Point]) -> Flags:
 
 
 def _interpolated(ends: list[_Point]) -> Flags:
-    """(n,) frames in which a moving point is interpolated linearly between other frames.
+    """Flags (n,) of frames in which a moving point is interpolated linearly between other frames.
 
     Both coordinates of the point have equal steps before and after such a frame, to the last digits. Points that are
-    tracked to a whole pixel and then scaled have some such frames by chance: as many as if the coordinates were
-    independent.
+    tracked to a whole pixel and then scaled have some such frames by chance. Their expected number is computed as if
+    the coordinates were independent.
     """
     unreal = np.zeros(len(ends[0].at), dtype=np.bool_)
     for end in ends:
@@ -283,12 +287,13 @@ def _interpolated(ends: list[_Point]) -> Flags:
 
 
 def _upside_down(rods: list[Array]) -> bool:
-    """Whether y points downwards instead of upwards, because points that fall become faster.
+    """Whether the y axis of the table points downwards, according to the motion of the points.
 
-    Over an interval too short for friction, the increments of squared speed and of height of the ends of the rods are
-    negatively correlated if y points upwards, also for rods that swing from near upright or turn over. The noise hides
-    this correlation over short intervals, and the exchange of energy between the rods hides it over some longer ones:
-    the interval with the largest correlation decides. Points that do not move are assumed to hang.
+    Falling points become faster. Over an interval too short for friction, the increments of squared speed and of height
+    of the ends of the rods are therefore negatively correlated if y points upwards. This also holds for rods that swing
+    from near upright or turn over. Noise hides the correlation over short intervals, and the exchange of energy between
+    the rods hides it over some longer intervals: the interval with the largest correlation decides. Points that do not
+    move are assumed to hang.
     """
     points = np.cumsum(rods, axis=0)  # (rods, n, xy)
     lags = [2**k for k in range(points.shape[1].bit_length()) if 4 * 2**k < points.shape[1]]
@@ -298,7 +303,7 @@ def _upside_down(rods: list[Array]) -> bool:
 
 
 def _falling(points: Array, lag: int) -> float:
-    """Correlation of the increments of squared speed and of height over an interval in frames."""
+    """Correlation of the increments of squared speed and of height over an interval of `lag` frames."""
     half = max(1, lag // SETTINGS.frames_of_speed)
     speed2 = ((points[:, 2 * half :] - points[:, : -2 * half]) ** 2).sum(axis=2)
     faster, higher = (values[:, lag:] - values[:, :-lag] for values in (speed2, points[:, half:-half, 1]))
@@ -309,9 +314,10 @@ def _falling(points: Array, lag: int) -> float:
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
-    """Pivot and ends of the rods: the named points; otherwise all points by number, or in the order of the table.
+    """Pivot and ends of the rods, in this order.
 
-    A missing pivot is estimated.
+    They are the named points; without names, all points by number, or in the order of the table. A missing pivot is
+    estimated.
     """
     by_name = {point.name.lower(): point for point in points}
     available = ", ".join(point.name for point in points)
@@ -328,19 +334,19 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
 
 
 def _by_number(points: list[_Point]) -> list[_Point]:
-    """Points in the order of the numbers at the end of their names, if all names have one: m1 before m2."""
+    """Points sorted by the number at the end of their names (m1 before m2), if all names have one."""
     numbered = all(re.search(r"\d$", point.name) for point in points)
     return sorted(points, key=lambda point: int(re.findall(r"\d+", point.name)[-1])) if numbered else points
 
 
 def _moved(point: _Point) -> float:
-    """Extent of the motion of a point, without the tails of its noise."""
+    """Extent of the motion of a point, between the 5 % and 95 % quantiles of its coordinates."""
     valid = point.at[np.isfinite(point.at).all(axis=1)]
     return float(np.hypot(*np.ptp(np.quantile(valid, [0.05, 0.95], axis=0), axis=0))) if len(valid) else 0.0
 
 
 def _pivot_of(table: Table, end: _Point) -> _Point:
-    """The origin, or the centre of the circle on which a point moves."""
+    """Pivot of a rod: the origin, or the centre of the circle on which the end of the rod moves."""
     valid = end.at[np.isfinite(end.at).all(axis=1)]
     if len(valid) < 3:
         raise RunError(f"{table.path}: the point {end.name!r} was detected in too few frames")

@@ -1,8 +1,8 @@
 """JSON files: a list of records, one record per line, or lists of numbers of equal length.
 
-Loggers write each sample as a separate object, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often next to
-values that describe the recording. The longest list of objects is the table; without one, each list of numbers is a
-column. Objects and lists within an object become columns with its name: `imu/gyro[1]`.
+Loggers write each sample as an object of its own, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often next to
+values that describe the recording. The longest list of objects is read as the table. Without such a list, each list of
+numbers is a column. Numbers within nested objects and lists become columns with the path as name: `imu/gyro[1]`.
 """
 
 import json
@@ -55,7 +55,7 @@ def _document(text: str) -> Any:
 
 
 def _lists(name: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
-    """Name and content of every list of a document that is not an element of another list."""
+    """Name and content of each list of a document; lists within lists are not listed separately."""
     if isinstance(value, list):
         yield name, value
     elif isinstance(value, Mapping):
@@ -64,7 +64,10 @@ def _lists(name: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, float]]:
-    """Name and value of every number of a record; a missing value (null) is NaN, and truth values are left out."""
+    """Name and value of each number in a record.
+
+    A missing value (null) is NaN. Truth values are left out.
+    """
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from _values(f"{name}/{key}" if name else str(key), inner)
@@ -76,7 +79,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 def _array(rows: list[Any]) -> NDArray[Any]:
-    """A list as an array of numbers, missing values as NaN; of text if it contains anything else."""
+    """A list as an array of numbers, with NaN for missing values; an array of text if the list has other content."""
     try:
         return np.array(rows, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,9 +1,9 @@
-"""Lengths of rods in a video: their scatter is the noise of the angles, their dependence on the pose a tilted camera.
+"""Noise of tracked angles and tilt of the camera, from the lengths of the rods in a video.
 
-The length of a rod is constant, so the scatter of the distance of its ends is the noise of a point in the picture.
-Divided by the length it is the noise of the angle. If the camera does not look along the joint axes, the length in the
-picture also varies with the pose: by a constant and two harmonics of the angles (weak perspective), which are not
-noise.
+The true length of a rod is constant. The scatter of the distance between its ends in the picture is therefore the noise
+of a tracked point, and divided by the length it is the noise of the angle in rad. If the camera does not look along the
+joint axes, the length in the picture also varies with the pose (weak perspective). This part is a constant and two
+harmonics of the angles, and is not noise.
 
 Source: Hartley & Zisserman (2004), Multiple View Geometry in Computer Vision, section 6.3: affine cameras.
 """
@@ -23,24 +23,24 @@ WANTED = "pivot, elbow and tip (the pivot may be omitted if it does not move); f
 
 @dataclass(frozen=True, slots=True)
 class LengthSettings:
-    """Limits for the lengths of rods."""
+    """Settings of the analysis of rod lengths."""
 
     scatter: float = 0.1
-    """Maximum relative scatter of a rod's length; above it the points are not the ends of the rod."""
+    """Maximum scatter of a rod's length, relative to the length. With a larger scatter the points are not the ends of
+    one rod."""
     wild: float = 4.0
-    """Deviation of a length, in standard deviations, beyond which it is limited."""
+    """Maximum deviation of a length from its fit, in standard deviations; larger deviations are set to this limit."""
     correlated: float = 4.0
-    """Minimum significant autocorrelation of the lengths, in standard errors."""
+    """Minimum autocorrelation of the lengths that counts as significant, in standard errors."""
     most_alike: float = 0.98
-    """Maximum autocorrelation of the lengths of neighbouring frames."""
+    """Upper bound on the autocorrelation of the lengths of neighbouring frames."""
     wrong: tuple[float, float] = (8.0, 0.01)
-    """Deviation of a length, in standard deviations and relative to the length. If both are exceeded, the tracker
-    followed something else in this frame.
-    """
+    """Deviation of a length, in standard deviations and relative to the length. In a frame that exceeds both, the
+    tracker followed another object."""
     frames_per_unknown: float = 3.0
-    """Minimum number of frames with independent errors for each coefficient of the length as a function of the pose."""
+    """Minimum number of frames with independent errors per coefficient of the fit of length against pose."""
     by_pose: float = 10.0
-    """Minimum F statistic for which a length depends on the pose: the camera is tilted."""
+    """Minimum F statistic of the fit of length against pose for which the camera counts as tilted."""
 
 
 LENGTHS = LengthSettings()
@@ -51,17 +51,17 @@ class RodLength:
     """Variation of the length of a rod in the picture."""
 
     std: float
-    """Standard deviation of the rod's angle, rad: that of the length at a given pose, relative to the length."""
+    """Standard deviation of the rod's angle, rad: the relative standard deviation of the length at a given pose."""
     correlation: float
-    """Autocorrelation of the errors of neighbouring frames; 0 if it is not significant."""
+    """Correlation of the errors of neighbouring frames; 0 if it is not significant."""
     varies: float
-    """Range of the length as a function of the pose, relative to the length; 0 if it is not significant."""
+    """Range of the part of the length that depends on the pose, relative to the length; 0 if it is not significant."""
     wrong: Flags
-    """(n,) frames in which the length shows that the tracker followed something else."""
+    """(n,) frames in which, according to the length, the tracker followed another object."""
 
 
 def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
-    """Variation of the length of the last of some rods.
+    """Variation of the length in the picture of the last rod in `rods`.
 
     Args:
         path: table of the points
@@ -98,16 +98,16 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
 
 
 def _autocorrelation(values: Array) -> float:
-    """Correlation of neighbouring values; neighbours with a NaN are ignored."""
+    """Correlation of neighbouring values; pairs with a NaN are ignored."""
     power, products = float(np.nanmean(values**2)), values[1:] * values[:-1]
     return float(np.nanmean(products)) / power if power > 0 and np.isfinite(products).any() else 0.0
 
 
 def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
-    """(n,) part of the lengths (n,) of the last rod that depends on the directions of the rods; 0 if not significant.
+    """Part (n,) of the length of the last rod that depends on the directions of the rods; 0 if not significant.
 
-    Two harmonics of each direction, by least squares. Only (1 - r) / (1 + r) n of n errors with the autocorrelation r
-    are independent.
+    It is the least-squares fit of two harmonics of each direction. Of n errors with autocorrelation r, only n (1 - r) /
+    (1 + r) count as independent.
     """
     angles = np.arctan2(*np.stack(rods).transpose(2, 0, 1))
     harmonics = [wave(k * angle) for angle in angles for k in (1, 2) for wave in (np.cos, np.sin)]

@@ -1,1 +1,1 @@
-"""Tables: numbers, meaning of the columns, and plausibility."""
+"""Tables of other loggers: reading of numbers, interpretation of columns, checks of plausibility."""

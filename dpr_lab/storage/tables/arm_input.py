@@ -31,11 +31,12 @@ _UNITS = {
 }
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
 _UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
-"""Names of an input whose kind is given by the rig file: `input`, which `run export` writes, and other usual names."""
+"""Pattern of names that do not state the kind of an input, such as `input`, which `run export` writes. The rig file
+states the kind."""
 _CART = re.compile("(?:x|pos|position)?(?:cart|carriage|trolley|slider|carro)(?:x|pos|position)?([cm]?m)?")
 _PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
-"""Names that also denote angles or points: they name the position of a cart only if no column has a plain
-name."""
+"""Pattern of ambiguous names for the position of a cart: they may also denote angles or points. They are used only if
+no column has an unambiguous name."""
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
@@ -44,9 +45,11 @@ _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 class CartSettings:
     """Description of the rail of a cart.
 
+    A cart is represented by a long arm.
+
     Attributes:
-        rail_m: length of the arm that represents it, m: at 1 m/s it turns at 0.1 rad/s, and g / L1 exceeds the square
-            of this speed more than a thousand times
+        rail_m: length of this arm, m: at 1 m/s it turns at 0.1 rad/s, and g / L1 exceeds the square of this speed more
+            than a thousand times
     """
 
     rail_m: float = 10.0
@@ -60,16 +63,17 @@ class KnownInputs:
     """Columns of the known torques of joints 1 and 2, or of the input of a driven arm."""
 
     pairs: Pairs
-    """Kind -> both columns, for a driven arm, its input and `PASSIVE`; empty for a free swing."""
+    """Kind -> names of two columns: the torques of both joints or, for a driven arm, its input and `PASSIVE`. Empty for
+    a free swing."""
     factors: tuple[float, float]
-    """Factors of both columns from the unit in the name of the column to SI."""
+    """Factor of each column from the unit in its name to the SI unit."""
     motor: MotorTable | None = None
-    """Motor of a driven arm; None if the columns are torques of the joints."""
+    """Motor of a driven arm; None if the columns are joint torques."""
     rods: int = 2
     """Number of mounted rods."""
 
     def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Kind -> (k, 2) inputs of the kept rows (k,), SI, from all rows of the columns and the times t, s."""
+        """Kind -> inputs (k, 2) of the kept rows (k,), SI units, from all rows of the columns and their times t, s."""
         return {
             kind: np.stack([held_torque(t, columns[name], rows) for name in pair], axis=1) * self.factors
             for kind, pair in self.pairs.items()
@@ -78,7 +82,7 @@ class KnownInputs:
     def refuse_silent(
         self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object, least: float = 1e-9
     ) -> None:
-        """Check that the input of a driven arm is not zero throughout, and exceeds `least`, SI, somewhere.
+        """Check that the input of a driven arm exceeds `least` somewhere, in SI units.
 
         Raises:
             RunError: the input is zero throughout, or never exceeds `least`.
@@ -96,7 +100,7 @@ class KnownInputs:
             )
 
     def notes(self) -> list[str]:
-        """Notes on the interpretation of the columns."""
+        """Notes for the operator on how the columns were interpreted."""
         if not self.pairs:
             return []
         if self.motor is not None:
@@ -118,7 +122,7 @@ class KnownInputs:
 def known_inputs(
     recorded: Sequence[str], others: Sequence[str] | Mapping[str, int], rig: Rig, options: ImportOptions, path: object
 ) -> KnownInputs:
-    """Find the known inputs of a table.
+    """Find the known inputs in the columns of a table.
 
     Args:
         recorded: names of the columns with numbers
@@ -143,7 +147,7 @@ def known_inputs(
 
 
 def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
-    """The options with the mode of the arm.
+    """Import options with the mode of the arm: the stated mode, otherwise the mode in the rig file.
 
     Raises:
         RunError: the mode is not possible for this rig, or its column is missing.
@@ -162,7 +166,7 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
 
 
 def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:
-    """Column of the input of a driven arm, and the factor to SI units.
+    """Column of the input of a driven arm, and its factor to SI units.
 
     Args:
         names: names of the columns
@@ -189,7 +193,7 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
 
 
 def _columns_of(kind: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
-    """Columns whose names denote one kind of input, with the match of the unit."""
+    """Columns whose names denote one kind of input, each with the match of its name."""
     return _matching(f"{_KIND}(?:{_NAMES[kind]})0?{_KIND}({'|'.join(_UNITS[kind])})?", names)
 
 
@@ -199,7 +203,7 @@ def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _other_input(names: Sequence[str], motor: MotorTable) -> str:
-    """Advice for a table whose input differs in kind from the input of the rig file; empty without such a column."""
+    """Advice for a table whose input is of another kind than the rig file states; empty without such a column."""
     for kind, constant in (("torque", ""), ("current", ", with kt if it is known"), ("voltage", ", with kt and R")):
         columns = _columns_of(kind, names) if kind != motor.input else {}
         for name in columns:
@@ -208,7 +212,7 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
 
 
 def _gain_note(motor: MotorTable) -> list[str]:
-    """A note if the rig file lacks a constant that turns the input into a torque."""
+    """Note that the rig file lacks a constant that converts the input to a torque; empty if none is missing."""
     needed = {"current": ("kt",), "voltage": ("kt", "R")}.get(motor.input, ())
     missing = [name for name in needed if getattr(motor, name) is None]
     if not missing:
@@ -220,7 +224,7 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """A note if a table has an input of the arm's drive although its arm is free."""
+    """Note that a table has a drive input although its arm is free; empty otherwise."""
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
@@ -230,7 +234,7 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
 
 
 def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions) -> list[str]:
-    """A note on how to import the motion of a cart if a column with its position is not used.
+    """Note on how to import the motion of a cart, if the table has an unused column with its position.
 
     On an arm of length R that turns by theta_0 = -x / R, the pivot of the rod has the acceleration of a cart at x,
     because the terms with the squared speed of the arm vanish for a long arm.

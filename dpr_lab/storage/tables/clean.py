@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 from dpr_lab.arrays import Array
 
 NOT_A_VALUE = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
-"""Fields for a missing value, in small letters."""
+"""Contents of a field that denote a missing value, in lower case."""
 
 _NEWLINE, _BLANK = ord("\n"), ord(" ")
 
 
 def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int) -> Array | None:
-    """The numbers of a block whose lines are all rows of numbers; None for any other block.
+    """Numbers of a block in which every line is a row of numbers; None for any other block.
 
-    The result equals, to the last bit, the result of `float` on each field. A missing value is NaN.
+    The result equals `float` of each field to the last bit. A missing value is NaN.
 
     Args:
         text: complete lines
@@ -45,9 +45,9 @@ def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool
 
 
 def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimiter: str | None) -> bool:
-    """Whether all lines have this number of fields.
+    """Whether every line has `width` fields.
 
-    A comment may have the same number of fields, but it is rejected later because it is not a number.
+    A comment may have the same number of fields. It is rejected later, because its fields are not numbers.
     """
     if delimiter is None:
         begins = raw > _BLANK
@@ -61,7 +61,7 @@ def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimi
 
 
 def _numbers(fields: list[str]) -> Array | None:
-    """Fields as numbers; None if a field is neither a number nor a missing value."""
+    """Numbers of text fields, NaN for missing values; None if a field is neither."""
     try:
         known = ("nan" if field.strip().lower() in NOT_A_VALUE else field for field in fields)
         return np.fromiter(map(float, known), dtype=np.float64, count=len(fields))
