@@ -1,8 +1,8 @@
-"""Clock rate of the device from the arrival of its samples: ticks compared with the host's clock.
+"""Clock rate of the device, estimated from the arrival times of its samples on the host's clock.
 
 A sample cannot arrive before it was taken, so arrival = offset + tick * period + delay with delay >= 0. Buffers and a
-busy host make individual delays long, but the shortest delay within a block of time hardly changes. The line is fitted
-to the samples with the shortest delays.
+busy host make individual delays long, but the shortest delay within a block of time hardly changes. A line is fitted to
+the samples with the shortest delays.
 """
 
 from array import array
@@ -18,19 +18,21 @@ class ArrivalSettings:
     """Settings of the clock rate estimate from arrival times."""
 
     bin_s: float = 0.05
-    """Width of a bin of host time, s; of the reads in each bin, the one with the shortest delay is kept."""
+    """Width of a bin of host time, s. In each bin only the read with the shortest delay is used."""
     block_s: float = 0.4
-    """Minimum length of a block, s, longer than a typical stall of a link; the shortest delay of each block is used."""
+    """Minimum length of a block, s. It is longer than a typical stall of a link. Only the shortest delay of each block
+    is used."""
     blocks: tuple[int, int] = (5, 32)
     """Minimum and maximum number of blocks of a recording."""
     rounds: int = 3
-    """Number of line fits; each fit selects the reads with the shortest delays by the slope of the previous fit."""
+    """Number of line fits. Each fit uses the reads whose delays are shortest with the slope of the previous fit."""
     shortest_s: float = 0.5
     """Minimum duration for an estimate of the rate, s."""
     delay_drift_s: float = 0.01
-    """Possible undetected change of the shortest delay during a recording, s: a few time slices."""
+    """Possible change of the shortest delay during a recording that stays undetected, s: a few time slices of the
+    host."""
     central: tuple[float, float] = (0.1, 0.9)
-    """Quantiles between which the residuals of the blocks are used; blocks outside were entirely within a stall."""
+    """Quantiles of the residuals between which blocks are used. The other blocks may lie entirely within a stall."""
 
 
 ARRIVALS = ArrivalSettings()
@@ -41,13 +43,14 @@ class ArrivalFit:
     """Clock rate estimated from arrival times."""
 
     arrival_ppm: float
-    """Rate of the samples relative to the nominal rate by the host's clock, ppm."""
+    """Difference of the sample rate from its nominal value by the host's clock, relative, ppm."""
     arrival_margin_ppm: float
-    """Bound on its error, ppm: the possible change of the delay divided by the duration of the recording."""
+    """Bound on the error of `arrival_ppm`, ppm: possible change of the delay divided by the duration of the
+    recording."""
 
 
 class Arrivals:
-    """Newest tick of each read and the host time of the read; one read per bin is kept."""
+    """Newest tick and host time of the reads of a link; one read per bin is kept."""
 
     def __init__(self, rate_hz: float) -> None:
         self._rate_hz = rate_hz
@@ -55,7 +58,7 @@ class Arrivals:
         self._bin_end = -np.inf
 
     def add(self, tick: int, host_time: float) -> None:
-        """Store that the sample of `tick` was the newest one in a read at `host_time`, s."""
+        """Add a read at `host_time`, s, whose newest sample has the tick `tick`."""
         if host_time >= self._bin_end:
             self._bin_end = host_time + ARRIVALS.bin_s
             self._ticks.append(tick)
@@ -86,7 +89,7 @@ class Arrivals:
 
 
 def _quickest(delay: Array, block: Integers) -> Integers:
-    """Index of the read with the shortest delay in each non-empty block."""
+    """Index of the read with the shortest delay in each block that has reads."""
     order = np.lexsort((delay, block))
     return order[np.flatnonzero(np.diff(block[order], prepend=-1))]
 

@@ -22,7 +22,7 @@ class Batch:
     """`time.monotonic()` of the read, s."""
     raw: bytes
     rows: tuple[AnyRow, ...]
-    """Samples with complete ticks and positions, and with their torques if the device has drives."""
+    """Samples with unwrapped ticks and positions, and with their torques if the device has drives."""
     messages: tuple[Message, ...]
     """All other messages."""
     lost_before: Mapping[str, int] = field(default_factory=dict)
@@ -30,9 +30,9 @@ class Batch:
 
 
 def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> Array | None:
-    """(kinds, n, 2) torques of joint 1 and 2, N m, of samples with torques; None if their unit is unknown.
+    """Known torques (kinds, n, 2) of joints 1 and 2, N m; None if their unit is unknown.
 
-    For a driven arm: its input, N m, A or V, and 0.
+    For a driven arm, the first value is the input of its drive in its own unit, and the second is 0.
     """
     if not unit_uNm:
         return None
@@ -47,7 +47,7 @@ def arrays(rows: Sequence[AnyRow]) -> tuple[Integers, Integers]:
 
 
 class Counter:
-    """Total of a 16-bit counter that restarts with every stream."""
+    """Total of a 16-bit counter, which wraps and restarts with every stream."""
 
     def __init__(self) -> None:
         self.total = 0

@@ -1,10 +1,10 @@
-"""Capture: from the pose through the release to a checked run file. Without output; progress is reported by events.
+"""Capture of a run: from the pose through the release to a checked run file.
 
-    check the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> permission -> release -> record ->
-    stop -> quality gate
+    check the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> permission -> release ->
+    record -> stop -> quality gate
 
-Only the command RELEASE releases the rods. It is sent only after pose and rest were checked and the caller has given
-permission. If a capture ends before that, the rods stay held.
+Progress is reported by events; there is no output. Only the command RELEASE releases the rods. It is sent only after
+pose and rest were checked and the caller has given permission. If a capture ends before that, the rods stay held.
 """
 
 import math
@@ -43,11 +43,12 @@ class CaptureOptions:
     """Options of a recording."""
 
     rate_hz: int | None = None
-    """Sample rate, Hz; None: as in the rig file."""
+    """Sample rate, Hz; None: the rate of the rig file."""
     duration: float = 10.0
     """Duration of the recording after the release, s."""
     until_rest: bool = False
-    """Whether to record until both rods have come to rest, at most `max_duration`, instead of for `duration`."""
+    """Whether the recording ends when both rods have come to rest, at the latest after `max_duration`, rather than
+    after `duration`."""
     max_duration: float = 180.0
     pose_timeout: float = 120.0
     """Maximum time to move the rods to the pose, s."""
@@ -70,7 +71,7 @@ class CaptureOptions:
 
     @property
     def longest(self) -> float:
-        """Longest possible duration of the recording, s."""
+        """Maximum duration of the recording, s."""
         return self.max_duration if self.until_rest else self.duration
 
 
@@ -101,8 +102,8 @@ def capture(
 
     Args:
         device: a connected device
-        rig: the rig it is mounted on
-        pose_name: one of the rig's poses
+        rig: the rig on which the device is mounted
+        pose_name: name of a pose of the rig
         options: rate, duration and limits
         out_dir: folder for the run file, created if missing
         on_progress: called with every step, in this thread
@@ -112,12 +113,12 @@ def capture(
     Raises:
         ConfigError: unknown pose, or a device that does not match the rig.
         LinkError, DeviceFault: see `Device`.
-        SafetyStop: a check before the release did not pass or no permission was given; the rods stay held.
-        RunError: no disk space for the file, detected before anything moves; or the disk failed, and the recorded data
-        are kept.
+        SafetyStop: a check before the release failed, or no permission was given; the rods stay held.
+        RunError: there is no disk space for the file, which is detected before anything moves; or the disk failed, and
+            the recorded data are kept.
         DeviceLost: the connection was lost; the message names the partial file if there is one.
         KeyboardInterrupt: re-raised with the name of the file, after the file was finished as incomplete and the device
-        was stopped.
+            was stopped.
     """
     pose, rate_hz = _pose(rig, pose_name), options.rate_hz or rig.link.rate_hz
     check_encoders(device, rig)
@@ -127,7 +128,7 @@ def capture(
     speed = LiveSpeed(rig, rate_hz)
     recorder = SwingRecorder(device, options.longest, options.until_rest, speed, on_progress, settings)
     try:
-        device.stop()  # an earlier program may have left the device streaming; the latch keeps its state
+        device.stop()  # An earlier program may have left the device streaming. The latch keeps its state.
         device.poll(0)
         hanging = look_at_hanging(device, rig, on_progress, settings)
         device.hold(1 + list(rig.poses).index(pose_name))
@@ -145,7 +146,7 @@ def capture(
 
 
 def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
-    """A file name that does not exist yet: `<utc>_<pose>_<uid8>.mcap`."""
+    """Path of a run file that does not exist yet: `<utc>_<pose>_<uid8>.mcap`."""
     stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{in_file_name(pose_name)}_{uid[-8:]}"
     path, number = out_dir / f"{stem}{SUFFIX}", 1
     while path.exists():
@@ -155,7 +156,7 @@ def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
 
 
 def in_file_name(pose_name: str) -> str:
-    """Name of a pose as used in the name of a run file."""
+    """Name of a pose in the form that names of run files contain."""
     return re.sub(r"[^A-Za-z0-9.-]", "-", pose_name)
 
 
@@ -196,7 +197,9 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
 
 
 def _drives(info: DeviceInfo, rig: Rig) -> dict[str, str]:
-    """Metadata on the torques of a run, or on the input of its arm; empty for a device without drives.
+    """Metadata on the torques of a run, or on the input of its arm.
+
+    Empty for a device without drives.
 
     Raises:
         ConfigError: the input differs from the rig file, or the device reports torques of the joints as well.

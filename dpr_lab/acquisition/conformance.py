@@ -1,6 +1,6 @@
-"""Conformance test of a device: the exchanges of `traces.json` over its own port, and its timing.
+"""Conformance test of a device: exchanges of `traces.json` over its port, and its timing.
 
-It opens and closes the latch many times, so the rods must be removed.
+The test opens and closes the latch many times, so the rods must be removed.
 """
 
 import json
@@ -51,22 +51,22 @@ class ConformanceSettings:
     """Time limits of a conformance test."""
 
     answer_s: float = 0.1
-    """Time after which a host repeats a command, s."""
+    """Time without an answer after which the host repeats a command, s."""
     patience_s: float = 5.0
-    """Maximum waiting time for a message that must come, s."""
+    """Maximum waiting time for a message that the device must send, s."""
     timing_s: float = 2.0
     """Duration of the timing test, s."""
     rate_hz: int = 500
-    """Sample rate of the timing test, Hz; every link supports it."""
+    """Sample rate of the timing test, Hz. Every link supports it."""
     rate_off: float = 0.01
-    """Permitted relative error of the rate, by the host's clock."""
+    """Maximum relative error of the sample rate by the host's clock."""
     reports_hz: tuple[float, float] = (7.0, 13.0)
-    """Permitted number of STATUS per second; ten are nominal."""
+    """Minimum and maximum number of STATUS messages per second. Nominal are ten."""
 
 
 @dataclass(frozen=True, slots=True)
 class Conformity:
-    """Result of one exchange of a conformance test."""
+    """Result of one exchange, or of the timing, in a conformance test."""
 
     what: str
     ok: bool
@@ -75,21 +75,19 @@ class Conformity:
 
 
 DRIVES = {"joints": PAGES, "arm": ARM_PAGE}
-"""Kind of drives in a trace -> page of INFO that only a device with such drives sends."""
+"""Kind of drives in a trace -> page of INFO that only devices with such drives send."""
 
 MARK = 0xBA00
-"""Tokens of the pings sent after a command: a device processes messages in order."""
+"""First token of the pings that follow a command. A device processes messages in order, so their answers mark its
+end."""
 
 
 def conformity(link: Transport, settings: ConformanceSettings = ConformanceSettings()) -> Iterator[Conformity]:
-    """Test a device against the protocol: run every exchange that its port allows and measure its timing.
+    """Test a device against the protocol: run every exchange that its port permits, and measure its timing.
 
     Args:
-        link: open; the device has no rods on it
+        link: open link to the device, on which no rods are mounted
         settings: time limits
-
-    Raises:
-        LinkTimeout: the device does not answer.
     """
     peer = _Peer(link, settings)
     pages = [page for page in peer.ask(Hello(token=1)) if isinstance(page, Info)]
@@ -99,7 +97,7 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
     for trace in traces["traces"]:
         steps: Sequence[Step] = trace["steps"]
         if any("fault" in step for step in steps) or steps[0].get("send", [""])[0] != "HELLO":
-            continue  # this exchange requires intervention in the hardware
+            continue  # this exchange requires an intervention in the hardware
         if simulated_time and any("silent_s" in step for step in steps):
             continue  # the simulated clock stops while nothing is sent
         if trace.get("drives", "") not in {"", *peer.drives}:
@@ -114,21 +112,21 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
 
 
 class _Peer:
-    """Host side that sends exactly the given messages."""
+    """Host side of an exchange; it sends exactly the given messages."""
 
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
         self.meaningless = 0
         self.drives: set[str] = set()
-        """Kinds in `DRIVES` that the device has."""
+        """Kinds of drives in `DRIVES` that the device has."""
         self.topic: str | None = None
-        """Kind of drives in the trace, empty for none; None before any trace."""
+        """Kind of drives in the current trace, empty for none; None before the first trace."""
         self._mark = 0
         self._released: Event | None = None
         self._heard: list[Message] = []
 
     def to_idle(self) -> None:
-        """Start a new session with an idle device, independent of the previous session."""
+        """Start a new session with an idle device; its previous state does not matter."""
         self._released = None
         self.ask(Hello(token=200))
         for command in (Stop(token=201), ClearFault(token=202), Hold(token=203), Stream(token=204)):
@@ -138,23 +136,23 @@ class _Peer:
         self._released = None
 
     def ask(self, message: Message) -> list[Message]:
-        """Answers to a message."""
+        """Send a message and return the answers."""
         return self.tell(encode(message))
 
     def tell(self, frame: Frame) -> list[Message]:
-        """Answers to a frame."""
+        """Send a frame and return the answers."""
         self.link.send(frame)
         return self.answers()
 
     def fall_silent(self, seconds: float) -> list[Message]:
-        """Read for some seconds without a request; return the messages that arrived nevertheless."""
+        """Send nothing for some seconds; returns the messages that arrive meanwhile."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.read()
         return self.answers()
 
     def answers(self) -> list[Message]:
-        """Messages received so far, without reports, samples and repeated releases."""
+        """Messages received since the last call, except reports, samples and repeated releases."""
         self._mark = self._mark % 255 + 1
         mark = Ping(MARK + self._mark)
         self._await(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self._heard), mark)
@@ -162,7 +160,7 @@ class _Peer:
         return [message for message in messages if self._is_answer(message)]
 
     def status(self) -> Status:
-        """The next report."""
+        """The next STATUS message."""
         self._heard.clear()
         self._await(lambda: any(isinstance(message, Status) for message in self._heard), KeepAlive())
         return next(message for message in self._heard if isinstance(message, Status))
@@ -205,7 +203,7 @@ class _Peer:
 
 
 def _step(peer: _Peer, step: Step, where: str) -> str:
-    """Deviation of a device from a step; empty if there is none."""
+    """Description of how a device deviates from a step of a trace; empty if it does not."""
     if "silent_s" in step:
         asked, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
     elif "frame" in step:
@@ -237,7 +235,7 @@ def _names(messages: Sequence[Message]) -> str:
 
 
 def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) -> Iterator[Conformity]:
-    """Samples and reports during a period, by the host's clock."""
+    """Results of the timing test: samples and reports in a period of the host's clock."""
     peer.ask(Hello(token=1))
     peer.ask(Hold(token=2))
     peer.ask(Stream(token=3, rate_hz=settings.rate_hz))
@@ -283,7 +281,7 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
 
 
 def refuse_with_rods(rods_are_off: bool) -> None:
-    """Check that the operator confirmed that no rods are mounted.
+    """Refuse the test unless the operator confirmed that no rods are mounted.
 
     Raises:
         DprError: the operator did not confirm it.

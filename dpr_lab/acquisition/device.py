@@ -1,7 +1,7 @@
 """Device driver: typed commands, samples and messages, losses counted by cause.
 
 A reader thread reads the link in blocks, adds the host time to each block, and sends the keepalives. A slow disk or a
-busy screen can therefore neither lose a byte nor stop a stream. Everything else happens in the caller's thread, in
+busy screen can therefore neither lose a byte nor stop a stream. All other work is done in the caller's thread, in
 `poll` and in the commands.
 """
 
@@ -54,7 +54,7 @@ _STREAM, _STOP = NUMBERS[Stream], NUMBERS[Stop]
 
 
 class Device:
-    """A device at the other end of an open transport; a context manager that closes it.
+    """Device on an open transport; a context manager that closes the transport.
 
     Commands and `poll` belong to one thread. Every method can raise DeviceLost after the link is lost or the device has
     stopped sending.
@@ -62,7 +62,7 @@ class Device:
     Args:
         transport: the open link
         node: node of the device
-        read_only: only handshake and PING, but no commands and no keepalives
+        read_only: whether only handshake and PING are sent, but no commands and no keepalives
         timing: timing of the connection
     """
 
@@ -83,11 +83,10 @@ class Device:
         self._rate_hz = 0
         self._batches: deque[Batch] = deque()
         self._lost_before: dict[str, int] = {}
-        """Losses up to the newest batch."""
+        """Losses up to the newest batch, by cause."""
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
-        """The newest sample is delayed until the next one arrives; it is discarded if the next sample contradicts
-        it."""
+        """The newest sample. It is delayed until the next one arrives, and discarded if the next one contradicts it."""
         self._overruns = Counter()
         self._dropped = Counter()
         self._heard_at = time.monotonic()
@@ -112,7 +111,7 @@ class Device:
 
     @property
     def info(self) -> DeviceInfo:
-        """Description of the device.
+        """Description of the device from the handshake.
 
         Raises:
             ValueError: before `connect`.
@@ -123,7 +122,7 @@ class Device:
 
     @property
     def status(self) -> Status | None:
-        """Last STATUS of the device; None before the first."""
+        """Last STATUS of the device; None before the first one."""
         return self._session.status
 
     @property
@@ -143,11 +142,11 @@ class Device:
         return self._timing.silence_s * patience
 
     def connect(self, timeout: float = 2.0) -> DeviceInfo:
-        """Handshake with the device, repeated until it answers or `timeout` s have passed.
+        """Handshake with the device; it is repeated until the device answers or `timeout` s have passed.
 
         Raises:
-            LinkTimeout: no answer; the message says whether any bytes arrived.
-            MismatchError: the device speaks another version of the protocol.
+            LinkTimeout: the device does not answer; the message states whether any bytes arrived.
+            MismatchError: the device uses another version of the protocol.
         """
         deadline = time.monotonic() + timeout
         while True:
@@ -162,11 +161,11 @@ class Device:
                     raise LinkTimeout(self._why_no_answer(timeout)) from error
 
     def check_rate(self, rate_hz: int) -> None:
-        """Refuse an invalid sample rate before anything moves.
+        """Check a sample rate before anything moves.
 
         Raises:
             LinkError: the link is too slow for this rate; the message contains the calculation.
-            DeviceFault: more than the device can sample.
+            DeviceFault: the device cannot sample at this rate.
         """
         for capacity in self._transport.capacities:
             capacity.with_frames(self.info.frames).check(rate_hz)
@@ -174,14 +173,17 @@ class Device:
             raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
 
     def hold(self, pose_number: int = 0) -> None:
-        """Engage the latch; a display shows the number of the pose (from 1, in the order of the rig file)."""
+        """Engage the latch.
+
+        A display at the device shows the number of the pose, from 1 in the order of the rig file.
+        """
         self._command(Hold(pose=pose_number))
 
     def stream(self, rate_hz: int) -> None:
         """Start sampling at tick 0.
 
         Raises:
-            LinkError, DeviceFault: see `check_rate`; or refused by the device.
+            LinkError, DeviceFault: see `check_rate`; or the device refuses the command.
         """
         self.check_rate(rate_hz)
         with self._lock:
@@ -193,18 +195,21 @@ class Device:
         self._command(Stream(rate_hz=rate_hz))
 
     def release(self) -> None:
-        """Open the latch. An EVENT contains the tick at which it opened."""
+        """Open the latch.
+
+        The device reports the tick of the opening in an EVENT.
+        """
         self._command(Release())
 
     def stop(self) -> None:
-        """Stop sampling; the latch does not change."""
+        """Stop sampling; the state of the latch does not change."""
         self._command(Stop())
 
     def poll(self, timeout: float) -> list[Batch]:
-        """All messages since the last call, waiting at most `timeout` s for the first.
+        """All messages since the last call; waits at most `timeout` s for the first one.
 
-        Nothing is discarded in between, so call it regularly while the device streams. Messages that arrived before the
-        link was lost are returned first; the next call raises.
+        No message is discarded between calls, so call the method regularly while the device streams. Messages that
+        arrived before the link was lost are returned first; the next call raises an exception.
         """
         with unbroken(), self._lock:
             self._changed.wait_for(lambda: self._batches or self._failure, timeout)
@@ -216,9 +221,9 @@ class Device:
 
     @property
     def losses(self) -> dict[str, int]:
-        """Samples and frames lost since the device was opened, by cause (`dpr_lab.run.LOSS_CAUSES`).
+        """Number of samples and frames lost since the device was opened, by cause (`dpr_lab.run.LOSS_CAUSES`).
 
-        `tick_gap` counts every missing tick, also one whose frame is counted as damaged.
+        `tick_gap` counts every missing tick, including ticks whose frames are counted as damaged.
         """
         with self._lock:
             errors, contradicted = self._transport.errors, self._stream.contradicted
@@ -233,11 +238,14 @@ class Device:
 
     @property
     def simulated_time(self) -> bool:
-        """Whether ticks may differ from real time: the device declares this, and its link is inside this computer."""
+        """Whether ticks may differ from real time.
+
+        The device must declare this, and its link must be inside this computer.
+        """
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Clock fit from device ticks of the last stream to `time.monotonic()`, or None and the reason."""
+        """Fit from device ticks of the last stream to `time.monotonic()`, or None and the reason."""
         if self.simulated_time:
             return None, ""
         with self._lock:
@@ -248,7 +256,10 @@ class Device:
         return self.clock()[0]
 
     def close(self) -> None:
-        """Close the link; repeated calls have no effect. A device that streams stops when its lease expires."""
+        """Close the link; repeated calls have no effect.
+
+        A streaming device stops when its lease expires.
+        """
         self._closing.set()
         self._reader.join()
         self._transport.close()
@@ -290,7 +301,7 @@ class Device:
             raise self._failure
 
     def _read(self) -> None:
-        """Reader thread: converts the link to batches, and sends keepalives and pings in time."""
+        """Main function of the reader thread: convert received data to batches, send keepalives and pings."""
         try:
             while not self._closing.is_set():
                 received = self._transport.receive(self._timing.read_s)
@@ -298,7 +309,7 @@ class Device:
                     self._take(received)
                     self._send_due(time.monotonic())
                     self._changed.notify_all()
-        except Exception as error:  # every error must reach the caller; otherwise it would only end the thread
+        except Exception as error:  # every error must be reported to the caller, not only end the thread
             with self._lock:
                 self._failure = error
                 self._changed.notify_all()
@@ -334,7 +345,7 @@ class Device:
             self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages), lost_before))
 
     def _trusted(self, sample: Sample) -> list[Row]:
-        """The previous sample, held until the next one arrives; empty if the next one contradicts it."""
+        """The sample before `sample`, which was held until now; empty if `sample` contradicts it."""
         if self._held is not None and self._stream.contradicts(self._held, sample):
             self._held = None
         row = self._stream.feed(sample)
@@ -350,7 +361,10 @@ class Device:
         return [before] if before is not None else []
 
     def _driven(self, rows: list[Row]) -> Sequence[AnyRow]:
-        """Samples with their torques, delayed by some samples, for a device with drives."""
+        """Samples with their torques, for a device with drives.
+
+        The torques of a sample arrive later, so samples are delayed.
+        """
         return rows if self._torques is None else self._torques.take(rows)
 
     def _note_torque(self, torque: Torque | ArmInput) -> None:
@@ -364,7 +378,10 @@ class Device:
             self._torques.note(torque)
 
     def _check_silence(self, now: float, heard: bool) -> None:
-        """Check for a lost device: it reports ten times per second, but a restarted one only answers pings."""
+        """Raise DeviceLost if the device has sent neither samples nor reports for too long.
+
+        A device reports ten times per second. A device that was restarted only answers pings.
+        """
         if heard or self._session.info is None:
             self._heard_at = now
             return

@@ -29,12 +29,12 @@ class Check:
     limit: float
     unit: str
     sentence: str
-    """Measured value and, if the check failed, what to do."""
+    """Sentence with the measured value and, if the check failed, a remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class QualityReport:
-    """Result of the gate: all checks that could be made."""
+    """Results of all checks that could be made."""
 
     checks: tuple[Check, ...]
     notes: tuple[str, ...] = ()
@@ -62,16 +62,16 @@ class QualityReport:
 
 @dataclass(frozen=True, slots=True)
 class DeviceWord:
-    """Reports of a device in addition to its samples during the recording."""
+    """Information from the device about a recording, in addition to the samples."""
 
     real_time: bool
-    """Whether the clock of the device must agree with that of the host; false for simulated time."""
+    """Whether the device's clock must agree with the host's clock; False for simulated time."""
     no_clock_fit: str
-    """Reason why PING and PONG gave no clock fit; empty if they did."""
+    """Reason why PING and PONG gave no clock fit; empty if they gave one."""
     statuses: int
     """Number of STATUS messages after the release."""
     latched: int
-    """Number of those that reported a closed latch."""
+    """Number of these messages that reported a closed latch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class JudgedRun:
     """Deviation of the hanging rods from the vertical before they were raised, rad."""
     limits: QualityLimits
     word: DeviceWord | None
-    """Reports of the device; None for a table, or a run recorded without a device."""
+    """Information from the device; None for a table, or a run recorded without a device."""
 
 
 def judge(
@@ -102,11 +102,11 @@ def judge(
 
     Args:
         run: the recording; its time starts at the release
-        rig: the rig it was recorded on, for the pose, the noise and the fastest speed possible
-        duration: requested duration, s; 0 if open-ended
+        rig: its rig, for the pose, the noise and the maximum speed
+        duration: requested duration, s; 0 for an open end
         hanging: deviation of the hanging rods from the vertical before they were raised, rad; None if not measured
         limits: limits of a good recording
-        word: reports of the device during the recording; None without a device
+        word: information from the device during the recording; None without a device
 
     Returns:
         The report. Checks without data, such as the rest of an imported table, are omitted.
@@ -117,10 +117,10 @@ def judge(
 
 
 def fastest_possible(rig: Rig) -> Array:
-    """(2,) maximum speeds of the rods after a release at rest from any pose, rad/s.
+    """Maximum speeds (2,) of the rods after a release at rest from any pose, rad/s.
 
-    If one rod has all the potential energy E = 2 (e1 + e2), omega_i^2 = 2 E (M^-1)_ii, largest with the rods in line,
-    where M^-1 = [b, a] / (a b - d^2) on its diagonal.
+    If one rod has all the potential energy E = 2 (e1 + e2), omega_i^2 = 2 E (M^-1)_ii. This is largest with the rods in
+    line, where M^-1 has the diagonal [b, a] / (a b - d^2).
     """
     a, b, d, e1, _, _ = base_parameters(rig.nominal, rig.L1, rig.g)
     energy = 2 * (e1 + d * rig.g / rig.L1)
@@ -134,7 +134,10 @@ def _rest(judged: JudgedRun) -> tuple[Array, Array] | None:
 
 
 def _hanging_before(judged: JudgedRun) -> Check | None:
-    """Hanging position before the rods were raised: shows a wrong zero, or counts lost before."""
+    """Check the hanging position before the rods were raised.
+
+    A deviation indicates a wrong zero, or counts that were lost before.
+    """
     if judged.hanging is None:
         return None
     limit = judged.limits.hang_error
@@ -178,10 +181,11 @@ def _pose(judged: JudgedRun) -> Check | None:
 
 
 def _release_speed(judged: JudgedRun) -> Check | None:
-    """Initial speed w of the swing.
+    """Check the initial speed w of the swing.
 
-    theta(t) = theta_rest + w t + alpha t^2 / 2 in the first 20 ms, theta_rest from the samples before. If the samples
-    are too slow for that, beta t^4 / 24 is added: the acceleration of a rod that starts at rest changes with t^2.
+    In the first 20 ms, theta(t) = theta_rest + w t + alpha t^2 / 2, with theta_rest from the samples before. If the
+    sample rate is too low for this window, beta t^4 / 24 is added, because the acceleration of a rod that starts at
+    rest changes with t^2.
     """
     limits = judged.limits
     rest, swing = _rest(judged), judged.run.swing
@@ -222,7 +226,7 @@ def _gap(judged: JudgedRun) -> Check | None:
 
 
 def _jitter(judged: JudgedRun) -> Check | None:
-    """Regularity of the sampling by the device's clock, independent of the arrival times."""
+    """Check the regularity of the sampling by the device's clock; arrival times have no influence."""
     limit = judged.limits.jitter_periods
     periods = judged.run.t * judged.run.rate_hz
     if not len(periods):
@@ -234,7 +238,7 @@ def _jitter(judged: JudgedRun) -> Check | None:
 
 
 def _clock(judged: JudgedRun) -> Check | None:
-    """Clock rate error of the device, by PING and PONG and by the arrival of its samples."""
+    """Check the clock rate error of the device, from PING and PONG and from the arrival times of the samples."""
     if not clock_rates(judged.run.clock):
         return None
     limit = judged.limits.clock_ppm
@@ -247,7 +251,7 @@ def _clock(judged: JudgedRun) -> Check | None:
 
 
 def _clock_fit(judged: JudgedRun) -> Check | None:
-    """Consistency of the clock rate from PING and PONG with that from the arrival of samples."""
+    """Check that the clock rate from PING and PONG is consistent with that from the arrival times of the samples."""
     word, limits = judged.word, judged.limits
     if word is None or not word.real_time:
         return None
@@ -273,7 +277,7 @@ def _clock_fit(judged: JudgedRun) -> Check | None:
 
 
 def _latch(judged: JudgedRun) -> Check | None:
-    """Whether the device detected that its latch opened."""
+    """Check that the device detected the opening of its latch."""
     word, limits = judged.word, judged.limits
     if word is None or word.statuses < limits.fewest_statuses:
         return None
@@ -298,7 +302,10 @@ def _jumps(judged: JudgedRun) -> Check | None:
 
 
 def _moved(judged: JudgedRun) -> Check | None:
-    """Motion of the joints in counts; as an angle, theta2 of a relative encoder would contain the motion of theta1."""
+    """Check that every joint moved, in counts.
+
+    Counts are used because the angle theta2 of a relative encoder also changes with theta1.
+    """
     limit = judged.limits.travel_counts
     swing = judged.run.swing
     if len(swing.t) < judged.limits.fewest_samples:
@@ -318,7 +325,10 @@ def _moved(judged: JudgedRun) -> Check | None:
 
 
 def _hanging_after(judged: JudgedRun) -> Check | None:
-    """Hanging position at rest after the swing: shows counts lost during the swing, or a wrong zero."""
+    """Check the hanging position at rest after the swing.
+
+    A deviation indicates counts lost during the swing, or a wrong zero.
+    """
     limit, rest = judged.limits.hang_error, judged.limits.rest
     run = judged.run
     last = run.t >= run.duration - rest.window_s

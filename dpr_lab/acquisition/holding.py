@@ -1,4 +1,4 @@
-"""Between the pose and the release: hold the rods, guide them, wait for rest, and release only with permission."""
+"""Steps between the pose and the release: hold the rods, guide them, wait for rest, release only with permission."""
 
 import time
 from collections import deque
@@ -23,47 +23,46 @@ HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
 @dataclass(frozen=True, slots=True)
 class PoseReading:
-    """Position of the rods while the operator places them."""
+    """Angles of the rods while the operator places them."""
 
     theta: tuple[float, float, float]
     """Absolute angles, rad."""
     error: tuple[float, float]
-    """Signed error of inner and outer rod without whole turns, rad."""
+    """Measured minus required angle of inner and outer rod without whole turns, rad."""
     tolerance: float
     ok: bool
 
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """Position and residual motion of the held rods."""
+    """Angles and residual motion of the held rods."""
 
     theta: tuple[float, float, float]
     """Newest absolute angles, rad."""
     error: tuple[float, float]
-    """Signed error of inner and outer rod without whole turns, rad."""
+    """Measured minus required angle of inner and outer rod without whole turns, rad."""
     tolerance: float
     speed: float
-    """Largest drift, rad/s."""
+    """Largest drift of a rod, rad/s."""
     spread: float
-    """Largest vibration, rad rms."""
+    """Largest vibration of a rod, rad rms."""
     ok: bool
     """Whether the rods are at rest."""
     restless: str
-    """Reason why they may not be released; empty if they may."""
+    """Reason why the rods may not be released; empty if they may be."""
     arm: str = ""
-    """Reason why an arm that can move forbids the release; empty if it does not."""
+    """Reason why a movable arm forbids the release; empty if it does not."""
 
 
 @dataclass(frozen=True, slots=True)
 class HangReading:
-    """Position of the hanging rods before they are raised."""
+    """Deviation of the hanging rods before they are raised."""
 
     error: tuple[float, float]
     """Signed deviation of inner and outer rod from the vertical, rad."""
     ok: bool
-    """Whether it is within `QualityLimits.hang_error`; otherwise counts were lost or the zero in the rig file is
-    wrong.
-    """
+    """Whether the deviation is within `QualityLimits.hang_error`. A larger one means that counts were lost or that the
+    zero in the rig file is wrong."""
 
 
 OnReading: TypeAlias = Callable[["PoseReading | RestReading | HangReading"], None]
@@ -71,7 +70,7 @@ Confirm: TypeAlias = Callable[[], bool | None]
 
 
 class RestWindow:
-    """The newest second of samples of the held rods."""
+    """The samples of the last second of the held rods."""
 
     def __init__(self, rate_hz: int, window_s: float) -> None:
         self.batches: deque[Batch] = deque()
@@ -80,18 +79,18 @@ class RestWindow:
 
     @property
     def lost_before(self) -> Mapping[str, int]:
-        """Losses of the device before the oldest batch; empty for an empty window."""
+        """Losses of the device before the oldest batch; empty if there is no batch."""
         return self.batches[0].lost_before if self.batches else {}
 
     def add(self, batches: Iterable[Batch]) -> None:
-        """Add new batches; remove samples older than the window."""
+        """Add new batches, and remove samples older than the window."""
         self.batches.extend(batches)
         newest = next((batch.rows[-1].tick for batch in reversed(self.batches) if batch.rows), 0)
         while len(self.batches) > 1 and _last_tick(self.batches[0]) < newest - self._ticks:
             self.batches.popleft()
 
     def motion(self, rig: Rig) -> tuple[Array, Array] | None:
-        """Times (n,), s, and angles (n, 3), rad, of the window; None until it is full."""
+        """Times (n,), s, and angles (n, 3), rad, in the window; None until the window is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None
@@ -103,7 +102,7 @@ def _last_tick(batch: Batch) -> int:
 
 
 def raise_faults(url: str, batches: Iterable[Batch]) -> None:
-    """Raise an error for a report that ends a capture: a fault, or a lost lease."""
+    """Raise an exception for a message that ends a capture: a fault, or an expired lease."""
     for batch in batches:
         for message in batch.messages:
             _raise_for(url, message)
@@ -119,7 +118,7 @@ def _raise_for(url: str, message: Message) -> None:
 
 
 def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
-    """Raise an error if the device reports an open latch after the command HOLD."""
+    """Raise an exception if the device reports an open latch after the command HOLD."""
     for message in (message for batch in batches for message in batch.messages):
         let_go = isinstance(message, Event) and message.kind is EventKind.RELEASED
         if let_go or (isinstance(message, Status) and not message.latched):
@@ -134,7 +133,7 @@ def look_at_hanging(
 ) -> tuple[float, float] | None:
     """Deviation of the hanging rods from the vertical, rad.
 
-    None unless they are at rest with the latch open, or if a clamped elbow tilts them.
+    None unless the rods are at rest with the latch open, or if a clamped elbow tilts them.
     """
     if rig.rods.mounting == "clamped":
         return None
@@ -156,7 +155,7 @@ def look_at_hanging(
 
 
 def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iterator[Array]:
-    """(3,) angles from POSITION messages until the deadline, rad."""
+    """Angles (3,) from POSITION messages until the deadline, rad."""
     counts: dict[int, int] = {}
     while time.monotonic() < deadline:
         batches = device.poll(poll_s)
@@ -173,7 +172,7 @@ def guide(
     """Report the error of the pose until it is within the tolerance several times in a row.
 
     Raises:
-        SafetyStop: the pose was not reached in time, or an elbow is clamped at another angle.
+        SafetyStop: the pose was not reached in time, or the elbow is clamped at another angle.
     """
     reading, steady = None, 0
     for theta in _positions(device, rig, time.monotonic() + timeout, settings.poll_s):
@@ -187,7 +186,10 @@ def guide(
 
 
 def _check_elbow(theta: Array, pose: Pose, rig: Rig, settings: CaptureSettings) -> None:
-    """Compare the angle of a clamped elbow with that of the pose, because the operator cannot change it."""
+    """Compare the angle of a clamped elbow with that of the pose.
+
+    The operator cannot change this angle at the pose.
+    """
     if rig.rods.mounting != "clamped" or abs(error := elbow_error(theta, pose)) <= settings.elbow_error:
         return
     wanted = pose.theta2 - pose.theta1
@@ -233,14 +235,14 @@ class HeldPose:
         self._report_at = 0.0
 
     def await_rest(self, timeout: float) -> None:
-        """Wait until the rods are at rest and at the pose for a whole window."""
+        """Wait until the rods have been at rest and at the pose for a whole window."""
         deadline = time.monotonic() + timeout
         while (restless := self._look(self._settings.poll_s)) != "":
             if time.monotonic() > deadline:
                 raise SafetyStop(f"after {timeout:g} s {restless}; nothing was released, the rods stay held")
 
     def await_go_ahead(self, confirm: Confirm) -> None:
-        """Ask for permission until there is an answer, then check the rods again, because an answer can take long."""
+        """Request permission until there is an answer, then check the rods again, because the answer may take long."""
         while (answer := confirm()) is None:
             self._look(self._settings.poll_s)
         if not answer:
@@ -250,7 +252,7 @@ class HeldPose:
             raise SafetyStop(f"when the release was permitted, {restless}; nothing was released, the rods stay held")
 
     def _look(self, timeout: float) -> str:
-        """Process new samples; return the reason why the rods may not be released, or an empty text."""
+        """Process new samples; returns the reason why the rods may not be released, or an empty text."""
         batches = self._device.poll(timeout)
         raise_faults(self._device.url, batches)
         _raise_if_open(self._device.url, batches)
@@ -265,7 +267,7 @@ class HeldPose:
         return reading.restless or self._denied()
 
     def _denied(self) -> str:
-        """Objection of the last STATUS to a release; empty if the device holds and streams."""
+        """Reason against a release in the last STATUS; empty if the device holds the rods and streams."""
         status = self._device.status
         if status is None:
             return "the device has not reported that its latch holds"

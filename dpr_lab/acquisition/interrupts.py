@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM between two steps instead of within one."""
+"""Delay of Ctrl-C and SIGTERM to the end of a step that must not be interrupted."""
 
 import signal
 import threading
@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Delay Ctrl-C and SIGTERM until the block is finished.
+    """Context that delays Ctrl-C and SIGTERM to its end.
 
     An incomplete record would make the rest of the file unreadable, and a lock whose acquisition is interrupted stays
-    locked. Outside the main thread, which alone receives signals, the block has no effect.
+    locked. Only the main thread receives signals; in other threads the context has no effect.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -1,4 +1,4 @@
-"""Speeds of the rods during the recording of a swing."""
+"""Speeds of the rods while a swing is recorded."""
 
 import math
 
@@ -12,11 +12,11 @@ from dpr_lab.rig import Rig
 class LiveSpeed:
     """Kalman filter for the speeds of both rods, updated with new samples of a recording.
 
-    Creating it imports the filter library, which takes about a second: create it before the rods are released.
+    Its creation imports the filter library, which takes about a second. Create it before the rods are released.
 
     Args:
         rig: the rig, for its encoders
-        rate_hz: sample rate of the recording
+        rate_hz: sample rate of the recording, Hz
     """
 
     def __init__(self, rig: Rig, rate_hz: float) -> None:
@@ -27,10 +27,10 @@ class LiveSpeed:
         self._omega = (0.0, 0.0)
 
     def after(self, t: Array, theta: Array) -> tuple[float, float]:
-        """Speeds of the inner and outer rod after new samples of the swing, rad/s; unchanged without new samples.
+        """Speeds of inner and outer rod after new samples of the swing, rad/s; unchanged without new samples.
 
         Args:
-            t: (n,) time since the release, s; later than in the previous call; samples before the release are ignored
+            t: (n,) time since the release, s, later than in the previous call; samples before the release are ignored
             theta: (n, 3) absolute angles, rad
         """
         t, theta = t[t >= 0], theta[t >= 0]

@@ -1,4 +1,4 @@
-"""Clock of the device from PING and PONG: exchanges of a stream, their fit, and the reason if there is none."""
+"""Clock of the device from PING and PONG: exchanges during a stream, and the fit to them."""
 
 from collections import deque
 
@@ -27,7 +27,7 @@ class PingClock:
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
 
     def due(self, now: float) -> Ping | None:
-        """PING to send at the host time `now`, s, if one is due."""
+        """PING to send at the host time `now`, s; None if none is due."""
         if now < self._due_at:
             return None
         self._due_at = now + (self._timing.quick_ping_s if self._quick else self._timing.ping_s)
@@ -36,7 +36,7 @@ class PingClock:
         return self._pinger.ping(now)
 
     def note(self, pong: Pong, host_time: float) -> None:
-        """Add an answer that arrived at `host_time`, s."""
+        """Add a PONG that arrived at the host time `host_time`, s."""
         exchange = self._pinger.exchange(pong, host_time)
         if exchange is not None:
             self._exchanges.append(exchange)

@@ -1,4 +1,4 @@
-"""Current recording: written to the run file as it arrives, and spooled for the quality checks at its end."""
+"""Recording in progress: it is written to the run file as it arrives, and spooled for the quality checks at its end."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -26,13 +26,13 @@ from firmware_protocol.torques import DrivenRow
 
 
 class Recording:
-    """Recording of one release to a file, as a context manager.
+    """Recording of one release to a file; a context manager.
 
     Args:
         writer: the open run file
-        lost: losses of the device before the first sample; only additional losses belong to this run
-        duration: how long to record after the release, s; later samples are ignored, so that the length of a run does
-        not depend on the speed of the host
+        lost: losses of the device before the first sample; only additional losses are attributed to this run
+        duration: duration after the release, s; later samples are ignored, so that the length of a run does not depend
+            on the speed of the host
         hanging: deviation of the hanging rods from the vertical before they were raised, rad; None if not measured
         limits: limits of a good recording
     """
@@ -80,11 +80,11 @@ class Recording:
 
     @property
     def rate_hz(self) -> float:
-        """Nominal sample rate."""
+        """Nominal sample rate, Hz."""
         return self._writer.metadata.rate_hz
 
     def expect_release(self) -> None:
-        """Register that RELEASE is sent: accept an instant of release from now on."""
+        """Accept an instant of release from now on, because RELEASE is sent."""
         self._earliest_release = max(self._newest_tick, 0)
 
     @property
@@ -124,26 +124,29 @@ class Recording:
 
     @property
     def full(self) -> bool:
-        """Whether the recording has reached its end."""
+        """Whether the recording has its full duration."""
         return self._end_tick is not None and self._newest_tick >= self._end_tick
 
     def end_here(self) -> None:
-        """Stop accepting samples."""
+        """End the recording with the newest sample; later samples are ignored."""
         self._end_tick, self._duration = self.samples.last_tick, self.t
 
     def tail(self, seconds: float) -> tuple[Array, Array]:
-        """Time (n,), s, and angles (n, 3), rad, of the newest samples."""
+        """Times (n,), s, and angles (n, 3), rad, of the samples in the last `seconds`."""
         rate_hz = self._writer.metadata.rate_hz
         ticks, counts = self.samples.newest(round(seconds * rate_hz))
         return ticks / rate_hz, self.rig.mounted_theta(counts)
 
     @property
     def clock_due(self) -> bool:
-        """Whether a clock fit should be written, so that a killed recording contains one as well."""
+        """Whether a clock fit is due to be written, so that the file of a killed recording contains one."""
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
-        """Write the newest clock fit, or store why it is `missing`; the next one is due some seconds later."""
+        """Write the newest clock fit, or store the reason why it is `missing`.
+
+        The next fit is due after `next_in_s`.
+        """
         now = time.monotonic()
         self._clock_at, self._no_clock_fit = now + next_in_s, missing
         arrivals = self._arrivals.fit() if self._in_real_time else None
@@ -155,12 +158,11 @@ class Recording:
 
     @property
     def _in_real_time(self) -> bool:
-        """Whether the device's clock must agree with the host's.
+        """Whether the device's clock must agree with the host's clock.
 
-        It must agree if the device declares real time, or if its samples arrive steadily near real time.
-
-        A simulated clock is many times faster or slower, or irregular; a real clock that is declared as simulated runs
-        steadily near real time.
+        It must agree if the device declares real time, or if its samples arrive steadily near real time. A simulated
+        clock is many times faster or slower, or irregular. A real clock that is declared as simulated runs steadily
+        near real time.
         """
         if self._writer.metadata.extra.get("simulated_time") != "true":
             return True
@@ -176,12 +178,15 @@ class Recording:
         return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
 
     def since(self, first: int) -> tuple[Array, Array]:
-        """Time from the release (n,), s, and angles (n, 3), rad, of all samples from index `first` on."""
+        """Times since the release (n,), s, and angles (n, 3), rad, of the samples from index `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.mounted_theta(counts)
 
     def new_inputs(self) -> Array | None:
-        """(n,) input of the arm's drive at the samples since the last call, N m, A or V; None without a drive."""
+        """Input of the arm's drive (n,) at the samples since the last call, in its unit of the rig file.
+
+        None without a drive.
+        """
         inputs, self._inputs = self._inputs, []
         return np.concatenate(inputs) if inputs else None
 
@@ -191,7 +196,7 @@ class Recording:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Samples lost during this recording, by cause.
+        """Number of samples lost during this recording, by cause.
 
         Every missing tick counts once: as damaged or overrun if the link or the device reported it, otherwise as
         `tick_gap`.
@@ -202,7 +207,10 @@ class Recording:
 
     @property
     def pose_measured(self) -> tuple[float, float, float] | None:
-        """Mean angles just before the release without whole turns, rad; None without rest or pose."""
+        """Mean angles just before the release without whole turns, rad.
+
+        None without samples at rest or without a pose.
+        """
         pose = self.rig.poses.get(self._writer.metadata.pose or "")
         if pose is None or self.release_tick is None:
             return None
@@ -214,7 +222,10 @@ class Recording:
         return float(rest[:, 0].mean()), float(theta1), float(theta2)
 
     def run(self, complete: bool = True) -> Run:
-        """The recording so far for the quality gate; without a release, time starts at the first sample."""
+        """The recording so far as a run, for the quality gate.
+
+        Without a release, its time starts at the first sample.
+        """
         metadata = self._writer.metadata
         ticks, counts = self.samples.newest(len(self.samples))
         start = self.release_tick if self.release_tick is not None else ticks[0] if len(ticks) else 0
@@ -234,7 +245,7 @@ class Recording:
         )
 
     def finish(self, clock: tuple[ClockFit | None, str], notes: tuple[str, ...] = ()) -> QualityReport:
-        """Check the recording, add `notes` to the report, and complete its file."""
+        """Check the recording, add `notes` to the report, and complete the run file."""
         self.note_clock(*clock)
         notes = (*notes, *self._torque_notes(), *self._motor_notes())
         report = judge(self.run(), self.rig, self._duration, self._hanging, self._limits, self._word)
@@ -253,7 +264,7 @@ class Recording:
         return (note,) if lost else ()
 
     def _motor_notes(self) -> tuple[str, ...]:
-        """A note if the device drives an arm that is described as free."""
+        """Note that the device drives an arm which is described as free; empty otherwise."""
         if not self._motor or self.release_tick is None:
             return ()
         ticks, inputs = np.array(self._motor, dtype=np.float64).T
@@ -301,13 +312,14 @@ class Recording:
             self._writer.status(host_ns, state | counters)
 
     def _take_release(self, tick: int, within_s: float = 60.0) -> bool:
-        """Accept the instant of the release, which the device repeats; False for a known or impossible one.
+        """Accept the instant of the release, which the device repeats.
 
-        An instant more than `within_s` of device time ahead of the samples was damaged on the link. An instant before
-        RELEASE was sent is impossible: the device does not know when the rods were released.
+        Returns False if the instant is already known, or if it is more than `within_s` of device time ahead of the
+        samples, because it was then damaged on the link.
 
         Raises:
-            DeviceFault: such an instant.
+            DeviceFault: the instant is before RELEASE was sent, so the device does not know when the rods were
+                released.
         """
         rate_hz = self._writer.metadata.rate_hz
         if self.release_tick is not None or tick - max(self._newest_tick, 0) > within_s * rate_hz:
@@ -323,4 +335,4 @@ class Recording:
         return True
 
     def _host_ns(self, host_time: float) -> int:
-        return max(0, round((host_time + self._to_epoch) * 1e9))  # a time before 1970 cannot be stored in the file
+        return max(0, round((host_time + self._to_epoch) * 1e9))  # the file cannot contain a time before 1970

@@ -1,4 +1,4 @@
-"""Motion of the held rods, and their distance from a pose."""
+"""Residual motion of the held rods, and their distance from a pose."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from dpr_lab.rig_tables import Pose
 
 
 def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
-    """Motion of the rods while held.
+    """Residual motion of held rods.
 
     Args:
         t: (n,) time, s
         theta: (n, 3) angles, rad
 
     Returns:
-        Largest drift of a rod (slope of a straight line), rad/s, and largest scatter about this line (rms), rad.
+        Largest drift of a rod (slope of a fitted straight line), rad/s, and largest scatter about this line (rms), rad.
     """
     time = t - t.mean()
     rods = theta[:, 1:] - theta[:, 1:].mean(axis=0)
@@ -26,13 +26,16 @@ def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
 
 
 def at_rest(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> bool:
-    """Whether the rods are at rest; arguments as for `rest_motion`."""
+    """Whether the rods are at rest; arguments are those of `rest_motion`."""
     speed, spread = rest_motion(t, theta)
     return speed <= limits.speed and spread <= limits.spread(rig)
 
 
 def arm_restless(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> str:
-    """Reason why an arm that can move forbids a release; empty if it does not. Arguments as for `rest_motion`."""
+    """Reason why a movable arm forbids a release; empty if it does not.
+
+    Arguments are those of `rest_motion`.
+    """
     if rig.arm.mode == "clamped":
         return ""
     speed, _ = rest_motion(t, theta[:, [0, 0, 0]])
@@ -46,19 +49,19 @@ def arm_restless(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> str:
 
 
 def pose_error(theta: Array, pose: Pose) -> Array:
-    """Distance of the rods from a pose, without whole turns.
+    """Angles of the rods relative to a pose, without whole turns.
 
     Args:
         theta: (..., 3) absolute angles, rad
         pose: the requested pose
 
     Returns:
-        (..., 2) signed error of inner and outer rod in [-pi, pi), rad
+        (..., 2) measured minus required angle of inner and outer rod in [-pi, pi), rad
     """
     return (theta[..., 1:] - pose.theta[1:] + np.pi) % (2 * np.pi) - np.pi
 
 
 def elbow_error(theta: Array, pose: Pose) -> float:
-    """Deviation of theta2 - theta1 from a pose, in [-pi, pi), rad; `theta`: (3,) absolute angles, rad."""
+    """Difference of theta2 - theta1 from its value in a pose, in [-pi, pi), rad, for absolute angles (3,), rad."""
     inner, outer = pose_error(theta, pose)
     return float((outer - inner + np.pi) % (2 * np.pi) - np.pi)

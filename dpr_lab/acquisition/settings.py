@@ -1,4 +1,4 @@
-"""Timing of a capture, and limits of rest and of a good recording."""
+"""Timing of a capture; limits of rest, and of a good recording."""
 
 from dataclasses import dataclass
 
@@ -12,35 +12,35 @@ class DeviceTiming:
     """Timing of the connection to a device."""
 
     read_s: float = 0.02
-    """Maximum waiting time of a read, s, and thus maximum delay of a keepalive or a retry."""
+    """Maximum waiting time of a read, s. Keepalives and retries are delayed by at most this time."""
     silence_s: float = 1.0
-    """Time without messages after which a device counts as lost, s; it reports ten times per second."""
+    """Time without messages after which a device counts as lost, s. A device reports ten times per second."""
     simulated_patience: float = 3.0
-    """Factor on this time for a device with simulated time, which shares the host's processor."""
+    """Factor on `silence_s` for a device with simulated time, which shares the processor of the host."""
     ping_s: float = 0.9839
-    """Interval of pings, s; not a round number, to avoid beats with periodic events."""
+    """Interval of pings, s. It is not a round number, to avoid beats with periodic events."""
     quick_pings: int = 8
-    """Number of faster pings at the start of a stream, so that its first second already gives a clock fit."""
+    """Number of faster pings at the start of a stream. They give a clock fit within the first second."""
     quick_ping_s: float = 0.05
     exchanges: int = 4096
-    """Number of pings kept for the clock fit: an hour."""
+    """Number of pings that are kept for the clock fit: those of an hour."""
 
 
 @dataclass(frozen=True, slots=True)
 class RestLimits:
-    """Limits within which the rods count as at rest."""
+    """Limits within which the rods count as being at rest."""
 
     window_s: float = 1.0
     """Duration for which the rods must be at rest, s."""
     speed: float = 0.02
-    """Maximum drift, rad/s; a rod held by hand drifts faster, a rod held by the latch does not."""
+    """Maximum drift, rad/s. A rod held by hand drifts faster, a rod held by the latch does not drift."""
     spread_over_noise: float = 4.0
-    """Maximum vibration in standard deviations of the encoder noise."""
+    """Maximum vibration, in standard deviations of the encoder noise."""
     spread_counts: float = 2.0
     """Maximum vibration for encoders with hardly any noise, counts."""
 
     def spread(self, rig: Rig) -> float:
-        """Maximum vibration of a rod at rest: a few times the encoder noise, at least two counts, rad."""
+        """Maximum vibration of a rod at rest, rad: `spread_over_noise` or `spread_counts`, the larger one."""
         counts = max(self.spread_over_noise * rig.encoders.noise_counts, self.spread_counts)
         return counts * float(np.abs(rig.radians_per_count[1:]).max())
 
@@ -51,47 +51,43 @@ class QualityLimits:
 
     rest: RestLimits = RestLimits()
     release_window_s: float = 0.02
-    """Duration of the start of the swing from which the initial speed is estimated, s."""
+    """Duration of the first part of the swing, from which the initial speed is estimated, s."""
     fewest_samples: int = 8
-    """Minimum number of samples at rest, and at the start of the swing."""
+    """Minimum number of samples at rest, and also at the start of the swing, for these checks."""
     release_speed: float = 0.2
-    """Maximum initial speed, rad/s; the fit over 20 ms has an uncertainty of about 0.03 rad/s."""
+    """Maximum initial speed, rad/s. The fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0
-    """Maximum change of a speed, in standard deviations due to coarse counts, that does not indicate a push or a jump.
-    """
+    """Maximum change of a speed that does not indicate a push or a jump, in standard deviations due to coarse
+    counts."""
     lost_share: float = 1e-3
     gap_periods: int = 10
     """Maximum number of consecutive missing samples."""
     clock_ppm: float = 600.0
-    """Maximum clock rate error of the device, ppm; crystals stay below about 100, and times are wrong by this
-    amount.
-    """
+    """Maximum clock rate error of the device, ppm. Crystals stay below about 100 ppm. All times are wrong by this
+    amount."""
     clock_std_ppm: float = 10_000.0
-    """Maximum standard deviation of a clock rate that has a meaning, ppm. Two seconds of PING on a busy host reach a
-    tenth of this value.
-    """
+    """Maximum standard deviation for which a clock rate is used, ppm. Two seconds of PING on a busy host give a tenth
+    of this value."""
     real_pace_ppm: float = 300_000.0
-    """Maximum relative deviation of a steady rate from real time for which the clock is not a simulated one, ppm. A
-    simulated clock is many times faster.
-    """
+    """Maximum relative difference of a steady clock rate from real time for which the clock is not a simulated one,
+    ppm. A simulated clock is many times faster."""
     latched_share: float = 0.5
     """Maximum share of STATUS messages after the release that still report a closed latch."""
     fewest_statuses: int = 3
-    """Minimum number of STATUS messages for this check."""
+    """Minimum number of STATUS messages after the release for the check of the latch."""
     jitter_periods: float = 0.05
-    """Maximum irregularity of the sampling, periods rms."""
+    """Maximum irregularity of the sampling, rms in sample periods."""
     speed_margin: float = 1.5
-    """A step is not a jump if its speed is below the maximum possible speed times this factor. The factor exceeds 1
-    because the values of the rig file are not exact.
-    """
+    """Factor on the maximum possible speed, up to which a step between two samples is not a jump. It exceeds 1 because
+    the values of the rig file are not exact."""
     travel_counts: int = 16
-    """Minimum motion of an encoder, counts."""
+    """Minimum motion of an encoder during a swing, counts."""
     hang_error: float = 0.02
-    """Maximum deviation from hanging at rest, rad; the friction of a small bearing holds a rod within a milliradian."""
+    """Maximum deviation of a rod at rest from hanging, rad. The friction of a small bearing holds it within a
+    milliradian."""
     motor_on: float = 5.0
     """Maximum rms input of the motor of a free arm for which the motor counts as off, relative to the noise at rest and
-    the resolution of the input.
-    """
+    the resolution of the input."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,36 +96,33 @@ class CaptureSettings:
 
     limits: QualityLimits = QualityLimits()
     poll_s: float = 0.04
-    """Maximum waiting time for messages, s; the run file requires a call every 50 ms."""
+    """Maximum waiting time for messages, s. The run file requires a call every 50 ms."""
     report_s: float = 0.1
     """Interval of progress reports, s."""
     steady_readings: int = 3
-    """Number of consecutive readings that must be at the pose."""
+    """Number of consecutive readings that must be within the tolerance of the pose."""
     hang_timeout_s: float = 2.0
-    """Duration of the check of the hanging rods, s."""
+    """Maximum duration of the check of the hanging rods, s."""
     hang_readings: int = 3
     hang_near: float = 0.35
-    """Maximum deviation of hanging rods, rad; a rod farther away is held by hand."""
+    """Maximum deviation of a rod that counts as hanging, rad. A larger deviation means that it is held by hand."""
     elbow_error: float = 0.2
-    """Maximum difference between a clamped elbow and the elbow of a pose, rad: the angle of a clamp is coarse, and the
-    measured one is used.
-    """
+    """Maximum difference between the angle of a clamped elbow and that of a pose, rad. It is large because a clamp is
+    coarse, and the measured angle is used."""
     release_timeout_s: float = 2.0
     """Maximum waiting time for the message with the instant of the release, s."""
     last_status_s: float = 0.5
-    """Maximum waiting time for the last status, which contains the losses, after the stop, s."""
+    """Maximum waiting time for the last status after the stop, s. It contains the losses."""
     rest_after_s: float = 2.0
-    """Duration for which the rods must be still after a swing to be at rest, s."""
+    """Duration for which the rods must be still after a swing to count as being at rest, s."""
     pace_window_s: float = 10.0
-    """Duration for which samples may arrive slower than `slowest_pace` before the recording ends, s; longer in
-    simulated time.
-    """
+    """Duration for which samples may arrive slower than `slowest_pace` before the recording is ended, s. It is longer
+    in simulated time."""
     slowest_pace: float = 0.1
-    """Minimum rate of the device's time relative to the host's."""
+    """Minimum rate at which the device's time passes, relative to the host's time."""
     silences_without_samples: float = 2.0
-    """Time without a sample, in units of `DeviceTiming.silence_s`, after which a device that still reports has
-    failed.
-    """
+    """Time without a sample after which a device that still reports counts as failed, in units of
+    `DeviceTiming.silence_s`."""
 
 
 DEVICE_TIMING, QUALITY_LIMITS, CAPTURE_SETTINGS = DeviceTiming(), QualityLimits(), CaptureSettings()

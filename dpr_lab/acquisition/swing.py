@@ -25,7 +25,7 @@ STOPPED = "stopped by the operator"
 
 @dataclass(frozen=True, slots=True)
 class Released:
-    """The latch opened; samples are written to `file`."""
+    """Event: the latch opened, and samples are written to `file`."""
 
     tick: int
     file: Path
@@ -40,12 +40,12 @@ class SwingReading:
     theta: tuple[float, float, float]
     """Newest absolute angles, rad."""
     omega: tuple[float, float]
-    """Newest speeds of the inner and outer rod from a Kalman filter, rad/s."""
+    """Newest speeds of inner and outer rod from a Kalman filter, rad/s."""
     samples: int
     fresh: tuple[Array, Array]
-    """Time since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
+    """Times since the release (n,), s, and absolute angles (n, 3), rad, of the samples since the last report."""
     inputs: Array | None = None
-    """(n,) input of the arm's drive at these samples, N m, A or V; None without a drive."""
+    """(n,) input of the arm's drive at these samples, in its unit of the rig file; None without a drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,33 +58,36 @@ class Captured:
     duration: float
     """Time from the release to the last sample, s."""
     lost: Mapping[str, int]
-    """Samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
+    """Number of samples lost, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
     pose_measured: tuple[float, float, float] | None
     """Absolute angles just before the release, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class SwingRecorder:
-    """Record one swing of a device for a given duration, or until rest, and report its progress."""
+    """Recorder of one swing, for a given duration or until rest.
+
+    It reports the progress of the recording.
+    """
 
     device: Device
     longest: float
-    """Duration of the recording after the release, s; with `until_rest` the longest."""
+    """Duration of the recording after the release, s; with `until_rest` the maximum duration."""
     until_rest: bool
-    """Whether to record until both rods have come to rest."""
+    """Whether the recording ends when both rods have come to rest."""
     speed: LiveSpeed
-    """Filter of the speeds that are reported."""
+    """Filter for the reported speeds."""
     on_progress: Callable[[Released | SwingReading], None]
     settings: CaptureSettings
 
     def record(
         self, path: Path, metadata: RunMetadata, rest: RestWindow, hanging: tuple[float, float] | None
     ) -> Captured:
-        """Release the rods, which are at rest, and record their swing.
+        """Release the rods, which must be at rest, and record their swing.
 
         Args:
             path: file of the run
-            metadata: of the run
+            metadata: metadata of the run
             rest: samples of the held rods before the release
             hanging: deviation of the hanging rods from the vertical before they were raised, rad
 
@@ -135,7 +138,7 @@ class SwingRecorder:
             self._take(recording)
 
     def _follow(self, recording: Recording) -> None:
-        """Record for the requested time, or until the rods have come to rest."""
+        """Record for the requested duration, or until the rods have come to rest."""
         device, settings = self.device, self.settings
         next_look = heard_at = time.monotonic()
         pace = _Pace(device, recording, settings)
@@ -174,7 +177,7 @@ class SwingRecorder:
         )
 
     def _stop(self, recording: Recording) -> None:
-        """Stop the stream, and read the remaining samples and the status with the final counts."""
+        """Stop the stream; read the remaining samples and the status with the final counts."""
         self.device.stop()
         deadline = time.monotonic() + self.settings.last_status_s
         counted = False
@@ -194,7 +197,7 @@ def _release(device: Device) -> None:
 
 
 class _Pace:
-    """Check that samples arrive nearly at their nominal rate, so that a recording ends."""
+    """Check that samples arrive at nearly their nominal rate; otherwise a recording might never end."""
 
     def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:
         patience = device.silence_s / device.timing.silence_s
@@ -203,7 +206,11 @@ class _Pace:
         self._at, self._t = time.monotonic(), recording.t
 
     def check(self, now: float) -> None:
-        """Raise DeviceLost if the device is far too slow."""
+        """Check the rate at the host time `now`.
+
+        Raises:
+            DeviceLost: the device is far too slow.
+        """
         waited, came = now - self._at, self._recording.t - self._t
         if waited < self._window_s:
             return
@@ -216,7 +223,10 @@ class _Pace:
 
 
 def _reason(error: BaseException) -> str:
-    """Why a recording ended early; errors that are not addressed to the operator are given with their type."""
+    """Reason why a recording ended early.
+
+    Errors that are not written for the operator are given with their type.
+    """
     if isinstance(error, KeyboardInterrupt):
         return STOPPED
     return str(error) if isinstance(error, DprError) else f"{type(error).__name__}: {error}"

@@ -1,4 +1,4 @@
-"""The `dpr-lab` command line: a thin shell over the library."""
+"""The `dpr-lab` command line, which calls the jobs of the library."""
 
 import _thread
 import atexit
@@ -16,17 +16,17 @@ from dpr_lab.cli.bytecode import keep_bytecode
 from dpr_lab.errors import DprError
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C or SIGTERM: 128 plus the number of SIGINT, as in shells."""
+"""Exit code after Ctrl-C or SIGTERM: 128 plus the number of SIGINT, as in a shell."""
 
 
 REFUSED = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO, errno.EBADF)
-"""Error codes of a full disk, a broken pipe or a closed stream: these are no bugs of this program."""
+"""Error codes of a full disk, a broken pipe or a closed stream. They are not caused by bugs of this program."""
 
 
 def main() -> None:
     """Run `dpr-lab` and exit with the code documented in its help.
 
-    Errors for the operator become one message on stderr; everything else is a bug and keeps its traceback.
+    An error for the operator becomes one message on stderr. Any other exception is a bug and keeps its traceback.
     """
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -38,7 +38,7 @@ def main() -> None:
         # all cores.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # The imports create some hundred thousand objects, nearly all of which live until the end. Searching them for
-        # garbage takes a tenth of the start.
+        # garbage would take a tenth of the start.
         gc.set_threshold(100_000, 50, 50)
         keep_bytecode()
         _open_streams()
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    """Print the reason and exit; further Ctrl-C during this time is ignored."""
+    """Print the reason and exit; further Ctrl-C are ignored meanwhile."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         from dpr_lab.cli.console import complain
@@ -78,7 +78,10 @@ def _end(message: str, exit_code: int) -> NoReturn:
 
 
 def _leave_stdout() -> None:
-    """Handle a closed output (`dpr-lab ... | head`) or a full disk without an error message of Python."""
+    """Redirect stdout to the null device, so that Python reports no error for a closed output or a full disk.
+
+    An example of a closed output is `dpr-lab ... | head`.
+    """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno() if sys.__stdout__ else 1)
 
 
@@ -89,7 +92,10 @@ def _command() -> None:
 
 
 def _run(app: Callable[[], object]) -> None:
-    """Run the command, flush its output, and report an interrupt as an interrupt in whichever library it occurred."""
+    """Run the command and flush its output.
+
+    An interrupt is reported as such, whichever library it occurred in.
+    """
     try:
         app()
         _say_skipped_plugins()
@@ -122,7 +128,10 @@ def _say_skipped_plugins() -> None:
 
 
 def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """The interrupt that led to an exception: in its chain, or raised before and suppressed since."""
+    """Interrupt that caused an exception; None without one.
+
+    It is in the chain of the exception, or was suppressed by a library before.
+    """
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, KeyboardInterrupt):
@@ -132,18 +141,17 @@ def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
 
 
 class Interrupt(KeyboardInterrupt):
-    """Pending Ctrl-C or SIGTERM for `main`.
+    """Ctrl-C or SIGTERM, for `main`.
 
-    If a library suppresses it, for example in a callback of the compiler or in an import that catches all errors, it
-    is raised again.
-
+    If a library suppresses it, for example in a callback of the compiler or in an import that catches all errors, it is
+    raised again.
     """
 
     raised = False
-    """Register that Ctrl-C was pressed or SIGTERM received."""
+    """Whether Ctrl-C was pressed or SIGTERM received."""
 
     heard = False
-    """Register that `main` has received the interrupt."""
+    """Whether `main` has received the interrupt."""
 
     def __del__(self) -> None:
         if not Interrupt.heard:
@@ -171,7 +179,7 @@ def _interrupt(signum: int, frame: object) -> None:
 
 
 def _open_streams() -> None:
-    """Redirect streams that were closed before the start to the null device; escape characters without an encoding."""
+    """Redirect streams that were closed at the start to the null device; escape characters without an encoding."""
     for fd, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:
             opened = os.open(os.devnull, os.O_RDWR)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
 
 EXIT_CODES = {"pass": 0, "fail": 1, "not decidable": 9}
-"""Exit code of each result."""
+"""Result -> exit code."""
 
 
 def accept(

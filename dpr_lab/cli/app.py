@@ -1,4 +1,7 @@
-"""The table of commands. The module of a command is imported when the command runs or its help is shown."""
+"""Table of the commands.
+
+The module of a command is imported only when the command runs or its help is shown.
+"""
 
 import os
 from collections import UserDict
@@ -58,7 +61,7 @@ COMMANDS = {
     "run": "runs:app",
     "trials": "trials:app",
 }
-"""Name -> module of `dpr_lab.cli`, and in it the function of the command or the `Typer` of a group of commands."""
+"""Command -> `module:name` in `dpr_lab.cli`; the name is a function, or the `Typer` of a group of commands."""
 
 _REFUSALS = {
     "Input should be a valid number": "must be a number with a decimal point and without a unit, such as 0.25",
@@ -67,7 +70,7 @@ _REFUSALS = {
 
 
 def refusal(message: str) -> str:
-    """Reason for a refused option: `must be a number: 0.25, without a unit`."""
+    """Reason for a refused option in plain words, for example `must be a number: 0.25, without a unit`."""
     for start, words in _REFUSALS.items():
         if message.startswith(start):
             return words
@@ -75,10 +78,14 @@ def refusal(message: str) -> str:
 
 
 class LazyCommands(UserDict[str, Any]):
-    """Name -> command, imported when it is looked up."""
+    """Name -> command; a command is imported when it is looked up."""
 
     def __getitem__(self, name: str) -> Any:
-        """Import a command, or raise KeyError."""
+        """Import and return a command.
+
+        Raises:
+            KeyError: unknown command.
+        """
         module, _, attribute = self.data[name].partition(":")
         command = getattr(import_module(f"dpr_lab.cli.{module}"), attribute)
         program = typer.Typer(rich_markup_mode=None)
@@ -90,14 +97,14 @@ class LazyCommands(UserDict[str, Any]):
 
 
 class Program(Listing):
-    """The group of all commands of the table."""
+    """Group of all commands in the table."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         self.commands = LazyCommands(COMMANDS)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; the reason for a refused option is put in plain words instead of pydantic's."""
+        """Run the command; the reason of pydantic for a refused option is replaced by plain words."""
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:

@@ -1,7 +1,7 @@
-"""Bytecode of packages that were installed without it: stored in the cache, like compiled kernels.
+"""Bytecode in the cache of the user, like compiled kernels, for packages that were installed without bytecode.
 
-Some installers write no bytecode, and containers often forbid it (PYTHONDONTWRITEBYTECODE). Without bytecode, each
-start compiles a thousand modules, which takes longer than running them.
+Some installers write no bytecode, and containers often forbid it (PYTHONDONTWRITEBYTECODE). Each start would then
+compile a thousand modules, which takes longer than running them.
 """
 
 import importlib.util
@@ -11,11 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 
 PACKAGES = ("numba", "dpr_lab")
-"""Packages whose bytecode is checked: the largest library, as a sample of all libraries, and this package."""
+"""Packages whose bytecode is checked: this package, and the largest library as a sample of all libraries."""
 
 
 def keep_bytecode() -> None:
-    """Read and write bytecode in this user's cache folder if the installation has none and permits none.
+    """Use bytecode in the user's cache folder, if the installation has none and permits none.
 
     Nothing changes if PYTHONPYCACHEPREFIX names a folder, or if no folder of this user can be written.
     """
@@ -29,11 +29,11 @@ def keep_bytecode() -> None:
         folder = open_cache(user_cache_path("dpr-lab") / "bytecode", str(sys.implementation.cache_tag))
         if folder is not None:
             sys.pycache_prefix, sys.dont_write_bytecode = str(folder), False
-            os.environ["PYTHONPYCACHEPREFIX"] = str(folder)  # of processes that this one starts
+            os.environ["PYTHONPYCACHEPREFIX"] = str(folder)  # for the processes that this one starts
 
 
 def _has_bytecode(package: str) -> bool:
-    """Whether the bytecode of a package exists next to its source, or will exist after this start."""
+    """Whether the bytecode of a package exists next to its source, or can be written there."""
     module = importlib.util.find_spec(package)
     if module is None or module.origin is None:
         return True

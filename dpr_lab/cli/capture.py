@@ -1,4 +1,4 @@
-"""`dpr-lab capture`: show how to reach each pose, release, record and check the recording."""
+"""`dpr-lab capture`: guide the rods to each pose, release, record and check."""
 
 import select
 import sys
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dpr_lab.acquisition.swing import Captured
 
 DEGRADED = 6
-"""Exit code when a run was recorded and kept, but a check of the gate failed."""
+"""Exit code if a run was recorded and kept but a check of the quality gate failed."""
 
 
 def capture(
@@ -80,7 +80,10 @@ def capture(
 
 
 def _operator(*, ask: bool) -> "Confirm":
-    """The operator's release command: Enter on the terminal, polled without blocking."""
+    """Function that asks the operator for the release command: Enter on the terminal, polled without blocking.
+
+    Without `ask` it always permits the release.
+    """
     if not ask:
         return lambda: True
     asked = False

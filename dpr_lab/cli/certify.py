@@ -172,7 +172,10 @@ def _tolerance(within: float | None) -> str:
 
 
 def _cell(value: Any) -> str:
-    """Text of a value; equal entries of a list, such as the outliers of one recording, are counted."""
+    """Text of a value.
+
+    Equal entries of a list, such as the outliers of one recording, are combined with their number.
+    """
     if not isinstance(value, str):
         return "" if value is None else f"{value:.5g}"
     counts = Counter(value.split(", "))

@@ -14,7 +14,7 @@ from dpr_lab.errors import known_name, unknown_name
 
 
 def positive(value: float | None) -> float | None:
-    """Callback of an option: a finite number above zero, or no value.
+    """Callback of an option: accepts a finite number above zero, or no value.
 
     Raises:
         BadParameter: any other value.
@@ -26,21 +26,24 @@ def positive(value: float | None) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """Names that an option accepts, possibly several separated by commas; the list is loaded when needed."""
+    """Names that an option accepts, alone or separated by commas.
+
+    The list of the names is loaded only when it is needed.
+    """
 
     what: str
     names: Callable[[], Iterable[str]]
     worded: Callable[[str], str] = str
-    """A name in words, with an optional prefix."""
+    """Function that converts a name to its description; an identifier may follow in brackets."""
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
-        """Completions of the last name after any comma, with their descriptions."""
+        """Completions of the name after the last comma, with their descriptions."""
         before, comma, prefix = incomplete.rpartition(",")
         matching = (name for name in self.names() if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
 
     def check(self, value: str | None) -> str | None:
-        """Callback of an option with names separated by commas, each as identifier or in words; returns identifiers.
+        """Callback of an option with names separated by commas, as identifiers or descriptions; returns identifiers.
 
         Raises:
             BadParameter: an unknown name.
@@ -48,7 +51,7 @@ class Choices:
         return None if value is None else ",".join(map(self._known, self._split(value)))
 
     def check_each(self, value: list[str] | None) -> list[str] | None:
-        """Callback of a repeatable option, each value as identifier or in words; returns identifiers.
+        """Callback of a repeatable option with a name, as identifier or description; returns identifiers.
 
         Raises:
             BadParameter: an unknown name.
@@ -56,7 +59,7 @@ class Choices:
         return None if value is None else [self._known(name) for name in value]
 
     def _split(self, value: str) -> list[str]:
-        """Split a list at its commas, except at those inside a name in words ('Coulomb friction, joint 1')."""
+        """Split a list at its commas, except at commas inside a description such as 'Coulomb friction, joint 1'."""
         parts: list[str] = []
         for part in value.split(","):
             whole = f"{parts[-1]},{part}" if parts else ""
@@ -77,7 +80,7 @@ class Choices:
 
 
 def names_in(given: str | None) -> tuple[str, ...] | None:
-    """Names separated by commas."""
+    """Names in a text, separated by commas."""
     return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
 
 
@@ -125,7 +128,7 @@ def built_in_rigs() -> list[str]:
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Built-in rigs, and rig files below the folder typed so far."""
+    """Completions of a rig: built-in names, and rig files in the folder typed so far."""
     files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
     return [name for name in built_in_rigs() if name.startswith(incomplete)] + files
 

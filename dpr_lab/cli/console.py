@@ -1,4 +1,4 @@
-"""Output of the commands: one JSON object or readable tables on stdout, everything else on stderr."""
+"""Output of the commands: a JSON object or readable tables on stdout, all other output on stderr."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
 
 
 def complain(message: str, exit_code: int) -> None:
-    """Print an error for the operator on stderr, and with --json also as an object on stdout."""
+    """Print an error for the operator on stderr; with --json also as an object on stdout."""
     if "--json" in sys.argv:
         emit({"error": message, "exit_code": exit_code})
     say(f"dpr-lab: {message}")
@@ -40,7 +40,10 @@ def say(message: str) -> None:
 
 
 def folded(message: str, stream: TextIO, before: int = 0) -> str:
-    """Wrap a message at spaces to the width of the terminal; `before` characters precede it in the first line."""
+    """Wrap a message at spaces to the width of the terminal.
+
+    The first line is shorter by `before` characters, which precede the message.
+    """
     if not stream.isatty():
         return message
     width = get_terminal_size().columns
@@ -49,7 +52,7 @@ def folded(message: str, stream: TextIO, before: int = 0) -> str:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, note: str = "") -> None:
-    """Print a table on stdout, at most as wide as the terminal; a `note` below explains it."""
+    """Print a table on stdout, at most as wide as the terminal, with an explanatory `note` below it."""
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -76,7 +79,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
-    """Column widths without broken words and without truncation; None if the terminal is too narrow."""
+    """Column widths for which no word is broken or truncated; None if the terminal is too narrow."""
     from rich.cells import cell_len
 
     widths = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
@@ -92,7 +95,7 @@ def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
 
 
 def _list(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> None:
-    """Print a table that is too wide as one block per row, or one line per row for two columns."""
+    """Print a table that is too wide for the terminal: a block per row, or a line per row if it has two columns."""
     lines = [_hanging(title, width, "")]
     for first, *rest in rows:
         if len(rest) == 1:
@@ -117,20 +120,20 @@ def _hanging(text: str, width: int, indent: str) -> str:
 
 
 class Bar(Protocol):
-    """Progress bar on a terminal; no output elsewhere."""
+    """Progress bar on a terminal; otherwise it prints nothing."""
 
     def __call__(self, done: float | None, text: str = "") -> None:
-        """Show `done` of the total (None: unchanged) with a text."""
+        """Show `done` of the total, and a text; None leaves the bar unchanged."""
         ...
 
 
 def no_bar(done: float | None, text: str = "") -> None:
-    """Progress bar without output."""
+    """Progress bar that prints nothing."""
 
 
 @contextmanager
 def progress(title: str, total: float | None) -> Iterator[Bar]:
-    """Progress bar on stderr if it is a terminal; indeterminate if `total` is unknown."""
+    """Progress bar on stderr if this is a terminal; it is indeterminate if `total` is None."""
     if not sys.stderr.isatty():
         yield no_bar
         return

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ShownRows:
-    """Lengths of the short output."""
+    """Lengths of tables in the short output."""
 
     runs: int = 6
-    """Runs in the table of the gap reduction."""
+    """Number of runs in the table of the gap reduction."""
 
 
 SHOWN = ShownRows()
@@ -171,7 +171,7 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
 
 
 def _show_effects(diagnosis: "Diagnosis") -> None:
-    """Print contributions of the effects, gap budget and all alternatives."""
+    """Print the contributions of the effects, the gap budget, and all alternatives."""
     from dpr_lab.report.gap import tables
 
     if diagnosis.effects:
@@ -184,7 +184,7 @@ def _show_effects(diagnosis: "Diagnosis") -> None:
 
 
 def _show_gap_reduction(diagnosis: "Diagnosis", most: int | None) -> None:
-    """Print the gap reduction of `most` runs, the smallest reductions first, or of all runs in their order."""
+    """Print the gap reduction of the `most` runs with the smallest reduction; None: of all runs, in their order."""
     from dpr_lab.report.gap import tables
 
     rows, title = tables.closed_rows(diagnosis), "Gap reduction by run"
@@ -221,7 +221,7 @@ def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> No
 
 
 def show_files(files: "Mapping[str, str]") -> None:
-    """Name the written files on stderr, one line per folder: `files in out: diagnosis.html (report), ...`."""
+    """Print the written files on stderr, one line per folder: `files in out: diagnosis.html (report), ...`."""
     folders: dict[Path, dict[str, list[str]]] = {}
     for name, file in files.items():
         path = Path(file)
@@ -231,7 +231,7 @@ def show_files(files: "Mapping[str, str]") -> None:
 
 
 def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
-    """Print the changes of the user's model, the most important cause first."""
+    """Print the recommended changes of the user's model, the most important cause first."""
     from dpr_lab.cli.export import show_replays
     from dpr_lab.report.words import in_words
 

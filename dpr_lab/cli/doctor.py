@@ -17,14 +17,14 @@ from dpr_lab.errors import DprError
 
 @dataclass(frozen=True, slots=True)
 class SystemCheck:
-    """One check of the computer."""
+    """Result of one check of the computer."""
 
     what: str
     state: Literal["ok", "note", "wrong"]
     message: str
-    """Result of one test, and what to do if it failed."""
+    """Result of the check and, if it failed, the remedy."""
     group: str = ""
-    """Name of the table row that this check shares with others of the same state; empty: it has its own row."""
+    """Name of a table row that is shared by checks of one group and state; empty for a row of its own."""
 
     def to_json(self) -> dict[str, str]:
         """The check as an object of `doctor --json`."""
@@ -58,7 +58,7 @@ def doctor(
 
 
 def _rows(findings: Sequence[SystemCheck]) -> list[tuple[str, str, str]]:
-    """One row per check; those of one group and state share a row."""
+    """Table rows: one per check, or one per group of checks with the same state."""
     rows: list[tuple[str, str, str]] = []
     for (group, state), members in groupby(findings, lambda finding: (finding.group, finding.state)):
         if not group:

@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 
 class EffectCommands(Listing):
-    """Commands about effects; if an effect is named instead of a command, the error message refers to `show`."""
+    """Commands on effects.
+
+    If an effect is given in place of a command, the error message refers to `show`.
+    """
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command.
@@ -93,7 +96,7 @@ def _package(name: str) -> str:
 
 
 def _described(effect: "Effect") -> dict[str, Any]:
-    """Properties of an effect."""
+    """Properties of an effect as JSON values."""
     from dpr_lab.effects.limits import limit_words
 
     parameters = [

@@ -150,7 +150,7 @@ def _show_bands(done: "EnsembleResult") -> None:
 
 
 def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
-    """Limits of an ensemble of `size` models: its widening, its amplitudes, the coverage of its bands."""
+    """Sentences on the limits of an ensemble of `size` models: widening, amplitudes, coverage of its bands."""
     from dpr_lab.exports.ensemble.bands import BANDS, fewest_models
 
     if done.factor_of_fit > 1:
@@ -208,7 +208,7 @@ def _into(
 
 
 def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
-    """Errors of the user's file before and after, by recording."""
+    """Print the errors of the user's file before and after the change, by recording."""
     if replays:
         kinds = {
             "before": "before_rad",

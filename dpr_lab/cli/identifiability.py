@@ -84,7 +84,10 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
 
 
 def show(analysis: "Identifiability") -> None:
-    """Print the results as tables and sentences, as wide as the terminal, or 160 columns in a pipe."""
+    """Print the results as tables and sentences.
+
+    They are as wide as the terminal, or 160 columns in a pipe.
+    """
     from dpr_lab.identification.directions import described
     from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
     from dpr_lab.report.digits import NONE, plus_minus
@@ -131,7 +134,7 @@ def show(analysis: "Identifiability") -> None:
 
 
 def _helping(analysis: "Identifiability", name: str) -> list[str]:
-    """Measured values that contribute to a parameter."""
+    """Names of the measured values that contribute information on a parameter."""
     return [measured for measured, helped in analysis.helps.items() if name in helped]
 
 

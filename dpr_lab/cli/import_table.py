@@ -72,7 +72,7 @@ def import_table(
 
 
 def _with_options(command: Callable[..., None]) -> inspect.Signature:
-    """Signature of the command: the rig and one option for each field of `ImportOptions`."""
+    """Signature of the command, with one option for each field of `ImportOptions`."""
     signature = inspect.signature(command)
     file, rig, *others, _ = signature.parameters.values()
     return signature.replace(parameters=[file, rig, *map(_parameter, typed_options()), *others])
@@ -92,7 +92,11 @@ def _parameter(option: TypedOption) -> inspect.Parameter:
 
 
 def _options(typed: Mapping[str, Any]) -> ImportOptions:
-    """Raise BadParameter for a value that is not valid or outside its limits."""
+    """Import options from the values on the command line.
+
+    Raises:
+        BadParameter: a value is not valid or outside its limits.
+    """
     readers = {option.name: option for option in typed_options() if option.reads_text}
     given = {name: value for name, value in typed.items() if value or name not in readers}
     try:
@@ -112,7 +116,7 @@ app.command("csv", help="The same as `import table`. Example: dpr-lab import csv
 
 
 def _show(understood: "Preview", as_json: bool) -> None:
-    """Print the interpretation of a table; no run was written."""
+    """Print the interpretation of a table that was not written as a run."""
     from dpr_lab.report.text_plot import text_chart
     from dpr_lab.storage.tables.preview import chart_title, names_of
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Listener:
-    """Context manager that shows the events of a job, and removes its progress bar at the end."""
+    """Context manager that displays the events of a job; at the end it removes its progress bar."""
 
     def __init__(self) -> None:
         self._bars, self._watch = ExitStack(), watch_compiling(self._compiling)
@@ -97,24 +97,27 @@ class Listener:
                 pass
 
     def _say_notes(self) -> None:
-        """Print the notes of the runs that were read, each once with the names of its runs."""
+        """Print the notes on the runs that were read.
+
+        Each note is printed once, with the names of its runs.
+        """
         for note, names in self._notes.items():
             more = f" and {len(names) - 3} more" if len(names) > 4 else ""
             say(f"{', '.join(names[:3] if more else names)}{more}: {note}")
         self._notes.clear()
 
     def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:
-        """Show progress on a bar of this listener."""
+        """Show progress on a bar with a title; the bar of another title is closed."""
         if title != self._title:
             self._close()
             self._bar, self._title = self._bars.enter_context(progress(title, total)), title
         self._bar(done, text)
 
     def _compiling(self) -> None:
-        """Print the reason for a long start once, then show progress."""
+        """Print once why the start takes long, and show the number of compiled kernels."""
         self._kernels += 1
         if self._kernels == 1:
-            from dpr_lab.kernel_cache import COMPILING  # hashes every kernel source
+            from dpr_lab.kernel_cache import COMPILING  # this import hashes every kernel source
 
             say(COMPILING)
         if not self._title:
@@ -126,7 +129,10 @@ class Listener:
         self._bar, self._title = no_bar, ""
 
     def _trial(self, event: events.TrialDone) -> None:
-        """Progress of trials: bar on a terminal, one line per trial elsewhere; failures in both cases."""
+        """Show the progress of trials: a bar on a terminal, otherwise one line per trial.
+
+        Failures are always printed.
+        """
         from dpr_lab.trials.campaign import Failure
 
         self._at("trials", event.done, event.of, f"{event.done} of {event.of}")
@@ -168,7 +174,7 @@ class Listener:
 
 
 def effects_listed(names: tuple[str, ...]) -> str:
-    """Effects in a sentence."""
+    """Descriptions of effects, joined to a phrase."""
     from dpr_lab.report.words import named
     from dpr_lab.shown import listed
 
@@ -176,7 +182,7 @@ def effects_listed(names: tuple[str, ...]) -> str:
 
 
 def named_by(outcome: "TrialOutcome") -> str:
-    """Classes of effects named by the diagnosis of a trial, and its verdict."""
+    """Effects named by the diagnosis of a trial, and its verdict."""
     from dpr_lab.report.words import named
     from dpr_lab.shown import listed
 
@@ -186,7 +192,7 @@ def named_by(outcome: "TrialOutcome") -> str:
 
 
 def _angles(theta: Sequence[float]) -> str:
-    """Angles of the mounted rods."""
+    """Angles of the mounted rods as text."""
     named = (f"theta{rod} = {math.degrees(angle):.1f} deg" for rod, angle in enumerate(theta, 1))
     return f"{', '.join(named)} (0 = upright)"
 

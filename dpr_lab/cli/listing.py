@@ -1,4 +1,4 @@
-"""List of the commands of a group."""
+"""List of the commands in the help of a group."""
 
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,12 @@ from dpr_lab.cli.checks import NO_RIG
 
 
 class Listing(TyperGroup):
-    """Commands with the complete first sentence of their help, wrapped over several lines."""
+    """Group whose help lists each command with the complete first sentence of its help, wrapped over several lines."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command; if it lacks a rig, the refusal says what a rig file is and how to write one.
+        """Run a command.
+
+        If the rig is missing, the error message explains rig files and how to write one.
 
         Raises:
             BadParameter: a value of a command is missing or refused.
@@ -26,7 +28,9 @@ class Listing(TyperGroup):
             raise
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command; a file instead of a command is refused, with the commands that accept a file.
+        """Find a command by its name.
+
+        A file in place of a command is refused, with a list of commands that accept files.
 
         Raises:
             BadParameter: the first argument is a file.
@@ -42,7 +46,7 @@ class Listing(TyperGroup):
         return list(self.commands)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the list."""
+        """Write the list of the commands."""
         commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
         shown = {name: command for name, command in commands.items() if command is not None and not command.hidden}
         with formatter.section("Commands"):

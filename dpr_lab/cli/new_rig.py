@@ -1,4 +1,4 @@
-"""`dpr-lab rig new`: a rig file from a few measurements; missing values are prompted for."""
+"""`dpr-lab rig new`: write a rig file from a few measurements; missing values are prompted for."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ MEASURED = "as 0.042, or as 0.042+-0.001 if measured"
 
 @dataclass(frozen=True, slots=True)
 class RodOptions:
-    """Rods and their joints."""
+    """Options for the rods and their joints."""
 
     l1: Annotated[
         float | None, typer.Option("--l1", help="Distance between the two joints, m; length of a single rod.")
@@ -50,11 +50,11 @@ class RodOptions:
 
     @property
     def needed(self) -> tuple[float | str | None, ...]:
-        """Values without which no rig file can be written."""
+        """Values that are required for a rig file."""
         return (self.l1, self.m1) if self.single else (self.l1, self.m1, self.l2, self.m2)
 
     def completed(self, ask: bool) -> "RodOptions":
-        """Copy with the missing values from the prompts."""
+        """Copy in which the missing values are prompted for."""
         distance, rod = (
             ("Length of the rod, m", "rod") if self.single else ("Distance between the two joints, m", "inner rod")
         )
@@ -70,7 +70,7 @@ class RodOptions:
 
 @dataclass(frozen=True, slots=True)
 class EncoderOptions:
-    """Encoders of the joints."""
+    """Options for the encoders of the joints."""
 
     counts_per_rev: Annotated[int | None, typer.Option(help="Counts per turn of the encoders.")] = None
     arm_counts_per_rev: Annotated[
@@ -84,7 +84,7 @@ class EncoderOptions:
     ] = False
 
     def prompted(self, *, two_rods: bool) -> "EncoderOptions":
-        """Copy with the missing values from the prompts."""
+        """Copy in which the missing values are prompted for."""
         joint2 = self.joint2
         if two_rods and joint2 is None:
             question = "Encoder of the outer rod (relative to the inner rod, or absolute)"
@@ -95,7 +95,7 @@ class EncoderOptions:
 
 @dataclass(frozen=True, slots=True)
 class ArmOptions:
-    """Arm and its motor."""
+    """Options for the arm and its motor."""
 
     arm: Annotated[
         Literal["clamped", "free", "prescribed", "driven"],
@@ -191,7 +191,7 @@ def new(
 
 
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
-    """The answer on a terminal; without a terminal, the option is required."""
+    """Answer to a prompt on a terminal; without a terminal, the missing option is refused."""
     if not ask:
         raise typer.BadParameter(f"{flag} is required: {question}; on a terminal it is prompted for")
     return str(typer.prompt(question, default=default, type=kind, err=True))
@@ -202,7 +202,7 @@ def _asked_length(ask: bool, flag: str, question: str) -> float:
 
 
 def _measure(flag: str, text: str, form: str = WEIGHED) -> "Measure":
-    """Parse `0.21`, or `0.21+-0.001` for a weighed value that is not identified."""
+    """Parse a value, `0.21`, or `0.21+-0.001` for a weighed value that is not identified."""
     from dpr_lab.workflows.rig_toml import Measure
 
     value, _, std = text.replace("±", "+-").partition("+-")

@@ -1,4 +1,7 @@
-"""Groups of options: a parameter of a command whose type is a dataclass is replaced by one option per field."""
+"""Groups of options.
+
+A parameter of a command whose type is a dataclass is replaced by one option per field.
+"""
 
 import inspect
 from collections.abc import Callable, Sequence
@@ -51,7 +54,7 @@ def _options(group: Any) -> list[inspect.Parameter]:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisChoices:
-    """Choices of a diagnosis, which a certificate declares."""
+    """Options of a diagnosis that influence its result; a certificate declares them."""
 
     held_out: HeldOut = None
     library: Library = None
@@ -64,7 +67,10 @@ class DiagnosisChoices:
     torque: TorqueKind = None
 
     def request(self, runs: Sequence[Path], rig: str, **others: Any) -> "DiagnoseRequest":
-        """Request of a diagnosis with these choices; `others` are further fields of it."""
+        """Request of a diagnosis with these options.
+
+        `others` are further fields of the request.
+        """
         from dpr_lab.workflows.diagnose import DiagnoseRequest
 
         return DiagnoseRequest(

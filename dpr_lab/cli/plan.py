@@ -131,7 +131,10 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def commands(made: "Plan") -> list[str]:
-    """Commands that record the releases of a first plan, or the next release of a later one, which may be optional."""
+    """Commands that record all releases of a first plan, or the next release of a later plan.
+
+    The next release of a later plan may be optional.
+    """
     if made.state == "bench check":
         return []
     return [
@@ -147,7 +150,7 @@ def _replayed(release: "PlannedRelease") -> str:
 
 
 def _show_detectable(made: "Plan", most: int = 6) -> None:
-    """The amplitudes that are hardest to detect with the plan, relative to their typical size."""
+    """Print the amplitudes that are hardest to detect with the plan, relative to their typical size."""
     from dpr_lab.report.words import named, parameter_words
 
     worst = sorted(

@@ -1,4 +1,4 @@
-"""Help of a command, with the installed plugins that extend one of its options."""
+"""Help of commands that plugins extend, with a list of the installed plugins."""
 
 from typing import Any
 
@@ -13,14 +13,14 @@ EXTENDED = {
     "table": ("readers", "Readers of plugins"),
     **dict.fromkeys(("capture", "conform", "doctor"), ("transports", "Links of plugins")),
 }
-"""Command -> table of `dpr_lab.plugins.installed.GROUPS`, and heading of the list."""
+"""Command -> group of plugins in `dpr_lab.plugins.installed.GROUPS`, and heading of their list."""
 
 
 class PluginListing(TyperCommand):
-    """A command whose help ends with these plugins, which are not imported."""
+    """Command whose help ends with a list of its plugins; the plugins are not imported."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the list, if there are any."""
+        """Write the list of plugins, if there are any."""
         super().format_epilog(ctx, formatter)
         group, heading = EXTENDED.get(self.name or "", ("", ""))
         rows = [(plugin.name, f"{plugin.package} {plugin.version}") for plugin in announced() if plugin.group == group]

@@ -1,4 +1,4 @@
-"""Metadata of a run file as rows of text: quantities in words, with units."""
+"""Metadata of a run file as table rows: quantities in words, with units."""
 
 import re
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ QUANTITIES = {
     "notes": "remarks",
     "extra": "further information",
 }
-"""Field of `dpr_lab.storage.inspect.RunInfo` -> quantity."""
+"""Field of `dpr_lab.storage.inspect.RunInfo` -> name of the quantity in the table."""
 
 PARTS = {
     "device_overrun": "device too slow",
@@ -81,13 +81,14 @@ PARTS = {
     "arrival_ppm": "rate error by the arrival of samples (ppm)",
     "arrival_margin_ppm": "its error bound (ppm)",
 }
-"""Name of a loss, a check, a figure of the clock or a program -> words; other names are shown without underscores."""
+"""Name of a loss, a check, a clock figure or a program -> words in the table. Other names are printed without
+underscores."""
 
 _ROUND_OFF = 1e-12
-"""Magnitude up to which a number is zero: intervals of equal length differ by round-off."""
+"""Maximum magnitude of a number that is printed as zero, because intervals of equal length differ by round-off."""
 
 _WITH_UNIT = re.compile(r"(\w+) \((.+)\)")
-"""Name of a quality check with its unit, as in a run file; a share has the unit 1."""
+"""Pattern of a quality check with its unit in a run file. A share has the unit 1."""
 
 
 def info_rows(info: Mapping[str, Any]) -> list[tuple[str, str]]:

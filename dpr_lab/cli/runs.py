@@ -158,7 +158,7 @@ def layout(
 def _each(
     files: Sequence[Path], look: Callable[[Path], dict[str, Any]], show: Callable[[dict[str, Any]], None], json: bool
 ) -> None:
-    """Check all files, including those after a damaged one; exit with 3 if any is damaged."""
+    """Inspect every file, also after a damaged one; exits with 3 if any is damaged."""
     summaries: list[dict[str, Any]] = []
     for file in files:
         try:

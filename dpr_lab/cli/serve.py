@@ -33,7 +33,7 @@ def serve(
 
     service = Service(send)
     done = False
-    with Listener():  # states on stderr that kernels are compiled
+    with Listener():  # report on stderr that kernels are compiled
         try:
             for line in _lines(sys.stdin.buffer):
                 if line is None:
@@ -47,14 +47,14 @@ def serve(
 
 
 def _only_answers() -> BinaryIO:
-    """The stream for responses; all other output goes to stderr."""
+    """Stream for the responses; all other output is redirected to stderr."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return answers
 
 
 def _lines(stream: BinaryIO, longest: int = 1 << 20) -> Iterator[bytes | None]:
-    """Lines of a stream; None for one that is too long, which is skipped."""
+    """Lines of a stream; None in place of a line that is too long."""
     while line := stream.readline(longest):
         if len(line) < longest or line.endswith(b"\n"):
             yield line

@@ -69,7 +69,7 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 
 
 def _centre(name: str | None, arm: TrialArm | None) -> str:
-    """Name of a rig or plant, or its default."""
+    """Name of the rig or plant; without one, the default for the mode of the arm."""
     return name or ("paper" if arm is None else "driven_double")
 
 
@@ -190,7 +190,7 @@ STRATEGY_COLUMNS = (
 
 
 def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]]:
-    """A row for each strategy of sequential trials."""
+    """One row per strategy of sequential trials."""
     return [
         (
             name,
@@ -208,7 +208,7 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
 
 
 def _forecast_error(summary: dict[str, Any]) -> str:
-    """Calibration error, and that of an exact forecast with as few outcomes."""
+    """Calibration error of a forecast; in brackets, that of an exact forecast with the same number of outcomes."""
     return f"{summary['forecast_calibration_error']:.2f} ({summary['forecast_error_if_exact']:.2f})"
 
 

@@ -78,7 +78,7 @@ def tui(
     from dpr_lab.tui import FRAMES_PER_S
 
     if served:
-        os.environ["TEXTUAL_FPS"] = str(FRAMES_PER_S)  # the server would otherwise request five times as many frames
+        os.environ["TEXTUAL_FPS"] = str(FRAMES_PER_S)  # otherwise the server would request five times as many frames
     os.environ.setdefault("TEXTUAL_FPS", str(FRAMES_PER_S))
     from dpr_lab.tui.app import KEYED, DprApp
     from dpr_lab.tui.keys import keys_file, load_keymap

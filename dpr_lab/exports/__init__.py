@@ -1,8 +1,8 @@
-"""Export of the corrected model to other programs; a new format is one file and one row of `FORMATS`.
+"""Export of the corrected model to other programs.
 
-`Effect.exported` describes each effect by elements that programs share. A program that can call functions gets the
-kernel of an effect. Effects without elements and without a callable kernel are lost in this format, and are listed with
-the reason.
+A new format is one file and one row of `FORMATS`. `Effect.exported` describes each effect by elements that are common
+to simulators. A program that can call functions receives the kernel of an effect instead. An effect with neither is
+lost in this format, and the reason is listed.
 """
 
 import json
@@ -22,7 +22,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """One export format: the files of a corrected model and how it expresses effects."""
+    """Export format: its files, and the effects that it can express."""
 
     program: str
     """Name of the program."""
@@ -31,13 +31,13 @@ class ExportFormat:
     files: Callable[[AnyModel, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
     """Function of model, rig and lost effects: name of each file -> content."""
     runs_in: Program
-    """Program that replays recordings with the written files."""
+    """Program that replays recordings with the written files, to measure the loss of accuracy."""
     words: frozenset[str] = frozenset()
-    """Elements of effects that the format supports."""
+    """Elements of effects that the format supports (`dpr_lab.exports.bodies`)."""
     calls: tuple[str, ...] = ()
-    """Stages of the effects whose kernels the program calls."""
+    """Stages of the effects whose kernels the program can call."""
     optional: bool = False
-    """Whether it requires optional packages; `diagnose --out` then does not write it."""
+    """Whether the format requires optional packages; `diagnose --out` does not write such a format."""
 
     def lost(self, model: AnyModel, rig: Rig) -> dict[str, str]:
         """Effect -> reason why the format cannot express it."""
@@ -48,13 +48,15 @@ class ExportFormat:
     def written(
         self, model: AnyModel, rig: Rig, lost: Mapping[str, str] | None = None, check: Mapping[str, Any] | None = None
     ) -> dict[str, str | bytes]:
-        """Name of each file -> content; with a JSON file of the lost effects, if any.
+        """Name of each file -> content.
+
+        If effects are lost, a JSON file with the reasons is included.
 
         Args:
             model: the model to write
             rig: its rig
-            lost: effects already left out of the refitted model; None: those that the format cannot express
-            check: loss of accuracy, for the JSON
+            lost: effects that were left out before the model was refitted; None: effects that the format cannot express
+            check: loss of accuracy, for the JSON file
         """
         lost = self.lost(model, rig) if lost is None else lost
         document = {"lost": dict(lost), "check": check}

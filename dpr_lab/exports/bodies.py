@@ -1,4 +1,4 @@
-"""The corrected rig as rigid bodies on hinges, with elements that simulators share (`Words` of effects)."""
+"""The corrected rig as rigid bodies on hinges, with elements that are common to simulators (`Words` of effects)."""
 
 from collections.abc import Collection, Mapping
 
@@ -19,7 +19,7 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 def words_of(effects: Effects) -> dict[str, Words]:
-    """Effect -> its elements, for effects that are represented completely."""
+    """Effect -> its elements, for those effects that elements represent completely."""
     expressed = {}
     for name, values in effects.items():
         effect = EFFECTS.get(name)
@@ -30,9 +30,9 @@ def words_of(effects: Effects) -> dict[str, Words]:
 
 
 def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
-    """Effects of a model that a program with these elements can express."""
+    """Effect -> its elements, for those effects of a model that a program with the elements `known` can express."""
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
-    # tilting gravity in a simulator affects all directions, whereas this effect acts in the plane of the rods only
+    # In a simulator, tilted gravity acts in all directions; this effect acts only in the plane of the rods.
     if isinstance(model, MovingArmModel):
         return {name: words for name, words in expressed.items() if not {"arm", "tilt"} & set(words)}
     return {name: words for name, words in expressed.items() if "arm" not in words or arm_of(model, rig) is not None}
@@ -59,9 +59,9 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
 
 
 def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
-    """Rigid bodies with the motion of equation (1), docs/theory.md, and the effects that the format supports.
+    """Rigid bodies that move according to equation (1) of docs/theory.md, with the effects that a format expresses.
 
-    Their masses are the masses of the model at the scale of its base parameters; a swing depends only on the base
+    A swing depends only on the base parameters. Their masses are therefore those of the model, at the scale of its base
     parameters.
 
     Raises:
@@ -94,7 +94,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
 
 
 def arm_of(model: Model, rig: Rig) -> Arm | None:
-    """Compliant arm of an effect; None if there is none, or if it is lighter than the rods at its tip."""
+    """Compliant arm of an effect; None without one, or if the arm is lighter than the rods at its tip."""
     params = effect_params(known_effects(model.effects))
     held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
     z = {name: parameter.value for name, parameter in model.parameters.items()}

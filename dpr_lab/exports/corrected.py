@@ -1,10 +1,9 @@
-"""The model with the named effects: for `compare`, as a plain Python module, and as MJCF.
+"""The corrected model of a diagnosis: the model with the named effects.
 
-An amplitude whose interval contains zero is set to zero, so that a spring with an insignificant cubic term is a linear
-spring, which every format with springs can represent. The other values are then their conditional means in the joint
-normal
-distribution: x - C_xz C_zz^-1 z. A named effect keeps its amplitudes if all of them are insignificant. Effects that
-are fitted to every rig of this kind are omitted if they are insignificant and not named.
+An amplitude whose interval contains zero is set to zero. A spring with an insignificant cubic term thus becomes a
+linear spring, which every format with springs can represent. The other values are then replaced by their conditional
+means in the joint normal distribution: x - C_xz C_zz^-1 z. A named effect whose amplitudes are all insignificant keeps
+them. Effects that are fitted to every rig of this kind are omitted if they are insignificant and not named.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -42,7 +41,7 @@ AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
 def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Corrected model of a diagnosis, with its effects, which `compare` reads and `diagnose --out` writes.
+    """Corrected model of a diagnosis with its effects, as `diagnose --out` writes it and `compare` reads it.
 
     Args:
         diagnosis: ratios, covariance and effects
@@ -55,7 +54,7 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
 
 
 def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
-    """Corrected model of a diagnosis whose arm does not move; arguments as of `corrected_model`."""
+    """Corrected model of a diagnosis with a clamped or prescribed arm; arguments are those of `corrected_model`."""
     unknown, effects = significant_values(diagnosis)
     values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)
@@ -124,7 +123,7 @@ def _fit_summary(diagnosis: Diagnosis) -> FitSummary:
 
 
 def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> dict[str, EstimatedValue]:
-    """e1/a and c1/a of the inner rod alone with the intervals of the diagnosis."""
+    """e1/a and c1/a of the inner rod alone, with their intervals from the diagnosis."""
     alone = ratios_alone(five, diagnosis.p_over_b or 0.0, rig.g / rig.L1)
     ends = {name: diagnosis.determined[name].interval90 for name in alone if name in diagnosis.determined}
     return {
@@ -134,7 +133,7 @@ def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> di
 
 
 def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str, float]]]:
-    """(7,) ratios, b and p/b, and the effects, without insignificant amplitudes."""
+    """Ratios, b and p/b (7,), and the effects, without insignificant amplitudes."""
     unknown = diagnosis.unknowns
     fitted = dict(zip(UNKNOWN_RATIOS, unknown.tolist(), strict=True)) | {
         f"{name}.{key}": value
@@ -151,12 +150,12 @@ def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str,
 
 
 def _posterior(diagnosis: Diagnosis) -> PosteriorComponent | None:
-    """The part of the posterior that belongs to the corrected model."""
+    """Component of the posterior with the effects of the corrected model; None without one."""
     return next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
 
 
 def _insignificant_effects(diagnosis: Diagnosis, fitted: Mapping[str, float]) -> set[str]:
-    """Effects that are in the fit of every rig of this kind, are not named, and whose intervals all contain zero."""
+    """Effects that are fitted to every rig of this kind, are not named, and have intervals that all contain zero."""
     posterior = _posterior(diagnosis)
     if posterior is None or has_moving_arm(diagnosis):
         return set()
@@ -173,7 +172,7 @@ def _insignificant_effects(diagnosis: Diagnosis, fitted: Mapping[str, float]) ->
 def _without_insignificant(
     diagnosis: Diagnosis, fitted: Mapping[str, float], absent: Collection[str] = ()
 ) -> dict[str, float]:
-    """Values of ratios and effects (`effect.parameter`) without insignificant amplitudes and absent effects."""
+    """Values of ratios and of effects (`effect.parameter`), without insignificant amplitudes and absent effects."""
     zero = [f"{effect.name}.{key}" for effect in diagnosis.effects for key in _insignificant(effect)]
     zero += [f"{name}.{p.name}" for name in absent for p in EFFECTS[name].amplitudes]
     posterior, values = _posterior(diagnosis), dict(fitted)
@@ -187,7 +186,7 @@ def _without_insignificant(
 
 
 def _insignificant(effect: NamedEffect) -> set[str]:
-    """Amplitudes whose interval contains zero; empty if no other amplitude would be left."""
+    """Amplitudes of an effect whose interval contains zero; empty if this applies to all of them."""
     amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
     chance = {
         key for key in amplitudes if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]

@@ -1,4 +1,4 @@
-"""Loss of accuracy of an export: replay errors compared with the errors of the corrected and of the bare model."""
+"""Loss of accuracy of an export: its replay errors, compared with those of the corrected and of the bare model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,14 +18,13 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ReplayRule:
-    """Settings and limits of the replay."""
+    """Settings and limits of the replay of an export."""
 
     most: int = 3
-    """Maximum number of replayed releases, because a program may run in real time."""
+    """Maximum number of replayed releases. It is small, because a program may run in real time."""
     worse: float = 1.02
-    """An export is refused if its error exceeds the error of the bare model by this factor. Smaller differences are
-    within the uncertainty of the initial state.
-    """
+    """Maximum ratio of the error of an export to the error of the bare model; above it the export is refused. Smaller
+    differences are within the uncertainty of the initial state."""
 
 
 REPLAY_RULE = ReplayRule()
@@ -33,19 +32,19 @@ REPLAY_RULE = ReplayRule()
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """Errors of a model replayed in one program."""
+    """Errors of a model that was replayed in a program."""
 
     off_rad: float
     """Rms error of both rods, rad."""
     closed: float
-    """Share of the gap above the noise floor that closes."""
+    """Share of the gap above the noise floor by which the error falls relative to the bare model."""
     by_run: dict[str, float]
     """Run -> rms error, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """Reference for an export: swings of the corrected and of the bare model in recordings."""
+    """Reference for an export: recordings, and the swings of the corrected and of the bare model along them."""
 
     rig: Rig
     runs: tuple[Run, ...]
@@ -54,7 +53,7 @@ class Yardstick:
     own: tuple[Replay, ...]
     """Swings of the corrected model, up to the predictability horizon."""
     before: tuple[Replay, ...]
-    """Swings of the bare model, over the same time."""
+    """Swings of the bare model, over the same time as `own`."""
 
     @property
     def bare_rad(self) -> float:
@@ -62,9 +61,10 @@ class Yardstick:
         return _rms([swing.lab for swing in self.before])
 
     def held_against(self, model: AnyModel) -> tuple[AnyModel, tuple[Replay, ...]]:
-        """Model to write and its replays: the bare model if the refitted model is worse over the whole swing.
+        """Model to write and its replays.
 
-        A fit over segments of half a second does not exclude this.
+        The bare model replaces the refitted model if that is worse over the whole swing, which a fit over segments of
+        half a second does not exclude.
         """
         if model is self.model:
             return model, self.own
@@ -74,11 +74,11 @@ class Yardstick:
         return model, swings
 
     def replayed(self, swings: Sequence[Replay], squares: Sequence[float] | None = None) -> Replayed:
-        """Result of the replay of swings in a program.
+        """Errors of swings that were replayed in a program.
 
         Args:
-            swings: dpr-lab's own simulation
-            squares: mean square error of each in a program, rad^2; default: that of dpr-lab
+            swings: simulations by dpr-lab
+            squares: mean square error of each swing in the program, rad^2; default: those of dpr-lab
         """
         squares = [swing.lab for swing in swings] if squares is None else squares
         floor = np.array([float(np.nanmean(swing.noise_rad**2)) for swing in swings])
@@ -88,7 +88,9 @@ class Yardstick:
 
 
 def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
-    """Replay runs with a corrected model and without its effects; a model without effects is its own reference.
+    """Replay runs with a corrected model, and with the same model without effects.
+
+    A model without effects is its own reference.
 
     Args:
         model: the corrected model

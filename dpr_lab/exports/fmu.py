@@ -1,6 +1,6 @@
 """The corrected model as a functional mock-up unit for co-simulation, FMI 3.0 or 2.0.
 
-Inputs are the joint torques, or the input of a moving arm's drive; outputs are angles, speeds and encoder readings. The
+Inputs are the joint torques, or the input of a moving arm's drive. Outputs are angles, speeds and encoder readings. The
 unit contains the Python module, so it requires a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4,
 sec. 4 (Modelica Association, 2022).
 """
@@ -19,7 +19,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
 BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
-"""Version of the standard -> package that builds its units."""
+"""Version of the FMI standard -> package that builds units of this version."""
 
 _SLAVE = '''
 from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64 as Real
@@ -108,7 +108,7 @@ class {name}(Fmi3Slave):
 
 @dataclass(frozen=True, slots=True)
 class UnitPorts:
-    """Inputs and states of a unit, and the class of the module that steps it."""
+    """Inputs and states of a unit, and the name of the simulating class in the Python module."""
 
     name: str
     kind: str
@@ -124,7 +124,7 @@ class UnitPorts:
 
     @property
     def starts(self) -> tuple[str, ...]:
-        """Names of the initial state."""
+        """Names of the parameters for the initial state."""
         return tuple(f"{name}_start" for name in self.states)
 
 
@@ -139,7 +139,7 @@ ARM_PORTS = UnitPorts(
 
 
 def ports_of(model: Model | MovingArmModel) -> UnitPorts:
-    """The ports of a model's unit."""
+    """Inputs and states of the unit of a model."""
     return ARM_PORTS if isinstance(model, MovingArmModel) else PORTS
 
 
@@ -162,7 +162,7 @@ def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / f"corrected_model_fmi{standard[0]}.py"
         script.write_text(module + _in_words_of(slave, standard), encoding="utf-8")
-        # In a separate process: the builder imports the script under its name.
+        # In a separate process, because the builder imports the script under its name.
         built = subprocess.run(
             [sys.executable, "-m", package, "build", "-f", script.name], cwd=folder, capture_output=True, text=True
         )
@@ -175,7 +175,10 @@ def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes
 
 
 def _in_words_of(slave: str, standard: str) -> str:
-    """The slave class with the names of the package, which finds the class by the literal name of its base."""
+    """Source of the slave class for another version of the standard.
+
+    The builder finds the class by the literal name of its base class.
+    """
     if standard == "3.0":
         return slave
     return slave.replace("Float64 as Real", "Real").replace("pythonfmu3", BUILDERS[standard]).replace("Fmi3", "Fmi2")

@@ -1,7 +1,7 @@
 """Export of the corrected model as MJCF of MuJoCo, with a passive force (`mjcb_passive`) for other effects.
 
-MuJoCo softens Coulomb friction (a constraint of finite stiffness) and integrates presliding to first order: with either
-effect its motion converges to that of dpr-lab for small time steps. Otherwise both agree to the accuracy of the
+MuJoCo softens Coulomb friction (a constraint of finite stiffness) and integrates presliding to first order. With these
+effects its motion converges to that of dpr-lab for small time steps. Otherwise both agree to the accuracy of the
 integrator.
 """
 
@@ -158,23 +158,23 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """The file whose joints a module of passive forces acts on; by default the file of `mjcf`."""
+    """File on whose joints a module of passive forces acts; by default the file of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")
     upright: tuple[float, float] = (0.0, 0.0)
-    """theta1 and theta2 - theta1 where its joints are at zero, rad."""
+    """theta1 and theta2 - theta1 at the zero of the joints of the file, rad."""
     sign: tuple[float, float] = (1.0, 1.0)
-    """-1 for a joint that turns against theta."""
+    """Sign of each joint: -1 if it turns against theta."""
     gravity: float | None = None
-    """Gravity, m/s^2, of a file that contains none."""
+    """Gravity for a file that contains none, m/s^2; None otherwise."""
 
 
 def mjcf(model: AnyModel, rig: Rig) -> str:
-    """The corrected model as MJCF: two hinges, 0 = upright, joint 2 relative to the inner rod.
+    """The corrected model as MJCF: two hinges with 0 = upright, joint 2 relative to the inner rod.
 
-    A free or driven arm has a third hinge and a motor. The control of the motor is the input in its own unit.
-    Effects without an MJCF element are listed in the custom text `left_out`, and are in the passive force (`passive`).
+    A free or driven arm has a third hinge and a motor, whose control is the input in its own unit. Effects without an
+    MJCF element are listed in the custom text `left_out`, and act in the passive force (`passive`).
 
     Raises:
         ConfigError: no rigid bodies can represent the model with a moving arm.
@@ -186,7 +186,7 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
     pull = f"{made.gravity * math.sin(made.tilt)!r} 0 {-made.gravity * math.cos(made.tilt)!r}"
     element(root, "option", gravity=pull, timestep="0.0005", integrator="RK4")
     custom = element(root, "custom")
-    left = [name for name in model.effects if name not in expressed]  # represented by the passive force, if known
+    left = [name for name in model.effects if name not in expressed]  # the passive force represents it, if it is known
     text = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
     element(custom, "text", name="left_out", data=text)
     element(custom, "text", name="scale", data=model.scale_sentence)
@@ -213,13 +213,13 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
 def passive(
     model: AnyModel, rig: Rig, expressed: Collection[str] | None = None, engine_file: EngineFile | None = None
 ) -> str:
-    """Module with the passive force of the effects that a file cannot contain, and the encoder readings.
+    """Python module with the passive force of the effects that a file cannot contain, and the encoder readings.
 
     Args:
         model: the corrected model
         rig: its rig
-        expressed: effects that the file contains; None: those of `mjcf`
-        engine_file: the file; None: that of `mjcf`
+        expressed: effects that the file contains; None: the effects in the file of `mjcf`
+        engine_file: the file; None: the file of `mjcf`
     """
     expressed = in_words(model, rig, WORDS) if expressed is None else expressed
     place = EngineFile() if engine_file is None else engine_file
@@ -245,7 +245,10 @@ def passive(
 
 
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
-    """Coulomb friction of the arm and of both hanging joints at rest, N m; the smaller value of both directions."""
+    """Coulomb friction (3,) at rest of the arm and of both hanging joints, N m.
+
+    It is the smaller value of both directions.
+    """
     constants = rig_constants(rig)
     params = effect_params(known_effects(effects))
     active = active_effects(params)
@@ -287,12 +290,15 @@ def _rod(parent: Element, rod: Rod, joint: int, position: str, friction: float) 
 
 
 def _drawn(body: Element, ends: str) -> None:
-    """A visible capsule between two ends, without collisions."""
+    """Add a visible capsule between two ends, without collisions."""
     element(body, "geom", type="capsule", fromto=ends, size="0.006", contype="0", conaffinity="0")
 
 
 def _hinge(damping: float, words: Words, zero: float, friction: float) -> dict[str, str]:
-    """Attributes of a hinge; effects measure its angle from `zero`, rad."""
+    """Attributes of a hinge.
+
+    The effects measure its angle from `zero`, rad.
+    """
     attributes = {"damping": repr(damping)}
     if "stiffness" in words:
         attributes |= {"stiffness": repr(words["stiffness"]), "springref": repr(zero + words["rest_angle"])}
@@ -305,7 +311,10 @@ def _hinge(damping: float, words: Words, zero: float, friction: float) -> dict[s
 
 
 def _motors(root: Element, made: Bodies, joints: Sequence[tuple[int, Words]]) -> None:
-    """The motor of the arm; cogging and presliding as motors without a winding."""
+    """Add the motor of the arm.
+
+    Cogging and presliding are represented as motors without a winding.
+    """
     passive_parts = [(f"joint{j}", _parts(words, math.pi * (j == 1))) for j, words in joints]
     driven = made.arm is not None and made.arm.input
     actuators = element(root, "actuator") if driven or any(parts for _, parts in passive_parts) else root

@@ -1,4 +1,4 @@
-"""Parts of an exported Python module: dpr-lab's own functions with the chosen effects, and a class that simulates.
+"""Parts of exported Python modules: functions of dpr-lab with the chosen effects, and a class that simulates.
 
 Text from a file, such as the name of a rig, enters the source only as a Python literal, so that it is never executed.
 """
@@ -61,7 +61,7 @@ FOLDED = {
     "geared_motor0": geared_motor0,
     "internal_after": internal_after,
 }
-"""Functions that iterate over all effects; in an export they contain only its effects."""
+"""Functions that iterate over all effects of the library. An export contains them with its own effects only."""
 
 _USED = {"RigModel": RigModel, "RigState": RigState, "accelerations_at": accelerations_at, "stepped": stepped}
 _USED |= {kind.__name__: kind for kind in (BaseParameters, RigConstants, ArmModel, Requirements)}
@@ -179,7 +179,10 @@ def readings_at(x0, t, run, max_step, start, kind, torques):
 
 
 def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, effects: Collection[str]) -> RigModel:
-    """The rig of a module; its effects read their parameters by name, so that the vector of values is empty."""
+    """Rig of an exported module.
+
+    Its effects read their parameters by name, so the vector of values is empty.
+    """
     required = required_by(np.isin(list(EFFECTS), list(effects)))._replace(torque=True)
     return RigModel(base, constants, arm, (0.0, 0.0), None, Requirements(*map(bool, required)))  # type: ignore[arg-type]
 
@@ -193,7 +196,7 @@ def assembled(
     rewritten: Mapping[str, Rewrite],
     mode: int,
 ) -> str:
-    """A module: its head, dpr-lab's own functions as far as these effects need them, the swing, and its tail."""
+    """Source of a module: head, the functions of dpr-lab that its effects need, the simulation, and tail."""
     chosen: dict[str, Rewrite] = {name: partial(of_effects, effects=effects) for name in FOLDED}
     chosen |= {"effect_torques": partial(_driven, effects=effects)}
     functions = sources(FOLDED | _USED | dict(more), chosen | dict(rewritten))
@@ -204,7 +207,7 @@ def assembled(
 
 
 def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Definitions in the library of the effects in a file."""
+    """Effects of a file that the library contains, with the parameters that the library knows."""
     return {
         name: {p.name: values[p.name] for p in EFFECTS[name].parameters if p.name in values}
         for name, values in effects.items()
@@ -213,19 +216,19 @@ def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[
 
 
 def parameter_lines(effects: Iterable[str]) -> Iterable[str]:
-    """One line for each parameter, with the name that the functions use."""
+    """One line of source for each parameter, with the name that the functions use."""
     for name in effects:
         for p in EFFECTS[name].parameters:
             yield f"{name}_{p.name} = EFFECTS[{name!r}].get({p.name!r}, {p.default!r})"
 
 
 def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Function that evaluates all effects, specialised to the active ones."""
+    """Definition of a function that evaluates all effects, reduced to the given effects."""
     return _Chosen(effects).visit(node)
 
 
 def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Replacement of the effects of the library: their torques on joints 1 and 2, in `params`."""
+    """Definition of `effect_torques` with the given effects and the known torques of joints 1 and 2 in `params`."""
     node = of_effects(node, effects)
     (more,) = ast.parse("torque1, torque2 = torque1 + (params[0] - params[1]), torque2 + params[1]").body
     node.body.insert(-1, more)
@@ -233,7 +236,7 @@ def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
 
 
 class _Chosen(ast.NodeTransformer):
-    """Transformer that selects the branches of active effects and refers to parameters by name."""
+    """Transformer that keeps the branches of the chosen effects and replaces indices of parameters by names."""
 
     def __init__(self, effects: Collection[str]) -> None:
         self.on = [name in effects for name in EFFECTS]

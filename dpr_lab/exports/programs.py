@@ -1,4 +1,7 @@
-"""Programs that run an export: Python, MuJoCo, FMPy. Each simulates a recording from the fitted initial state."""
+"""Programs that run an export: Python, MuJoCo, FMPy.
+
+Each simulates a recording from the fitted initial state.
+"""
 
 import json
 import runpy
@@ -25,11 +28,11 @@ class ReplaySettings:
     """Settings of the replay of recordings."""
 
     length_s: float = 10.0
-    """Maximum duration of a replay, s; shorter if the predictability horizon is earlier."""
+    """Maximum duration of a replay, s. A replay ends earlier at the predictability horizon."""
     rate_hz: float = 200.0
     """Rate at which readings are compared, Hz."""
     step_s: float = 1e-3
-    """Step of the programs during which torques are constant, s."""
+    """Time step of the programs, s; torques are constant during a step."""
 
 
 REPLAY = ReplaySettings()
@@ -37,24 +40,25 @@ REPLAY = ReplaySettings()
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """One recording and the initial state of the model in it."""
+    """A recording with the initial state of a model, for the replay in a program."""
 
     run: str
     t: Array
     """(n,) times since the release, s."""
     measured: Array
-    """(n, 2) measured theta1, theta2, rad; (n, 3) theta0, theta1, theta2 of a moving arm, nan where nothing is read."""
+    """(n, 2) measured theta1 and theta2, rad; (n, 3) theta0, theta1 and theta2 of a moving arm, nan without a
+    reading."""
     simulated: Array
-    """Angles in dpr-lab's simulation, of the same shape, rad."""
+    """Angles simulated by dpr-lab, in the shape of `measured`, rad."""
     start: float
     """Start of the simulation, s since the release."""
     x0: Array
-    """(4,) initial state; (6,) of a moving arm."""
+    """(4,) initial angles and speeds; (6,) of a moving arm."""
     noise_rad: Array
-    """(2,) or (3,) noise floor."""
+    """(2,) or (3,) standard deviation of the noise of a reading, rad."""
     torques: Array
     """(m, 2) mean known torques of joints 1 and 2 in each step from the start, N m; zero without drives. For a moving
-    arm (m, 1) mean inputs of its drive."""
+    arm, (m, 1) mean inputs of its drive."""
 
     @property
     def lab(self) -> float:
@@ -62,7 +66,7 @@ class Replay:
         return self.error(self.simulated)
 
     def driven(self, t: float, state: object) -> list[float]:
-        """Torques of joints 1 and 2, N m, or input of the arm during the step that starts at t."""
+        """Torques of joints 1 and 2, N m, or input of the arm, in the step that contains the time t."""
         step = int((t - self.start) / REPLAY.step_s + 1e-6)  # a program may use shorter steps
         return self.torques[min(step, len(self.torques) - 1)].tolist()
 
@@ -73,31 +77,33 @@ class Replay:
 
 
 Program = Callable[[Path, AnyModel, Rig], Callable[[Replay], Array]]
-"""Function of the main exported file, its model and its rig. It returns a function that simulates a swing in that
-program: (n, 2) angles of joints 1 and 2 at the times of the swing, as the encoders of the rig measure them, or (n, 3)
-with that of the arm, rad.
-"""
+"""Function of the main exported file, its model and its rig. It returns a function that simulates a swing in the
+program: angles (n, 2) of joints 1 and 2 at the times of the swing, as the encoders of the rig measure them, or (n, 3)
+including the arm, rad."""
 
 
 def in_python(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """The generated module, called in this process."""
+    """Replay in the generated Python module, which is executed in this process."""
     readings = runpy.run_path(str(file))["readings"]
     return lambda replay: readings(replay.x0, replay.t, start=replay.start, torques=replay.driven)
 
 
 def in_mujoco(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """MuJoCo, with the generated callback of passive forces."""
+    """Replay in MuJoCo, with the generated callback of passive forces."""
     return _engine(file, {})
 
 
 def in_urdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """MuJoCo, which can read URDF."""
+    """Replay in MuJoCo, which can read URDF."""
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
     return _engine(file, {"passive": None, "GRAVITY": model.rig.g})
 
 
 def in_sdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in MuJoCo with the content of the file, because Drake ignores Coulomb friction."""
+    """Replay in MuJoCo with the numbers of the file.
+
+    Drake reads SDFormat but ignores Coulomb friction.
+    """
     expressed = in_words(model, rig, sdf.WORDS)
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
     file.with_name(XML).write_text(mjcf(held, rig), encoding="utf-8")

@@ -1,7 +1,8 @@
 """Replacement of effects that a program cannot express by simpler ones, refitted to the recordings.
 
-Parameters that were fitted together with an omitted effect are wrong without it, for example a viscous friction that
-was estimated as zero. Ratios, simpler effects and all effects that the program supports are therefore refitted.
+If an effect is omitted, the parameters that were fitted together with it are wrong, for example a viscous friction that
+was estimated as zero. The ratios, the simpler effects, and all effects that the program supports are therefore
+refitted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,20 +33,19 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
-"""Stages of effects that move the rods; the other stages act between the rods and the readings."""
+"""Stages of the effects that move the rods. Effects of the other stages act on the readings only."""
 
 
 def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig: Rig) -> dict[str, AnyModel]:
-    """Format -> model to write: the same model, or a simpler, refitted one if the format cannot express it.
+    """Format -> model to write.
+
+    It is the given model, or a simpler, refitted model if the format cannot express the given one.
 
     Args:
         formats: names of `FORMATS`
         model: the corrected model
         runs: the runs to fit; a long record is cut, and its held-out pieces are not fitted
         rig: the rig
-
-    Raises:
-        RunError: a run that is too short, or one that no initial state fits.
     """
     losses = {name: moving_losses(name, model, rig) for name in formats}
     if not any(losses.values()):
@@ -60,11 +60,13 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
 
 
 def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """The model with only those effects on the rods that these elements express, refitted; otherwise the same model.
+    """Refitted model with only those effects on the rods that the given elements express.
+
+    The model is returned unchanged if they express all of its effects.
 
     Args:
         model: the corrected model
-        words: elements of a format
+        words: elements of effects that a format supports
         runs: the runs to fit
         rig: the rig
 
@@ -80,7 +82,7 @@ def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run],
 
 
 def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
-    """Effects of a model that a simpler one has with all their amplitudes."""
+    """Effects of a model that the written, simpler model contains with all their amplitudes."""
     sizes = known_effects(model.effects)
     return {
         name
@@ -90,7 +92,7 @@ def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
 
 
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
-    """(7,) ratios and (SIZE,) effects from which fits start: of the bare model, and of the corrected one.
+    """Start values of the fits: ratios (7,) and effects (SIZE,), of the bare and of the corrected model.
 
     Both use b of the corrected model, because free swings determine the sizes of effects only relative to b.
     """
@@ -102,7 +104,10 @@ def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Arra
 
 
 def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, Array]], initial: Array) -> Estimate:
-    """Best of the fits from these ratios and effects; a poor initial value can end in a wrong minimum."""
+    """Best of the fits from several start values.
+
+    A poor start value can lead to a local minimum.
+    """
     fits = []
     for start, arm in starts:
         estimate = Estimate.of(start, effect_params(named_params(arm) | dict(effects)), initial)
@@ -117,7 +122,7 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
 
 
 def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """The model without effects, fitted to the same runs; arguments and errors as for `fitted_for`."""
+    """The model without effects, refitted to the same runs; arguments and errors are those of `fitted_for`."""
     return _with(model, _bare_fit(model, runs, rig)[1], rig)
 
 
@@ -140,7 +145,7 @@ def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, 
 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
-    """Remaining effects, and simpler effects that replace the lost ones."""
+    """Effects of a model without the lost ones, and simpler effects that replace these."""
     known = {name: _without_zeros(name, values) for name, values in known_effects(model.effects).items()}
     remaining = {name: values for name, values in known.items() if name not in lost}
     reduced = {name: values for name in sorted(lost) if (values := _reduced(name, known[name], words))}
@@ -149,15 +154,18 @@ def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> di
 
 
 def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """The effect without amplitudes of zero, which could become sizes without an element in a further fit."""
+    """Values of an effect without amplitudes of zero.
+
+    In a further fit, such an amplitude could become a size that no element represents.
+    """
     amplitudes = {p.name for p in EFFECTS[name].amplitudes}
     return {key: value for key, value in values.items() if value or key not in amplitudes}
 
 
 def _reduced(name: str, values: Mapping[str, float], words: frozenset[str]) -> dict[str, float]:
-    """The effect without some of its further amplitudes, if these elements can then express it; otherwise {}.
+    """Values of an effect without some of its further amplitudes, so that the given elements express it; otherwise {}.
 
-    A spring without its cubic term is a linear spring.
+    For example, a spring without its cubic term is a linear spring.
     """
     further = [p.name for p in EFFECTS[name].amplitudes if p.name in values][1:]
     for count in range(1, len(further) + 1):
@@ -169,7 +177,7 @@ def _reduced(name: str, values: Mapping[str, float], words: frozenset[str]) -> d
 
 
 def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:
-    """Simpler forms of an effect that these elements can express."""
+    """Names of simpler forms of an effect that the given elements can express."""
     simpler: set[str] = set()
     for name in effect.nested:
         own_words = words_of({name: _typical(EFFECTS[name])}).get(name, {"": None})

@@ -1,4 +1,4 @@
-"""Replay of recordings in the program of an export, from the fitted initial state."""
+"""Replay of recordings in the program of an export, from fitted initial states."""
 
 import tempfile
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from dpr_lab.run import Run
 
 
 def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Replay:
-    """Fit an initial state and simulate, until an instant or the predictability horizon."""
+    """Fit an initial state and simulate up to an instant, by default the predictability horizon."""
     followed = follow(run, rig, model)
     first = float(followed.preprocessed.run.t[0])
     freely = free_run_from(followed, first)
@@ -44,7 +44,7 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
 
 
 def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Replay] | None = None) -> tuple[Replay, ...]:
-    """Swings of a model along runs, over the same time as the swings of another model.
+    """Swings of a model along runs, over the same times as the swings `like` of another model.
 
     Raises:
         RunError: a run that is too short, or one that no initial state fits.
@@ -56,7 +56,7 @@ def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Repla
 
 
 def replayed(name: str, model: AnyModel, rig: Rig, swings: Sequence[Replay]) -> list[Array]:
-    """(n, 2) angles of the rods, or (n, 3) of arm and rods, for each swing, rad, in the program of a format.
+    """Angles of each swing in the program of a format, rad: (n, 2) of the rods, or (n, 3) of arm and rods.
 
     Raises:
         ConfigError: the program is not installed.

@@ -1,4 +1,4 @@
-"""The rig as rigid bodies on hinges, in the words of every format."""
+"""The rig as rigid bodies on hinges, independent of the format."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,48 +8,48 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Words
 
 THIN = 1e-12
-"""Inertia of a thin rod about its own axis, kg m^2, because simulators require a positive value."""
+"""Inertia of a thin rod about its own axis, kg m^2. It is positive, because simulators require this."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rod:
-    """A rod in its own frame: joint at the origin, z along the rod, rotation about y; SI."""
+    """A rod in its own frame, SI units: joint at the origin, z along the rod, rotation about y."""
 
     length: float
     mass: float
     centroid: float
-    """Distance of the centre of mass along the rod."""
+    """Distance of the centre of mass from the joint along the rod, m."""
     offset: float
-    """Distance of the centre of mass across the rod, along x."""
+    """Distance of the centre of mass from the axis of the rod, along x, m."""
     inertia: float
-    """Inertia about its centre of mass."""
+    """Inertia about the centre of mass, kg m^2."""
     damping: float
-    """Viscous friction of its joint."""
+    """Viscous friction of the joint, N m s/rad."""
     words: Words
-    """Additional elements of its joint."""
+    """Elements of effects at the joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """An arm that turns about the vertical: compliant, free or driven; SI."""
+    """An arm that turns about the vertical axis: compliant, free or driven; SI units."""
 
     length: float
-    """Distance of the rods' plane from its axis."""
+    """Distance of the rods' plane from the axis of the arm, m."""
     inertia: float
-    """Inertia without the rods."""
+    """Inertia about the axis without the rods, kg m^2."""
     damping: float
-    """Viscous friction, with the back-EMF of a voltage drive."""
+    """Viscous friction including the back-EMF of a voltage drive, N m s/rad."""
     words: Words
-    """Additional elements of its joint."""
+    """Elements of effects at the joint."""
     input: str = ""
-    """Kind of the input that drives it; empty without a drive."""
+    """Kind of the input of the drive; empty without a drive."""
     gain: float = 0.0
     """Torque per input, N m over the unit of the input."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
-    """Bodies of the rig: both rods, the parts at joint 2, and gravity."""
+    """Bodies of the rig: rods, parts at joint 2, and arm, with gravity."""
 
     rods: tuple[Rod, ...]
     """The inner rod, and the outer one if it is mounted."""
@@ -61,7 +61,10 @@ class Bodies:
 
 
 def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
-    """Elements of the effects of one joint (0 or 1, -1 for the arm); no two effects may use the same element."""
+    """Elements of the effects of one joint (0, 1, or -1 for the arm).
+
+    No two effects may use the same element.
+    """
     of_joint: dict[str, Any] = {}
     for name, words in expressed.items():
         if EFFECTS[name].joints == (joint,):
@@ -72,9 +75,9 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
 def rod_about_joint(
     length: float, mass: float, moment: float, about_joint: float, damping: float, felt: float, words: Words
 ) -> Rod:
-    """A rod from its first moment, kg m, and its inertia about its joint without the offset of the centre, kg m^2.
+    """Rod with a given first moment, kg m, and inertia about its joint without the offset of its centre, kg m^2.
 
-    `felt` is the mass to which an offset of the centre of mass refers, kg.
+    `felt` is the mass, kg, to which the offset of the centre of mass refers.
     """
     offset = felt * words.get("offset", 0.0) / mass
     inertia = about_joint + felt * words.get("offset", 0.0) ** 2

@@ -19,7 +19,10 @@ WORDS = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_lengt
 
 
 def sdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
-    """A world with its gravity and one model: links `arm` (if it moves), `inner`, `outer`; joints 0 = upright."""
+    """SDFormat text: a world with gravity, and one model with the links `arm` (if it moves), `inner` and `outer`.
+
+    The joints are 0 when upright.
+    """
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
     root = element(None, "sdf", version="1.10")
@@ -70,7 +73,7 @@ def _joint(body: Element, j: int, ends: tuple[str, str], damping: float, words: 
 
 
 def _inertial(link: Element, rod: Rod, tip_mass: float) -> None:
-    """A rod, and the parts fixed to its end."""
+    """Add the inertia of a rod and of the parts fixed to its end."""
     mass = rod.mass + tip_mass
     offset, centroid = rod.mass * rod.offset / mass, (rod.mass * rod.centroid + tip_mass * rod.length) / mass
     masses = [(rod.mass, rod.offset, rod.centroid), (tip_mass, 0.0, rod.length)]

@@ -1,7 +1,7 @@
-"""Python sources of compiled functions with all dependencies, for programs without this package and without Numba.
+"""Python sources of compiled functions with all dependencies, for programs without dpr-lab and without Numba.
 
-The source is that of the function that dpr-lab itself runs: decorators and annotations are removed, names made unique,
-and a division by zero gives the same result as in compiled code.
+The source is that of the functions which dpr-lab itself runs. Decorators and annotations are removed, and names are
+made unique. A division by zero gives the same result as in compiled code.
 """
 
 import ast
@@ -21,14 +21,11 @@ Rewrite = Callable[[ast.FunctionDef], ast.FunctionDef]
 
 
 def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = None) -> str:
-    """Definitions of the roots and of everything they use, in executable order.
+    """Definitions of the roots and of everything they use, in an executable order.
 
     Args:
-        roots: name in the source -> function, compiled or not, named tuple or number
-        rewritten: name of a root -> transformation of its definition, before its dependencies are resolved
-
-    Raises:
-        TypeError: a root uses an object without a source, such as a closure or an array.
+        roots: name in the source -> function (compiled or not), named tuple or number
+        rewritten: name of a root -> transformation of its definition, applied before its dependencies are resolved
     """
     writer = _Writer(rewritten or {})
     for name, root in roots.items():
@@ -47,7 +44,10 @@ class _Writer:
         self.written: list[str] = []
 
     def write(self, value: Any) -> str:
-        """Write the definition of a value after its dependencies, unless it exists; return its name."""
+        """Write the definition of a value and of its dependencies, unless they are written already.
+
+        Returns its name.
+        """
         key = _identity(value)
         if key not in self.names:
             self.names[key] = self._free_name(value)
@@ -58,7 +58,7 @@ class _Writer:
         return name
 
     def _free_name(self, value: Any) -> str:
-        """Its own name, with the name of its module as prefix if the name is already used."""
+        """Name of a function; if it is already used, with the name of its module as prefix."""
         function = _plain(value)
         name, taken = function.__name__, set(self.names.values())
         return name if name not in taken else f"{function.__module__.rsplit('.', 1)[-1]}_{name}"
@@ -75,7 +75,7 @@ class _Writer:
         return ast.unparse(ast.fix_missing_locations(_Names(self, function).visit(node)))
 
     def expression(self, value: Any, name: str = "") -> ast.expr:
-        """Name of a value in the module of a function."""
+        """Expression that refers to a value in the written source."""
         if isinstance(value, types.FunctionType) or hasattr(value, "py_func") or _is_record(value):
             return ast.Name(self.write(value), ast.Load())
         if isinstance(value, tuple) and _is_record(type(value)):
@@ -94,7 +94,7 @@ class _Writer:
 
 
 class _Names(ast.NodeTransformer):
-    """Definition of a function with the names used in the target file."""
+    """Transformer that replaces the names in a function's definition by those of the written source."""
 
     def __init__(self, writer: _Writer, function: types.FunctionType) -> None:
         self.writer, self.globals = writer, function.__globals__
@@ -119,7 +119,7 @@ class _Names(ast.NodeTransformer):
 
 
 def _plain(value: Any) -> Any:
-    """Python function of a compiled one."""
+    """The Python function behind a compiled function."""
     return getattr(value, "py_func", value)
 
 
@@ -128,5 +128,5 @@ def _identity(value: Any) -> Any:
 
 
 def _is_record(value: Any) -> bool:
-    """Whether it is a named tuple class."""
+    """Whether a value is the class of a named tuple."""
     return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")

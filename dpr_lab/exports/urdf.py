@@ -1,7 +1,7 @@
 """Export of the corrected model as URDF: inertia, viscous and Coulomb friction.
 
-Gravity is a setting of the simulator; a tilt is a fixed joint below the base. Source: https://wiki.ros.org/urdf/XML
-(link, joint).
+URDF contains no gravity: it is a setting of the simulator. A tilt is a fixed joint below the base. Source:
+https://wiki.ros.org/urdf/XML (link, joint).
 """
 
 import json
@@ -20,7 +20,10 @@ WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
 
 
 def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
-    """Links `world`, `base`, `arm` if it moves, `inner`, `encoder2`, `outer`; 0 = upright, joint 2 relative."""
+    """URDF text with links `world`, `base`, `arm` (if it moves), `inner`, `encoder2` and `outer`.
+
+    The joints are 0 when upright; joint 2 is relative to the inner rod.
+    """
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
     root = element(None, "robot", name=model.rig.name)
@@ -74,7 +77,7 @@ def _link(root: Element, name: str, rod: Rod) -> None:
 
 
 def _drawn(link: Element, middle: str, turned: str, length: float) -> None:
-    """A visible cylinder without collisions."""
+    """Add a visible cylinder without collisions."""
     visual = element(link, "visual")
     element(visual, "origin", xyz=middle, rpy=turned)
     element(element(visual, "geometry"), "cylinder", radius="0.006", length=repr(length))

@@ -4,7 +4,7 @@ import re
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
-"""Characters that XML 1.0 cannot contain, even escaped."""
+"""Pattern of characters that XML 1.0 cannot contain, even escaped."""
 
 
 def in_xml(text: str) -> str:

@@ -1,4 +1,7 @@
-"""Displayed unit of angles; the code computes in radians."""
+"""Units in which angles are displayed.
+
+All computations are in radians.
+"""
 
 import math
 from collections.abc import Sequence
@@ -7,15 +10,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class AngleUnit:
-    """A unit of angle."""
+    """Unit in which angles are displayed."""
 
     name: str
     symbol: str
     per_rad: float
     digits: int
-    """Decimals of a displayed angle."""
+    """Number of decimals of a displayed angle."""
     small: str
-    """Unit of errors and noise."""
+    """Symbol of the unit for errors and noise, for example mrad."""
     small_per_rad: float
 
     def text(self, angle: float) -> str:
@@ -23,7 +26,7 @@ class AngleUnit:
         return f"{_rounded(angle * self.per_rad, self.digits):+.{self.digits}f}{self.symbol}"
 
     def size(self, angle: float) -> str:
-        """Format a small angle without sign, with three digits."""
+        """Format a small angle without sign, with three significant digits."""
         return f"{angle * self.per_rad:.3g}{self.symbol}"
 
     def speed(self, speed: float) -> str:
@@ -52,7 +55,10 @@ class AngleUnit:
 
 
 def _rounded(value: float, digits: int) -> float:
-    """The rounded value; without the sign of a value that rounds to zero, which would be displayed as -0.0."""
+    """Round a value.
+
+    A value that rounds to zero loses its sign, which would be displayed as -0.0.
+    """
     return round(value, digits) + 0.0
 
 

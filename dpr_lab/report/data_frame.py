@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 RODS = ("theta1", "theta2")
 JOINTS = ("joint0", "joint1", "joint2")
 RATIO_COLUMNS = ("ratio", "ratio_low", "ratio_high", "low_with_scale", "high_with_scale")
-"""Columns of a size: ratio to b with interval, and the absolute 90 % interval with the uncertainty of b."""
+"""Columns for a size: ratio to b with its interval, and the absolute 90 % interval including the uncertainty of b."""
 
 
 def to_dataframe(
@@ -26,8 +26,8 @@ def to_dataframe(
 ) -> "pandas.DataFrame":
     """Convert a result to a data frame in SI units.
 
-    Rows are samples of a run or a comparison (index: time since the release, s), quantities of a model, or effect
-    parameters of a diagnosis.
+    The rows are samples of a run or a comparison, quantities of a model, or effect parameters of a diagnosis. The index
+    of samples is the time since the release, s.
 
     Raises:
         DprError: pandas is not installed.

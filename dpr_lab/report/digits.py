@@ -1,4 +1,4 @@
-"""Number formatting: as many digits as the uncertainty supports."""
+"""Formatting of numbers with as many digits as their uncertainty supports."""
 
 import math
 import re
@@ -7,13 +7,16 @@ from collections.abc import Iterable
 NONE = "–"
 
 NUMERIC = frozenset("0123456789 .,;:()+-\N{EN DASH}\N{MINUS SIGN}\N{PLUS-MINUS SIGN}<>≤≥~%e")
-"""Characters of numbers, intervals and times: cells of these are aligned right, others left."""
+"""Characters of numbers, intervals and times. Cells that contain only these are aligned right, others left."""
 
 _POWER = re.compile(r"\^(\d)(?!\.?\d)")
 
 
 def plus_minus(value: float, std: float | None) -> str:
-    """Format a value with two digits of its standard deviation; with three digits if it has none."""
+    """Format a value with two significant digits of its standard deviation.
+
+    Without a standard deviation, the value has three significant digits.
+    """
     if std is None:
         return f"{value:.3g}"
     if std == 0:
@@ -22,14 +25,17 @@ def plus_minus(value: float, std: float | None) -> str:
 
 
 def interval(low: float, high: float, value: float, std: float) -> str:
-    """Format the interval of a value with the decimals that `plus_minus` uses for the value."""
+    """Format the interval of a value with the number of decimals that `plus_minus` gives the value."""
     if std == 0:
         return f"{low:.4g} to {high:.4g}"
     return _scaled("{} to {}", (low, high), value, std)
 
 
 def with_interval(value: float, low: float, high: float) -> str:
-    """Format a value with its interval, `0.1472 (0.1467 to 0.1476)`: two digits of the larger half width."""
+    """Format a value with its interval, for example `0.1472 (0.1467 to 0.1476)`.
+
+    The larger half width of the interval has two significant digits.
+    """
     half_width = max(high - value, value - low)
     if not half_width > 0 or not math.isfinite(half_width):
         return f"{value:.4g} ({low:.4g} to {high:.4g})"
@@ -37,15 +43,18 @@ def with_interval(value: float, low: float, high: float) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Add a unit to a value with or without an interval: `0.80 mN m (0.70 to 0.90)`, `(8 (7 to 9))e-4 m`."""
-    if text.startswith("("):  # a power of ten of value and interval
+    """Add a unit to a formatted value, for example `0.80 mN m (0.70 to 0.90)` or `(8 (7 to 9))e-4 m`."""
+    if text.startswith("("):  # value and interval share a power of ten
         return f"{text} {unit}".strip()
     value, _, interval = text.partition(" (")
     return f"{value} {unit}".strip() + (f" ({interval}" if interval else "")
 
 
 def three(number: float) -> str:
-    """Format a number with three digits; integers up to a million in full; a dash if it is not finite."""
+    """Format a number with three significant digits.
+
+    Integers up to a million are written in full. A number that is not finite is a dash.
+    """
     if not math.isfinite(number):
         return NONE
     return f"{number:.0f}" if 100 <= abs(number) < 1e6 else f"{number:#.3g}".rstrip(".")
@@ -62,7 +71,10 @@ def superscripts(text: str) -> str:
 
 
 def _scaled(form: str, numbers: tuple[float, ...], value: float, std: float) -> str:
-    """Format all numbers with the decimals of the standard deviation; factor out a power of ten if needed."""
+    """Format numbers with the decimals that the standard deviation supports.
+
+    A power of ten is factored out if needed.
+    """
     size = max(abs(value), std)
     exponent = 0 if 0.001 <= size < 1e6 else math.floor(math.log10(size))
     unit = 10.0**exponent

@@ -1,4 +1,4 @@
-"""Report of drift between groups of runs: verdict, tables, control charts and a page."""
+"""Report of drift between groups of runs: verdict, tables, control charts and HTML page."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,7 +28,7 @@ BASES = {
     "the noise of each run": "from the noise of each run alone, because too few runs are repeated. The variation from"
     " run to run is unknown, so confirm a significant change with more runs",
 }
-"""`Drift.basis` -> source of the standard deviation of a run, in words."""
+"""`Drift.basis` -> in words, the source of the standard deviation of a run."""
 
 
 def sentence(drift: Drift) -> str:
@@ -51,15 +51,15 @@ def between(parameter: ParameterChange) -> str:
 
 
 def relative(parameter: ParameterChange, change: float) -> str:
-    """Format a change in per cent of the first group's mean, or in the parameter's unit if that mean is about zero."""
+    """Format a change in per cent of the mean of the first group, or in SI units if this mean is about zero."""
     if not _has_size(parameter):
         return f"{change:+.3g}"
-    per_cent = round(100 * change / abs(parameter.first), 6)  # rounding errors of equal data are not a change
+    per_cent = round(100 * change / abs(parameter.first), 6)  # equal data must not change by rounding errors
     return f"{per_cent:+.3g} %"
 
 
 def _has_size(parameter: ParameterChange) -> bool:
-    """Whether the first group's mean exceeds the scatter of a run and a tenth of the change."""
+    """Whether the mean of the first group exceeds the scatter of a run and a tenth of the change."""
     return abs(parameter.first) > max(parameter.scatter, 0.1 * abs(parameter.change))
 
 
@@ -94,7 +94,7 @@ def group_rows(drift: Drift) -> list[list[str]]:
 
 
 def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
-    """Sentences on the basis of the intervals and, if the scale is not identified, on the use of ratios."""
+    """Sentences on the basis of the intervals and, if the scale is not identified, on the ratios."""
     ends = ("/b", "*b", "/a", "*a")
     scaled = [name for parameter in drift.parameters if "." in (name := parameter.name) and name.endswith(ends)]
     inertia = scaled[0][-1] if scaled else ""
@@ -114,7 +114,7 @@ def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
 def save_drift(
     drift: Drift, estimates: Estimates, group: Sequence[int], rig: str, out: Path, torques: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Write control charts and page; return their paths by name.
+    """Write the control charts and the page; returns their paths by name.
 
     Args:
         drift: the result
@@ -171,5 +171,5 @@ def _range(parameter: ParameterChange, interval: tuple[float, float]) -> str:
 
 
 def _last(group: Sequence[int], number: int) -> int:
-    """Index of the last run of the groups up to `number`."""
+    """Index of the last run in the groups 0 to `number`."""
     return max(k for k, g in enumerate(group) if g <= number)

@@ -1,4 +1,4 @@
-"""Reduction of curves for drawing: extremes of long records, gaps, and the range of the axis."""
+"""Reduction of curves for drawing: extremes of long records, gaps, and axis range."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,11 @@ POINTS = 2400
 
 
 def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> tuple[Array, Array]:
-    """Reduce a record for drawing: short records are unchanged, long ones keep their extremes, gaps become NaN.
+    """Reduce a record for drawing.
 
-    The record is divided into `points` / 2 blocks of equal length. Each keeps its smallest and its largest sample at
-    their own times, so that no peak is lost and no value is interpolated.
+    Short records are not reduced, and gaps become NaN. A long record is divided into `points` / 2 blocks of equal
+    length. Each block keeps its smallest and its largest sample at their own times, so that no peak is lost and no
+    value is interpolated.
 
     Args:
         t: (n,) increasing instants, s
@@ -53,7 +54,7 @@ def _gaps(t: Array, gap_steps: float) -> NDArray[np.intp]:
 
 
 def signal_scale(value: Array, half_width: Array) -> tuple[tuple[float, float], bool]:
-    """Axis range of a curve with intervals of typical width, and whether something is clipped.
+    """Axis range for a curve with intervals of typical width, and whether larger intervals are clipped.
 
     The curve itself takes at least a quarter of the range.
 

@@ -35,11 +35,11 @@ from dpr_lab.whole_file import write_whole
 
 AXES = ("inner rod θ₁", "outer rod θ₂")
 NOISE_SIGMAS = 2
-"""Half height of the noise-floor band, in standard deviations."""
+"""Half height of the noise band, in standard deviations."""
 NO_COMPARISON = "No run was compared."
 
 Compared: TypeAlias = Comparison | ArmComparison | Sequence[Comparison] | Sequence[ArmComparison]
-"""One comparison or several, all with a clamped or all with a moving arm."""
+"""One comparison or several, all with a clamped arm or all with a moving arm."""
 
 _EVOLUTION = {
     "best_cost": "cost of the best\nindividual",
@@ -49,7 +49,10 @@ _EVOLUTION = {
 
 
 def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
-    """Limit the ordinate to a curve with intervals of typical width, and mark the panel if this clips something."""
+    """Limit the y axis to a curve with intervals of typical width.
+
+    A panel in which larger intervals are clipped is marked.
+    """
     scale, clipped = signal_scale(values, half_widths)
     axes.set_ylim(*scale)
     if clipped:
@@ -57,7 +60,10 @@ def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
 
 
 def run_figure(run: Run) -> Figure:
-    """Measured angles over the time since the release; of an arm that moves, its angle and the input of its drive."""
+    """Measured angles over the time since the release.
+
+    For a moving arm, its angle and the input of its drive are included.
+    """
     further = [("arm (rad)", run.theta[:, 0])] if run.arm_mode != "clamped" else []
     further += [("input of the arm (SI)", run.arm_input)] if run.arm_input is not None else []
     names = ("rod",) if run.mounting in ("inner", "outer") else ("inner rod", "outer rod")
@@ -85,7 +91,7 @@ def response_figure(comparisons: Compared) -> Figure:
     """Measured and simulated angle of both rods, one row per run (figure 2 of the publication).
 
     The free run is a strong line up to the predictability horizon and a faint line beyond it. The axis range is that of
-    the measurement, so a free run that diverges leaves the panel. With a moving arm: one row per run and joint.
+    the measurement, so a free run that diverges leaves the panel. With a moving arm there is one row per run and joint.
     """
     arms, comparisons = _by_kind(comparisons)
     if arms:
@@ -106,10 +112,10 @@ def response_figure(comparisons: Compared) -> Figure:
 
 
 def error_figure(comparisons: Compared) -> Figure:
-    """Errors and residuals of each run with the noise floor (figure 3 of the publication).
+    """Errors and residuals of each run with the noise floor, in mrad (figure 3 of the publication).
 
-    Left: error of the free run up to the horizon. Right: residual of segments with free initial states. Inner rod
-    above outer rod, in mrad. With a moving arm: the residual of each run and joint.
+    Left: error of the free run up to the horizon. Right: residual of segments with fitted initial states. The inner rod
+    is above the outer rod. With a moving arm, the residual of each run and joint is shown.
     """
     arms, comparisons = _by_kind(comparisons)
     if arms:
@@ -169,10 +175,10 @@ def _arm_errors(runs: Sequence[ArmComparison]) -> Figure:
 
 
 def evolution_figure(model: Model | MovingArmModel) -> Figure:
-    """Cost, fitness and population fitness of the best individual over generations (figure 4 of the publication).
+    """Evolution of the search: cost and fitness over generations (figure 4 of the publication).
 
     Raises:
-        DprError: a model of a moving arm, whose fit starts from the rig file and records no search.
+        DprError: a model with a moving arm, whose fit starts from the rig file and records no search.
     """
     if isinstance(model, MovingArmModel):
         raise DprError("a model of a moving arm has no search to plot: its fit starts from the rig file")
@@ -230,7 +236,7 @@ def save_png(figure: Figure, path: Path) -> None:
     """Save a figure as a small PNG file."""
     canvas = FigureCanvasAgg(figure)
     with style.house_style(), warnings.catch_warnings():
-        # Characters that the font lacks are drawn as boxes; the tables contain the full name.
+        # Missing characters of the font are drawn as boxes; the tables contain the full name.
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         canvas.draw()
     # A palette reduces the files to a third without a visible change of colours; the octree finds it in a tenth of the
@@ -257,7 +263,7 @@ def empty_figure(sentence: str) -> Figure:
 def _draw_response(axes: Axes, comparison: Comparison, axis: int) -> None:
     t, measured, free = comparison.t, comparison.measured[:, axis], comparison.free_run[:, axis]
     near = t <= comparison.horizon_s
-    # One shared sample connects the faint line to the strong one.
+    # A shared sample connects the faint line to the strong line.
     far = t >= t[near][-1] if near.any() else ~near
     axes.plot(*trace(t, measured), label="measured", **style.MEASURED)
     axes.plot(*trace(t[near], free[near]), label="simulated, free run", **style.SIMULATED)
@@ -304,7 +310,7 @@ def _title(axes: Axes, comparison: Comparison) -> None:
 
 
 def _one_line(name: str, longest: int = 70) -> str:
-    """Clean a name from a file for a title: no line breaks, no lone surrogates, at most `longest` characters."""
+    """Name from a file, cleaned for a title: no line breaks, no lone surrogates, at most `longest` characters."""
     line = " ".join(name.encode("utf-8", "replace").decode().split())
     return line if len(line) <= longest else f"{line[: longest - 1]}…"
 
@@ -315,7 +321,7 @@ def _note(axes: Axes, text: str, side: Literal["left", "right"] = "left") -> Non
 
 
 def legend_above(figure: Figure) -> None:
-    """Draw one legend for all panels above them."""
+    """Draw one common legend above all panels."""
     handles = {str(h.get_label()): h for axes in figure.axes for h in axes.get_legend_handles_labels()[0]}
     figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=len(handles))
 
@@ -332,7 +338,7 @@ def _symmetric_range(axes: Axes, values: Array) -> None:
 
 
 def _angle_range(axes: Axes, values: Array) -> None:
-    """Set an axis range for `values`, with ticks at multiples of π/2 if they span more than π."""
+    """Set an axis range for `values`, rad, with ticks at multiples of π/2 if they span more than π."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return

@@ -26,7 +26,7 @@ FIGURES = {
         "Cost and fitness of the best individual and of the population, until the local solver starts.",
     ),
 }
-"""Name of a figure -> text alternative (the tables hold its values) and caption."""
+"""Name of a figure -> text alternative and caption. The tables contain the values of the figures."""
 
 _RATIO_FORMULAS = (
     "a  = J1 + m1 l1² + (m2 + mb) L1²      b = J2 + m2 l2²",
@@ -48,19 +48,13 @@ _DETERMINED_BY = {
 def write_report(
     model: Model, comparisons: Sequence[Comparison], out_dir: Path, figures: Mapping[str, Path] | None = None
 ) -> Path:
-    """Write `report.html`: ratios, parameters and comparison of measurement and simulation.
+    """Write `report.html`: ratios, parameters, and comparison of measurement and simulation.
 
     Args:
         model: the identification
-        comparisons: runs simulated with it; may be empty
+        comparisons: runs simulated with the model; may be empty
         out_dir: folder of the report, created if it does not exist
-        figures: what `save_figures` returned, to embed; drawn into `out_dir` when not given
-
-    Returns:
-        path of the report
-
-    Raises:
-        DprError: the folder or a file cannot be written.
+        figures: figures to embed, from `save_figures`; None: they are drawn into `out_dir`
     """
     drawn = save_figures(model, comparisons, out_dir) if figures is None else figures
     return write_page(_page(model, comparisons, drawn), out_dir / "report.html")

@@ -19,7 +19,7 @@ UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt g
 
 
 def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
-    """Residuals and segments in one sentence."""
+    """Sentence on the residuals and the segments."""
     scale = angles.small_per_rad
     rms = ", ".join(
         f"{name} {scale * value:.3g} {angles.small} (noise {scale * model.fit.noise_rad[name]:.2g})"
@@ -50,7 +50,7 @@ def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
 
 
 def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
-    """One row per run and joint of the result of `compare_moving_arm`."""
+    """One row per run and joint, from the result of `compare_moving_arm`."""
     return [
         [
             run["run"],

@@ -1,7 +1,6 @@
 """Results as JSON.
 
-No result contains a number that is not finite. A result with such a number is a bug: a warning is issued and null is
-written.
+No result may contain a number that is not finite. Such a number is a bug; it is written as null, with a warning.
 """
 
 import json
@@ -16,9 +15,9 @@ class NotFinite(RuntimeWarning):
 
 
 def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], indent: int | None = 1) -> str:
-    """Format a JSON object or a list of them, on one line if `indent` is None.
+    """Format a JSON object or a list of objects, on one line if `indent` is None.
 
-    Warns `NotFinite` with the key of a number that is not finite.
+    Warns `NotFinite` with the key of each number that is not finite.
     """
     return json.dumps(_finite(result, "result"), indent=indent, default=str, allow_nan=False)
 

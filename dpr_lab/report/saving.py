@@ -1,4 +1,4 @@
-"""Write results as files: figures, pages, models and exports, for commands and screen."""
+"""Writing of results as files: figures, pages, models and exports."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -29,7 +29,7 @@ AXES = ("theta1", "theta2")
 
 
 def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) -> dict[str, Any]:
-    """Write figures and report of a comparison; return the output of `dpr-lab compare --json`.
+    """Write figures and report of a comparison; returns the output of `dpr-lab compare --json`.
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -51,18 +51,15 @@ def save_diagnosis(
     on_loss: Callable[[str], None] = lambda sentence: None,
     acceptance: Acceptance | None = None,
 ) -> dict[str, str]:
-    """Write report, figures, corrected model and its exports; return their paths by name.
+    """Write report, figures, corrected model and exports of a diagnosis; returns their paths by name.
 
     Args:
         diagnosis: the diagnosis
         runs: the diagnosed runs, without held-out runs
         rig: the rig
         out: the folder
-        on_loss: called with the effects that a format cannot represent, and the resulting error
-        acceptance: test of limits, for its section of the report
-
-    Raises:
-        DprError: the folder or a file cannot be written.
+        on_loss: called with a sentence on the effects that a format cannot represent and on the resulting error
+        acceptance: results of limits, for their section of the report
     """
     figures = save_gap_figures(diagnosis, out)
     report = write_gap_report(diagnosis, f"Rig “{rig.name}”: sim-to-real gap", out, figures, acceptance)
@@ -78,8 +75,8 @@ def save_exports(
 ) -> dict[str, str]:
     """Write the corrected model for other programs.
 
-    A format that cannot represent an effect gets a refitted, simpler model that is not worse than the bare model.
-    Arguments and errors as of `save_diagnosis`.
+    A format that cannot represent an effect gets a simpler, refitted model that is not worse than the bare model.
+    Arguments and errors are those of `save_diagnosis`.
     """
     formats = [name for name, form in FORMATS.items() if not form.optional]
     models = fitted_for(formats, corrected, runs, rig)
@@ -101,13 +98,16 @@ def save_exports(
             )
         try:
             exports[name] = write_export(FORMATS[name], model, rig, out, lost, check)
-        except ConfigError as error:  # no rigid bodies can represent this model
+        except ConfigError as error:  # rigid bodies cannot represent this model
             on_loss(f"{name} was not written: {error}")
     return exports
 
 
 def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
-    """Reference for the error of exports; None, and a message, if no run can be replayed."""
+    """Reference for the error of exports.
+
+    If no run can be replayed, the result is None and a message is reported.
+    """
     try:
         return yardstick(corrected, runs, rig)
     except DprError as error:
@@ -116,7 +116,7 @@ def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Call
 
 
 def check_of(replayed: Replayed, bare_rad: float) -> dict[str, float]:
-    """Errors of an export and of the bare model, for the file of the export."""
+    """Errors of an export and of the bare model, as stored with the export."""
     return {"off_rad": replayed.off_rad, "closed": replayed.closed, "bare_rad": bare_rad}
 
 
@@ -128,9 +128,9 @@ def write_export(
     lost: Mapping[str, str],
     check: Mapping[str, Any] | None = None,
 ) -> str:
-    """Write a model for another program and return the path of its main file.
+    """Write a model for another program; returns the path of its main file.
 
-    Arguments as of `ExportFormat.written`.
+    Arguments are those of `ExportFormat.written`.
 
     Raises:
         DprError: the folder or a file cannot be written, or a package of the format is not installed.

@@ -1,4 +1,7 @@
-"""Style of the figures: lines differ in width and dash as well as in colour, for screen and print."""
+"""Style of the figures.
+
+Lines differ in width and dash as well as in colour, for screen and print.
+"""
 
 from contextlib import AbstractContextManager
 from typing import Any
@@ -6,7 +9,7 @@ from typing import Any
 from matplotlib import style
 
 WIDTH_IN = 9.0
-"""Figure width, inch; 9 pt type is then 7 pt on a printed page and 17 px at 1200 px."""
+"""Width of the figures, inch. Type of 9 pt is then 7 pt on a printed page, and 17 px at a width of 1200 px."""
 
 DPI = 150
 
@@ -17,7 +20,7 @@ BEYOND: dict[str, Any] = {"color": "#a63603", "linewidth": 0.9, "linestyle": "-"
 HORIZON: dict[str, Any] = {"color": "#222222", "linewidth": 1.2, "linestyle": ":", "zorder": 4}
 RESIDUAL: dict[str, Any] = {"color": "#0072b2", "linewidth": 0.7, "linestyle": "-", "zorder": 2}
 NOISE_BAND: dict[str, Any] = {
-    # Drawn above the residual, so that its edges are visible where dense noise fills the panel.
+    # Drawn above the residual, so that its edges remain visible where dense noise fills the panel.
     "facecolor": ("#e69f00", 0.22),
     "edgecolor": "#222222",
     "linewidth": 0.9,
@@ -48,5 +51,5 @@ _SETTINGS: dict[str, Any] = {
 
 
 def house_style() -> AbstractContextManager[None]:
-    """Context with the defaults of Matplotlib and the settings above; the user's matplotlibrc is ignored."""
+    """Context with the defaults of Matplotlib and the settings above; the user's matplotlibrc has no effect."""
     return style.context(["default", _SETTINGS])

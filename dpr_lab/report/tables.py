@@ -1,4 +1,4 @@
-"""Tables of an identification as rows of text: values with uncertainty and origin, runs by pose and time."""
+"""Tables of an identification: values with uncertainty and origin, runs by pose and time."""
 
 import math
 from collections.abc import Sequence
@@ -62,7 +62,7 @@ BASE_UNITS = {
     "c2": ("N m s/rad", "viscous friction of joint 2"),
 }
 OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
-"""Parameters of the parts that are not mounted if the inner rod is alone."""
+"""Parameters of the outer rod, which is not mounted if the inner rod is alone."""
 
 RATIO_STD_COLUMNS = ("ratio", "now", "after the plan", "unit")
 LIMIT_FORECAST_COLUMNS = ("quantity", "undecided range", "unit", "decidable after the plan")
@@ -81,17 +81,17 @@ PARAMETER_UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class NoiseLike:
-    """Range of residual / noise floor in which the residual counts as noise.
+    """Range of the ratio of residual to noise floor in which the residual counts as noise.
 
-    The noise floor is itself an estimate, from few samples if there was no rest.
+    The noise floor is an estimate too, from few samples if there was no rest.
     """
 
     least: float = 0.8
-    """Squared ratio 0.64; below it the noise floor is overestimated."""
+    """Minimum ratio. At a smaller ratio (squared: 0.64) the noise floor is overestimated."""
     most: float = 1.2
-    """Squared ratio 1.44; above it the model lacks an effect."""
+    """Maximum ratio. At a larger ratio (squared: 1.44) the model lacks an effect."""
     inflated: float = 1.5
-    """The note explains the difference if the ratio to the Cramér-Rao standard deviation exceeds this value."""
+    """Ratio of a standard deviation to its Cramér-Rao bound above which a note explains the difference."""
 
 
 NOISE_LIKE = NoiseLike()
@@ -100,9 +100,9 @@ SMALL_EFFECTS = "Only the rms was compared: dpr-lab diagnose also finds effects 
 
 
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
-    """Whether the residual is at the noise floor, in the fitted and in the held-out runs, in one or two sentences.
+    """One or two sentences on whether the residual of the fitted and held-out runs is at the noise floor.
 
-    Only the rms is compared; an effect whose residual is smaller than the noise needs the tests of `dpr_lab.gap`.
+    Only rms values are compared. An effect whose residual is smaller than the noise needs the tests of `dpr_lab.gap`.
     """
     if model.failures:
         return f"Not reliable: {'; '.join(model.failures).rstrip('.')}."
@@ -162,15 +162,14 @@ def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def _too_slow(limit: "LimitForecast") -> str:
-    """Reason why the speed of a friction limit is not reached; empty if it is reached."""
+    """Note that the speed of a friction limit is not reached; empty if it is reached."""
     return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 
 def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
-    """Standard deviation of each ratio now and after a release of a plan, in the columns `RATIO_STD_COLUMNS`.
+    """Standard deviation of each ratio now and after a planned release, in the columns `RATIO_STD_COLUMNS`.
 
-    Before any recording, the rig file gives bounds of the ratios of the rods only; the ratios of arm and drive are
-    unknown.
+    Before any recording, the rig file bounds only the ratios of the rods; those of arm and drive are unknown.
     """
     return [
         (
@@ -184,14 +183,14 @@ def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, .
 
 
 def _undetermined(model: "Model") -> str:
-    """A sentence on the ratios that the recordings do not determine; empty if they determine all."""
+    """Sentence on the ratios that the recordings do not determine; empty if they determine all."""
     names = [name for name, ratio in model.ratios.items() if ratio.fixed_by != "data"]
     names += ["the ratios of the outer rod, which is not mounted"] if model.fitted else []
     return f" Not determined by these recordings: {', '.join(names)}." if names else ""
 
 
 def ratio_note(model: "Model") -> str:
-    """Meaning of the ratios, and why their standard deviations exceed those of `identifiability`."""
+    """Sentences on the meaning of the ratios, and on standard deviations that exceed those of `identifiability`."""
     noise_and_misfit = math.sqrt(max(1.0, model.fit.chi2_per_dof))
     inflation = [
         ratio.std / (noise_and_misfit * bound)
@@ -209,7 +208,7 @@ def ratio_note(model: "Model") -> str:
 
 
 def base_rows(model: "Model") -> list[list[str]]:
-    """The six base parameters in the columns `BASE_COLUMNS`; none if the runs do not identify their scale."""
+    """Rows of the six base parameters, in the columns `BASE_COLUMNS`; empty if the runs do not identify the scale."""
     if model.base["b"].fixed_by != "data":
         return []
     return [
@@ -219,7 +218,7 @@ def base_rows(model: "Model") -> list[list[str]]:
 
 
 def parameter_rows(model: "Model") -> list[list[str]]:
-    """The nine physical parameters and their sources, in the columns `PARAMETER_COLUMNS`."""
+    """Rows of the nine physical parameters with their sources, in the columns `PARAMETER_COLUMNS`."""
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
         if model.fitted and name in OF_OUTER_ROD:
@@ -239,7 +238,7 @@ def interval_words(parameter: "ParameterValue") -> str:
 
 
 def parameter_note(model: "Model") -> str:
-    """Origin of the nine values, and the b that they assume if only ratios are identified."""
+    """Sentences on the origin of the nine values and on the b that they assume if only ratios are identified."""
     return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
@@ -279,12 +278,12 @@ def run_rows(model: "Model") -> list[list[str]]:
 
 
 def _zeros(fitted: Sequence[float]) -> str:
-    """Fitted zero offsets of encoders that are zeroed before each run."""
+    """Fitted zero offsets of encoders that are zeroed before each run, as text; empty without them."""
     return f", zero offsets {' and '.join(f'{1e3 * zero:.3g}' for zero in fitted)} mrad" if fitted else ""
 
 
 def search_rows(model: "Model") -> list[list[str]]:
-    """Settings and result of the search, sufficient to repeat it, in the columns `SEARCH_COLUMNS`."""
+    """Rows of `SEARCH_COLUMNS` with all settings that are needed to repeat a search, and its result."""
     from dpr_lab.identification.objectives import objective_words
     from dpr_lab.search import search_words
 
@@ -304,7 +303,10 @@ def search_rows(model: "Model") -> list[list[str]]:
 
 
 def local_time(utc: str) -> str:
-    """Convert a time in UTC (ISO 8601, or as in a run file name) to `2026-11-21 11:15 CET`; other text is kept."""
+    """Convert a UTC time to local time, for example `2026-11-21 11:15 CET`.
+
+    The time is in ISO 8601 or as in the name of a run file. Other text is returned unchanged.
+    """
     if len(utc) <= len("2026-11-21"):
         return utc
     try:
@@ -334,13 +336,13 @@ def run_name(run: Path) -> str:
 
 
 def compared_name(comparison: "Comparison") -> str:
-    """Label of a compared run: its pose is put in front unless the name contains it."""
+    """Label of a compared run: its name, preceded by its pose unless the name contains it."""
     name = run_name(Path(f"{comparison.run}.mcap"))
     return f"{comparison.pose} {name}" if comparison.pose and name == comparison.run else name
 
 
 def to_the_end(comparison: "Comparison") -> bool:
-    """Whether the free run can be predicted to the end of the record."""
+    """Whether the predictability horizon is at or after the end of the record."""
     return len(comparison.t) > 0 and comparison.horizon_s >= comparison.t[-1]
 
 
@@ -359,7 +361,8 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
 def _driven_by_noise(fitted: float, chi2_per_dof: float) -> bool:
     """Whether noise of the known motion or torques explains a residual of `fitted` times the noise of the readings.
 
-    Without such noise the reduced chi-square is the mean of two squared ratios, of which `fitted` is the larger.
+    Without such noise the reduced chi-square is the mean of two squared ratios, of which the square of `fitted` is the
+    larger.
     """
     return chi2_per_dof < min(NOISE_LIKE.most**2, 0.5 * fitted**2)
 
@@ -376,5 +379,5 @@ def _worst(rms: Sequence[float] | Array, noise: Sequence[float] | Array) -> floa
 
 
 def _noise_ratio(rms: Array, noise: Array) -> Array:
-    """Residual / noise floor by axis; NaN where the noise floor is unknown."""
+    """Ratio of residual to noise floor of each axis; NaN where the noise floor is unknown."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)

@@ -1,4 +1,4 @@
-"""Curves as braille characters, for terminals without graphics."""
+"""Curves of braille characters, for terminals without graphics."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 
 
 def text_chart(t: Array, y: Array, unit: str = "rad", width: int = 64, height: int = 6) -> list[str]:
-    """Draw a curve with `text_plot`, with its largest and smallest value on the left and a time axis below.
+    """Draw a curve by `text_plot`, with its extreme values on the left and a time axis below.
 
     Args:
         t: (n,) increasing instants, s
         y: (n,) values, in `unit`
         unit: unit of the values
-        width: characters of the curve in a line
-        height: lines of the curve
+        width: number of characters of the curve in a line
+        height: number of lines of the curve
 
     Returns:
         the lines, top first; the last two are the time axis
@@ -31,13 +31,13 @@ def text_chart(t: Array, y: Array, unit: str = "rad", width: int = 64, height: i
 
 
 def text_plot(t: Array, y: Array, width: int = 64, height: int = 6) -> list[str]:
-    """Draw a curve as lines of braille characters of 2 x 4 dots each; extremes are kept.
+    """Draw a curve as lines of braille characters, each of 2 x 4 dots; extremes are kept.
 
     Args:
         t: (n,) increasing instants, s
         y: (n,) values
-        width: characters in a line
-        height: lines
+        width: number of characters in a line
+        height: number of lines
 
     Returns:
         the lines, top first
@@ -47,7 +47,7 @@ def text_plot(t: Array, y: Array, width: int = 64, height: int = 6) -> list[str]
     columns = np.minimum(((t - t[0]) / ((t[-1] - t[0]) or 1.0) * 2 * width).astype(int), 2 * width - 1)
     cells = np.zeros((height, width), dtype=int)
     for column in range(2 * width):
-        # Include the last sample of the previous column, so that a steep curve is continuous.
+        # Include the last sample of the previous column; a steep curve is then continuous.
         first, last = np.searchsorted(columns, [column, column + 1])
         if first == last:
             continue

@@ -1,4 +1,4 @@
-"""Effects in words, `Coulomb friction, joint 2 [coulomb_joint2]`, and their sizes in practical units."""
+"""Descriptions of effects, such as `Coulomb friction, joint 2 [coulomb_joint2]`, and their sizes in practical units."""
 
 import re
 
@@ -19,21 +19,21 @@ _DISPLAYED = {
     "kg/m^2": ("g/m²", 1e3),
     "1": ("%", 1e2),
 }
-"""SI unit of an amplitude -> displayed unit, and the factor to it."""
+"""SI unit of an amplitude -> displayed unit, and factor to the displayed unit."""
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([012])\b")
 
 
 def named(name: str) -> str:
-    """Words of an effect with its identifier; another text is returned unchanged."""
+    """Description and identifier of an effect; other text is returned unchanged."""
     return f"{EFFECTS[name].words} [{name}]" if name in EFFECTS else name
 
 
 def in_words(text: str) -> str:
-    """Put words before every effect identifier that has none yet.
+    """Add its description to each effect identifier in a text, unless it has one already.
 
-    An identifier after `--without` is kept, so that the option can be pasted.
+    An identifier after `--without` is not changed, so that the option can be copied.
     """
 
     def words(match: re.Match[str]) -> str:
@@ -44,25 +44,25 @@ def in_words(text: str) -> str:
 
 
 def parameter_words(effect: str, name: str) -> str:
-    """Words of a parameter: `extra at rest` for `extra_at_rest_Nm`."""
+    """Description of a parameter, for example `extra at rest` for `extra_at_rest_Nm`."""
     parameter = _parameter(effect, name)
     return name if parameter is None else parameter.words
 
 
 def negative_words(effect: str, name: str, value: float) -> str:
-    """Meaning of a negative parameter; empty for other parameters, and if the sign needs no explanation."""
+    """Meaning of a negative value of a parameter; empty for other values, or if the sign needs no explanation."""
     parameter = _parameter(effect, name)
     return parameter.negative if parameter is not None and value < 0 else ""
 
 
 def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: float) -> str:
-    """`0.80 mN m`, or `0.80 mN m (0.70 to 0.90)` of a value and its interval; `2` of a chosen whole number.
+    """Text of a size: `0.80 mN m`, `0.80 mN m (0.70 to 0.90)` with its interval, or `2` for a chosen whole number.
 
     Args:
         effect: name of the effect
         name: one of its parameters
         angles: the unit of angles
-        values: SI: the value alone, or the value and both ends of its interval
+        values: value in SI units, alone or followed by both ends of its interval
     """
     parameter = _parameter(effect, name)
     unit, factor = _displayed_unit(parameter, angles)

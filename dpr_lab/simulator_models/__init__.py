@@ -1,7 +1,7 @@
 """Models of simulators (MJCF, URDF, SDFormat), interpreted as a double pendulum.
 
-Each reader converts a file to a `SimulatorModel`: parts, joints and gravity with all joints at zero. `double_pendulum`
-finds the two rods in it, and an arm if there is one.
+Each reader converts a file to a `SimulatorModel`: parts, joints and gravity, with all joints at zero. `double_pendulum`
+finds the two rods in this model, and the arm if it has one.
 """
 
 from collections.abc import Callable
@@ -19,18 +19,17 @@ READERS: dict[str, Callable[[Path, bytes | None], SimulatorModel]] = {
     "robot": read_urdf,
     "sdf": read_sdf,
 }
-"""Root element of a file -> its reader."""
+"""Root element of a file -> function that reads the file."""
 
 
 def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read a model of MuJoCo, URDF or SDFormat; its root element determines the format.
+    """Read a model of MuJoCo, URDF or SDFormat.
+
+    The root element of the file determines its format.
 
     Args:
         path: the file
-        text: content that replaces that of the file; None: the content of the file
-
-    Raises:
-        ConfigError: the file cannot be read, is none of these formats, or its library is not installed.
+        text: content to read in place of the file; None: the content of the file
     """
     root = read_xml(path, text)
     if root.tag not in READERS:

@@ -1,6 +1,6 @@
-"""Types of the rods in a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
+"""Types for the rods of a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
 
-An arm may carry the inner rod alone. theta_i is the angle of rod i from upright about the axis of joint 1
+The arm may carry the inner rod alone. theta_i is the angle of rod i from upright about the axis of joint 1
 (docs/theory.md). The inner rod points from joint 1 to joint 2, the last rod from its joint to its centre of mass.
 """
 
@@ -12,18 +12,18 @@ from dpr_lab.simulator_models.tree import ModelJoint, Vector
 
 @dataclass(frozen=True, slots=True)
 class ChainLimits:
-    """Tolerances for parallel axes and for parts fixed to the elbow; default gravity."""
+    """Tolerances for parallel axes and for parts fixed to the elbow, and default gravity."""
 
     gravity: float = 9.81
-    """Default gravity, m/s^2."""
+    """Gravity of a model that contains none, m/s^2."""
     parallel: float = math.radians(10.0)
-    """Maximum angle of axes that are treated as parallel, rad; with a larger angle the model is refused."""
+    """Maximum angle between axes that are treated as parallel, rad. A model with a larger angle is refused."""
     noticed: float = math.radians(0.01)
-    """Maximum angle without a note, rad."""
+    """Maximum angle between parallel axes that is not noted, rad."""
     elbow: float = 1e-3
-    """Maximum distance of a part of mb from the axis of joint 2, in lengths of the rod."""
+    """Maximum distance from the axis of joint 2 of a part that contributes to mb, in lengths of the rod."""
     offset: float = 1e-7
-    """Maximum distance of the centre of mass from the line of the inner rod without a note, m."""
+    """Maximum distance of the centre of mass from the line of the inner rod that is not noted, m."""
 
 
 CHAIN = ChainLimits()
@@ -31,7 +31,7 @@ CHAIN = ChainLimits()
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
-    """A term of the model for which the rig file has no key."""
+    """Term of a joint of the model for which a rig file has no key."""
 
     joint: str
     quantity: str
@@ -44,61 +44,61 @@ class JointTerm:
 
 @dataclass(frozen=True, slots=True)
 class ChainRod:
-    """A rod and its joint; SI."""
+    """A rod and its joint, SI units."""
 
     joint: ModelJoint
     mass: float
     centroid: float
-    """Distance of the centre of mass along the rod from its joint, m."""
+    """Distance of the centre of mass from the joint along the rod, m."""
     inertia: float
     """Inertia about its centre of mass, kg m^2."""
     length: float | None
-    """Length, m; None if it does not follow from a shape."""
+    """Length, m; None if no shape determines it."""
     hanging: float
-    """Angle of the joint in the model with the rods hanging, rad."""
+    """Angle of the joint in the model when the rods hang, rad."""
     direction: int
     """-1 if the angle of the joint in the model decreases while theta increases."""
     along: Vector
-    """(3,) unit vector along the rod, all joints at zero."""
+    """(3,) unit vector along the rod with all joints at zero."""
     offset: float = 0.0
-    """Distance of the centre of mass across the rod, m."""
+    """Distance of the centre of mass from the axis of the rod, m."""
     gear: float | None = None
-    """Gear of the only motor on its joint; None without one, or if other actuators act on the joint."""
+    """Gear of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChainArm:
-    """The arm; SI."""
+    """The arm, SI units."""
 
     joint: ModelJoint
     length: float
     inertia: float
-    """Inertia about its axis with the rotor, without the rods."""
+    """Inertia of arm and rotor about the axis of the arm, without the rods, kg m^2."""
     direction: int
     """-1 if the angle of the joint in the model decreases while theta0 increases."""
     hanging: float = 0.0
     """Angle of the joint in the model at theta0 = 0, rad."""
     gear: float | None = None
-    """Gear of the only motor on its joint; None without one, or if other actuators act on the joint."""
+    """Gear of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelChain:
-    """The rods in a model, and their arm."""
+    """The rods of a model, and its arm if it has one."""
 
     rods: tuple[ChainRod, ...]
-    """The inner and the outer rod; a single rod only in a model with an arm."""
+    """Inner and outer rod. A model with an arm may have a single rod."""
     elbow_mass: float
     """Mass of the parts on the axis of joint 2 that are fixed to the inner rod, kg."""
     gravity: float
     """Gravity in the plane of the swing, m/s^2."""
     axis: Vector
-    """(3,) unit vector of the axis with positive theta."""
+    """(3,) unit vector of the axis about which theta is positive."""
     arm: ChainArm | None
     terms: tuple[JointTerm, ...]
     """Additional terms of the joints with their values."""
     notes: tuple[str, ...]
-    """Notes on parts that the rig file cannot contain."""
+    """Notes on parts of the model that the rig file cannot contain."""
 
     @property
     def parts(self) -> tuple[ChainRod | ChainArm, ...]:
@@ -107,7 +107,7 @@ class ModelChain:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Parameters of its rods by the names of the rig file, SI."""
+        """Parameters of the rods by their names in the rig file, SI units."""
         values = {"mb": self.elbow_mass} if len(self.rods) == 2 else {}
         for i, rod in enumerate(self.rods, 1):
             values |= {f"l{i}": rod.centroid, f"m{i}": rod.mass, f"c{i}": rod.joint.damping, f"J{i}": rod.inertia}

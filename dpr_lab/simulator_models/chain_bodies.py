@@ -1,4 +1,4 @@
-"""Rods and arm of a double pendulum from the parts that move with each joint."""
+"""Rods and arm of a double pendulum, from the parts that move with each joint."""
 
 import math
 from collections.abc import Sequence
@@ -12,16 +12,16 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vect
 
 
 def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
-    """Parts that move with a joint of the chain, the part of the joint first."""
+    """Parts that move with a joint of the chain; the part of the joint comes first."""
     fixed = [i for i in range(len(model.parts)) if i not in chain and carrier(model, i, chain) == index]
     return [model.parts[index], *(model.parts[i] for i in fixed)]
 
 
 def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
-    """Mass, centre of mass and (3, 3) inertia about the centre of mass.
+    """Total mass, centre of mass, and inertia (3, 3) about the centre of mass of some parts.
 
     Raises:
-        ConfigError: no mass.
+        ConfigError: the parts have no mass.
     """
     mass = sum(part.mass for part in parts)
     if not mass > 0 or not math.isfinite(mass):
@@ -37,7 +37,7 @@ def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
 
 
 def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, plane: Vector) -> list[Part]:
-    """Parts of the inner rod, except its own body, with their centre of mass on the axis of joint 2."""
+    """Parts of the inner rod whose centre of mass is on the axis of joint 2, except the body of the rod."""
     length = float(np.linalg.norm(plane @ (next_joint.anchor - joint.anchor)))
     if not length > 1e-6:
         raise ConfigError(f"the axes of {joint.name!r} and {next_joint.name!r} coincide: L1 would be zero")
@@ -48,7 +48,7 @@ def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJo
 def inner_rod(
     parts: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
 ) -> tuple[ChainRod, float]:
-    """The inner rod, and its angle at zero of its joint."""
+    """The inner rod, and its angle when its joint is at zero, rad."""
     joint, next_joint = joints
     towards = plane @ (next_joint.anchor - joint.anchor)
     length = float(np.linalg.norm(towards))
@@ -70,15 +70,17 @@ def inner_rod(
 def last_rod(
     parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, name: str, inner: float = math.pi
 ) -> ChainRod:
-    """The outer rod, or a single one, whose direction is that of its centre of mass.
+    """The outer rod, or a single rod.
+
+    Its direction is that from the joint to the centre of mass.
 
     Args:
         parts: its parts
         joint: its joint
         plane: (2, 3) unit vectors of the plane of the swing, upwards first
         e: (3,) axis of the rods
-        name: of the rod, for messages
-        inner: angle of the part that carries it at zero of all joints, rad; pi: hanging
+        name: name of the rod, for messages
+        inner: angle of the part that carries the rod with all joints at zero, rad; pi: hanging
     """
     mass, centroid, inertia = sum_of(parts)
     towards = plane @ (centroid - joint.anchor)
@@ -106,7 +108,16 @@ def arm_of(
     e: Vector,
     notes: list[str],
 ) -> ChainArm:
-    """The arm with the rods at its end, from its joint and that of the inner rod; `e` is the axis of the rods."""
+    """The arm with the rods at its end.
+
+    Args:
+        joints: joint of the arm, and joint of the inner rod
+        parts: parts of the arm
+        rods: parts of each rod
+        up: (3,) upward unit vector
+        e: (3,) axis of the rods
+        notes: list to which notes are added
+    """
     joint, inner = joints
     refuse_tilted(joint, up, "the vertical", notes)
     mass, centre, inertia = sum_of(parts)

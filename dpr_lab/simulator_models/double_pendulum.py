@@ -1,4 +1,4 @@
-"""Double pendulum of a model, or one rod on an arm, with the terms and parts that a rig file cannot contain."""
+"""Double pendulum of a model, or its one rod on an arm, with the terms and parts that a rig file cannot contain."""
 
 import math
 from collections.abc import Sequence
@@ -14,16 +14,13 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vect
 
 
 def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: float | None = None) -> ModelChain:
-    """Find the rods and the arm with their values.
+    """Find the rods and the arm of a model, with their values.
 
     Args:
         model: the model
         names: joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm; empty if there
             is only one choice
-        gravity: m/s^2, downwards along z, instead of that of the model
-
-    Raises:
-        ConfigError: unknown joints, several choices, or axes that are not parallel.
+        gravity: gravity downwards along z, m/s^2; None: the value of the model
     """
     notes = list(model.notes)
     hinges = named(model, names) if names else only_choice(model)
@@ -100,7 +97,7 @@ def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vec
 
 
 def _others(model: SimulatorModel, indices: Sequence[int], notes: list[str]) -> None:
-    """Notes on joints that are fixed at zero."""
+    """Add notes on joints that are fixed at zero."""
     for index, part in enumerate(model.parts):
         if part.joint is not None and index not in indices:
             below = carrier(model, index, set(indices)) >= 0
@@ -123,7 +120,10 @@ def _spring_rest(joint: ModelJoint) -> JointTerm:
 
 
 def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str], unlimited: float = 1e4) -> None:
-    """Add notes on actuators, and on stops unless both are beyond `unlimited` rad."""
+    """Add notes on actuators and on stops.
+
+    Stops beyond `unlimited` rad are not noted.
+    """
     names = {joint.name for joint in joints}
     for actuator in model.actuators:
         if actuator.joint in names:

@@ -12,19 +12,19 @@ from dpr_lab.simulator_models.chain import CHAIN
 from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
 
 CHOOSE = "name those to use, --joints INNER,OUTER or INNER,OUTER,ARM or ROD,ARM; the others are fixed at zero"
-"""Advice for a model with more hinges than a double pendulum on an arm."""
+"""Advice for a model with more hinges than those of a double pendulum on an arm."""
 
 
 class Hinges(NamedTuple):
-    """Indices of the parts whose joints are those of the rods and of the arm."""
+    """Indices of the parts that carry the joints of the rods and of the arm."""
 
     rods: tuple[int, ...]
-    """Inner rod, and outer rod; a single rod is on an arm."""
+    """Index for the inner rod, and for the outer rod if there are two. A single rod is on an arm."""
     arm: int | None
 
     @property
     def all(self) -> list[int]:
-        """Parts of the rods, and that of an arm last."""
+        """Indices for the rods, followed by that for the arm."""
         return [*self.rods, *(() if self.arm is None else (self.arm,))]
 
 
@@ -40,7 +40,7 @@ def _hinges(model: SimulatorModel) -> list[int]:
 
 
 def carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
-    """Index of the nearest of the given parts between a part and the world; -1: none."""
+    """Nearest of the parts `among` on the way from a part to the world; -1 without one."""
     above = model.parts[index].parent
     while above >= 0 and above not in among:
         above = model.parts[above].parent
@@ -52,7 +52,7 @@ def _names(model: SimulatorModel, indices: Sequence[int]) -> str:
 
 
 def named(model: SimulatorModel, names: Sequence[str]) -> Hinges:
-    """Parts of the named joints.
+    """Rods and arm of a model, from the names of their joints.
 
     Raises:
         ConfigError: unknown joint, not two or three joints, or joints that are not in a chain.
@@ -81,10 +81,11 @@ def named(model: SimulatorModel, names: Sequence[str]) -> Hinges:
 
 
 def only_choice(model: SimulatorModel) -> Hinges:
-    """Rods and arm of a model without other hinges.
+    """Rods and arm of a model that has no other hinges.
 
     Raises:
-        ConfigError: not two or three hinges, or hinges that are not in a chain; the rods with parallel axes.
+        ConfigError: the model has not two or three hinges, the hinges are not in a chain, or the axes of the rods are
+            not parallel.
     """
     hinges = _hinges(model)
     if len(hinges) < 2:
@@ -111,7 +112,7 @@ def only_choice(model: SimulatorModel) -> Hinges:
 
 
 def _across(model: SimulatorModel, first: int, second: int) -> bool:
-    """Whether the axes of two joints are perpendicular, as those of an arm and a rod."""
+    """Whether the axes of two joints are perpendicular, like those of an arm and a rod."""
     return _between(joint_of(model, first).axis, joint_of(model, second).axis) > math.pi / 2 - CHAIN.parallel
 
 
@@ -123,12 +124,14 @@ def _depth(model: SimulatorModel, index: int) -> int:
 
 
 def _between(first: Vector, second: Vector) -> float:
-    """Angle between two axes without direction, rad."""
+    """Angle between two axes regardless of their direction, rad."""
     return math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second)))
 
 
 def refuse_tilted(joint: ModelJoint, axis: Vector, what: str, notes: list[str]) -> None:
-    """Compare the axis of a joint with `axis`, which `what` describes; a small angle is added to the notes.
+    """Check that the axis of a joint is parallel to `axis`; a small angle is added to the notes.
+
+    `what` describes the axis in the message.
 
     Raises:
         ConfigError: the axes are not parallel.

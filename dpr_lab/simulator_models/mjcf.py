@@ -1,4 +1,7 @@
-"""Read MJCF with MuJoCo's `MjSpec`. Meshes, textures and plugins are removed first."""
+"""Reader for MJCF, based on MuJoCo's `MjSpec`.
+
+Meshes, textures and plugins are removed from the file first.
+"""
 
 import warnings
 from collections import Counter
@@ -20,13 +23,13 @@ NUMBERS = frozenset(
     "mass density diaginertia fullinertia pos quat euler axisangle xyaxes zaxis fromto size axis damping frictionloss"
     " armature stiffness springref ref range gravity wind viscosity gear kp kv".split()
 )
-"""Attributes with numbers, in any element."""
+"""Attributes that contain numbers, in any element."""
 
 IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom", "extension", "camera", "light"}
-"""Elements that do not influence the motion of rods, or that contain names of other files."""
+"""Elements that are removed, because they do not influence the motion of rods or contain names of other files."""
 
 REFUSED = {"composite", "flexcomp", "replicate", "attach"}
-"""Elements from which MuJoCo generates bodies."""
+"""Elements from which MuJoCo generates bodies; files with them are refused."""
 
 LISTED = {
     "plugin": "plugins, not loaded",
@@ -35,18 +38,18 @@ LISTED = {
     "contact": "contact pairs or exclusions, not in the rig file",
     "deformable": "flexible bodies, not in the rig file",
 }
-"""Elements that act on the rods but are not part of a rig file."""
+"""Element that acts on the rods but has no equivalent in a rig file -> description for a note."""
 
 SWITCHES = {"damping": ("damper",), "frictionloss": ("frictionloss", "constraint"), "stiffness": ("spring",)}
-"""Attribute of a joint -> attributes of `<flag>` that switch it off."""
+"""Attribute of a joint -> attributes of `<flag>` that disable it."""
 
 JOINT_KINDS = ("free", "ball", "slide", "hinge")
-"""Names of joint types by their number in MuJoCo."""
+"""Names of the joint types, in the order of their numbers in MuJoCo."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyFrame:
-    """A body in the coordinates of its element and of the world."""
+    """Position and inertia of a body, in the coordinates of its element and of the world."""
 
     name: str
     turned: Vector
@@ -54,11 +57,11 @@ class BodyFrame:
     local_centroid: Vector
     """(3,) centre of mass in its frame, m."""
     local_turn: Vector
-    """(4,) quaternion of its principal axes in its frame."""
+    """(4,) quaternion of its principal axes in its own frame."""
     principal: Vector
     """(3,) principal inertias, kg m^2."""
     local_place: Vector
-    """(3,) position of its frame in that of its parent, m."""
+    """(3,) origin of its frame in the frame of its parent, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +72,12 @@ class CompiledMjcf:
     model: Any
     data: Any
     degrees: bool
-    """Whether the file has angles in degrees."""
+    """Whether angles in the file are in degrees."""
     notes: tuple[str, ...]
 
     @property
     def unnamed(self) -> set[str]:
-        """Names that the parts use for joints without a name in the file."""
+        """Names given to joints that have no name in the file."""
         return {_name(self.model, j) for j in range(self.model.njnt) if not self.model.joint(j).name}
 
     def body(self, joint: str) -> BodyFrame:
@@ -92,12 +95,14 @@ class CompiledMjcf:
 
 
 def read_mjcf(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read a file of MuJoCo with its includes; arguments and errors as for `compile_mjcf`."""
+    """Read a file of MuJoCo with its includes; arguments and errors are those of `compile_mjcf`."""
     return compile_mjcf(path, text).simulator_model()
 
 
 def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
-    """Compile a file of MuJoCo with its includes; `text` replaces its content.
+    """Compile a file of MuJoCo with its includes.
+
+    If `text` is given, it replaces the content of the file.
 
     Raises:
         ConfigError: MuJoCo is not installed or refuses the file, or masses would come from a mesh.
@@ -112,7 +117,7 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
     degrees = [compiler.get("angle", "degree") for compiler in root.iter("compiler")][-1:] != ["radian"]
     try:
         with warnings.catch_warnings():
-            # warning about a nearly singular inertia matrix, which the checks below report
+            # MuJoCo warns of a nearly singular inertia matrix; the checks below report it too
             warnings.simplefilter("ignore")
             spec = mujoco.MjSpec.from_string(tostring(root, encoding="unicode"))
             model = spec.compile()
@@ -139,17 +144,17 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
 
 
 def _scalar_positions(model: Any) -> list[int]:
-    """Indices in qpos of hinges and slides."""
+    """Indices of the angles of hinges and slides in qpos."""
     return [
         int(model.jnt_qposadr[j]) for j in range(model.njnt) if JOINT_KINDS[model.jnt_type[j]] in ("slide", "hinge")
     ]
 
 
 def _bared(root: Element, path: Path) -> list[str]:
-    """Remove ignored elements; return their names.
+    """Remove the elements in `IGNORED`; returns notes on the removed elements.
 
     Raises:
-        ConfigError: bodies generated by a macro, or a mass from a mesh.
+        ConfigError: the file generates bodies by a macro, or takes a mass from a mesh.
     """
     counts: Counter[str] = Counter()
     made = next((element.tag for element in root.iter() if element.tag in REFUSED), None)
@@ -189,18 +194,18 @@ def _shaped_by_file(geom: Element) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _ShapeMasses:
-    """Rules for the shapes of a file that have mass."""
+    """Rules of a file that determine which shapes have mass."""
 
     defaults: dict[str, dict[str, str]]
-    """Default class -> attributes of its shapes, with those that it inherits."""
+    """Default class -> attributes of its shapes, including inherited ones."""
     groups: tuple[float, float]
     """Range of the groups whose shapes have mass."""
     always: bool
-    """Whether masses come from shapes even if a body has an `<inertial>` element."""
+    """Whether shapes determine the masses even of bodies with an `<inertial>` element."""
 
     @classmethod
     def of(cls, root: Element) -> "_ShapeMasses":
-        """From the defaults and compiler options of a file."""
+        """Rules from the defaults and compiler options of a file."""
         defaults: dict[str, dict[str, str]] = {"main": {}}
 
         def visit(default: Element, inherited: dict[str, str]) -> None:
@@ -216,7 +221,10 @@ class _ShapeMasses:
         return cls(defaults, (_number(least, 0.0), _number(most, 5.0)), options.get("inertiafromgeom") == "true")
 
     def has_mass(self, geom: Element, inherited: str) -> bool:
-        """Whether a shape has mass; `inherited`: class of the elements around it."""
+        """Whether a shape has mass.
+
+        `inherited` is the default class of the elements around the shape.
+        """
         values = self.defaults.get(geom.get("class", inherited), {}) | geom.attrib
         least, most = self.groups
         return _number(values.get("mass", values.get("density", "")), 1.0) != 0.0 and (
@@ -232,7 +240,7 @@ def _number(text: str, default: float) -> float:
 
 
 def _own(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
-    """Elements of a body with the default class around them; including elements in frames."""
+    """Elements of a body with the default class around them; elements within frames are included."""
     inherited = parent.get("childclass", inherited)
     for child in parent:
         if child.tag == "frame":
@@ -259,7 +267,10 @@ def _refuse_masses_of_meshes(body: Element, moving: bool, inherited: str, shapes
 
 
 def _parts(model: Any, data: Any) -> Iterator[Part]:
-    """Parts of all bodies; a body with several joints becomes several parts, of which only the last has mass."""
+    """Parts of all bodies.
+
+    A body with several joints becomes several parts, of which only the last has mass.
+    """
     last = {0: -1}
     count = 0
     for b in range(1, model.nbody):
@@ -319,7 +330,7 @@ def _disabled(model: Any, flag: str) -> bool:
 
 
 def _ends(model: Any, data: Any, body: int) -> Iterator[np.ndarray]:
-    """Ends of capsules, cylinders and boxes along their axes, and centres of spheres."""
+    """End points of capsules, cylinders and boxes along their axes, and centres of spheres."""
     for g in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
         centre, axes = np.array(data.geom_xpos[g]), np.array(data.geom_xmat[g]).reshape(3, 3)
         size = model.geom_size[g]

@@ -1,4 +1,4 @@
-"""Check of the numbers in files of simulators before the library of a format reads them.
+"""Check of the numbers in a simulator's file before the library of its format reads them.
 
 The libraries misread some numbers: the library of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as zero.
 """
@@ -18,11 +18,13 @@ _INFINITY = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 def refuse_bad_attributes(
     root: Element, names: frozenset[str], path: Path, words: Collection[str] = frozenset()
 ) -> None:
-    """Check the attributes with these names, except in elements of `words`, whose attributes are not numbers.
+    """Check the numbers in the attributes with these names.
+
+    Attributes of the elements `words` are not numbers and are not checked.
 
     Raises:
-        ConfigError: one of them contains something other than finite numbers; the message names file, element and
-        attribute.
+        ConfigError: an attribute contains something other than finite numbers; the message names file, element and
+            attribute.
     """
     for label, element in _labelled(root):
         for name in names & set(element.attrib) if element.tag not in words else ():
@@ -31,17 +33,16 @@ def refuse_bad_attributes(
 
 
 def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounded: frozenset[str], path: Path) -> None:
-    """Check the texts of elements.
+    """Check the numbers in the texts of elements.
 
     Args:
         root: root element of the file
-        keys: element -> its children with numbers
+        keys: element -> its children that contain numbers
         unbounded: names of children that may be infinite
         path: the file
 
     Raises:
-        ConfigError: one of them contains something other than finite numbers; the message names file, elements and
-        text.
+        ConfigError: a text contains something other than finite numbers; the message names file, elements and text.
     """
     for label, element in _labelled(root):
         for child in element:
@@ -65,7 +66,7 @@ def _problem(text: str) -> str:
 
 
 def _labelled(root: Element) -> Iterator[tuple[str, Element]]:
-    """Every element with a description: its own name, or that of the nearest named ancestor."""
+    """Every element with its own name, or that of its nearest named ancestor, for messages."""
     waiting = [("", root)]
     while waiting:
         label, element = waiting.pop()

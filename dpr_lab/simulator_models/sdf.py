@@ -1,6 +1,7 @@
-"""Read SDFormat with Drake, which contains the format's own library.
+"""Reader for SDFormat, based on Drake, which contains the library of the format.
 
-Friction and springs of joints, which Drake omits or converts to other elements, are read from the file itself.
+Friction and springs of joints are read from the file itself, because Drake omits them or converts them to other
+elements.
 """
 
 import logging
@@ -18,13 +19,13 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, foll
 from dpr_lab.simulator_models.xml_file import read_xml
 
 IGNORED = {"visual", "collision", "plugin", "sensor", "light", "include", "actor", "gui", "scene", "particle_emitter"}
-"""Elements that do not move rods, or that contain names of other files."""
+"""Elements that are removed, because they do not move rods or contain names of other files."""
 
 EARTH = "0 0 -9.8"
 """Default gravity of a world, m/s^2 (specification of `world`)."""
 
 KINDS = {"revolute": "hinge", "prismatic": "slide", "ball": "ball", "quaternion_floating": "free"}
-"""Type of a joint in Drake -> its motion."""
+"""Type of a joint in Drake -> kind of its motion."""
 
 NUMBERS = {
     "inertial": frozenset({"mass", "pose"}),
@@ -35,19 +36,19 @@ NUMBERS = {
     "world": frozenset({"gravity"}),
     **dict.fromkeys(("model", "link", "joint", "frame"), frozenset({"pose"})),
 }
-"""Element -> its children with numbers."""
+"""Element -> its children that contain numbers."""
 
 UNBOUNDED = frozenset({"lower", "upper"})
-"""Children that may be infinite: a joint without limits."""
+"""Children that may be infinite, because a joint may have no limits."""
 
 
 def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read an SDFormat file; `text` replaces its content.
+    """Read an SDFormat file; `text`, if given, replaces its content.
 
     Raises:
         ConfigError: Drake is not installed or refuses the file.
     """
-    try:  # imported by name; otherwise the type checker would read all of Drake's stubs
+    try:  # imported by name, because the type checker would otherwise read all stubs of Drake
         parsing, plants = (import_module(f"pydrake.multibody.{module}") for module in ("parsing", "plant"))
     except ModuleNotFoundError as missing:
         raise ConfigError("reading SDFormat needs Drake: pip install drake (Linux and macOS)") from missing
@@ -89,7 +90,7 @@ def _refuse_masses_of_meshes(root: Element, path: Path) -> None:
 
 
 def _from_shapes(element: Element) -> bool:
-    """Whether a link has mass and inertia from its collision shapes."""
+    """Whether the mass and inertia of a link are computed from its collision shapes."""
     return any(inertial.get("auto") in ("true", "1") for inertial in element.findall("inertial"))
 
 
@@ -103,7 +104,7 @@ def _strip(parent: Element, counts: Counter[str]) -> None:
 
 
 def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]:
-    """Bodies of the plant, parents first."""
+    """Bodies of the plant, each after its parent."""
     world = plant.world_body().index()
     by_child = {}
     for index in plant.GetJointIndices():
@@ -144,7 +145,7 @@ def _above(by_child: dict[Any, Any], body: Any, world: Any) -> Any:
 
 
 def _rotors(plant: Any) -> dict[Any, float]:
-    """Index of a joint -> inertia of its rotor times the squared gear ratio, Drake's extensions of the format."""
+    """Index of a joint -> rotor inertia times squared gear ratio, kg m^2, from extensions of the format by Drake."""
     actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     return {a.joint().index(): float(a.default_rotor_inertia() * a.default_gear_ratio() ** 2) for a in actuators}
 
@@ -177,7 +178,7 @@ def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_
 
 
 def _mimic(element: Element | None) -> dict[str, str]:
-    """The other joint that a joint follows: `<mimic>` of its axis, or `<drake:mimic>` of the joint."""
+    """Joint that a joint follows, from `<mimic>` of its axis or `<drake:mimic>` of the joint; empty without one."""
     if element is None:
         return {}
     if (mimic := element.find("axis/mimic")) is not None:

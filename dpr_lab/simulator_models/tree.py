@@ -1,4 +1,4 @@
-"""Model of a simulator as parts on joints, all in world coordinates with every joint at zero; SI."""
+"""Model of a simulator as parts on joints, in world coordinates with every joint at zero, SI units."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -12,11 +12,11 @@ Vector = Array
 
 @dataclass(frozen=True, slots=True)
 class ModelJoint:
-    """Joint between a part and its parent."""
+    """Joint that connects a part to its parent."""
 
     name: str
     kind: str
-    """`hinge`, `slide`, `ball`, `free`, or another type by its name in the format."""
+    """Kind of the joint: `hinge`, `slide`, `ball`, `free`, or the name of another kind in the format."""
     axis: Vector
     """(3,) unit vector of the axis."""
     anchor: Vector
@@ -30,11 +30,11 @@ class ModelJoint:
     stiffness: float = 0.0
     """Spring stiffness, N m/rad."""
     rest: float = 0.0
-    """Joint angle with the spring relaxed, rad."""
+    """Angle of the joint at which its spring is relaxed, rad."""
     limits: tuple[float, float] | None = None
-    """Smallest and largest joint angle, rad; None without limits."""
+    """Minimum and maximum angle of the joint, rad; None without limits."""
     other: dict[str, str] = field(default_factory=dict)
-    """Terms that a rig file cannot contain -> their numbers."""
+    """Term that a rig file cannot contain -> its numbers as text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +43,9 @@ class Part:
 
     name: str
     parent: int
-    """Index of its parent; -1: the world."""
+    """Index of the parent part; -1 for the world."""
     joint: ModelJoint | None
-    """Joint to its parent; None: fixed."""
+    """Joint that connects the part to its parent; None if it is fixed to it."""
     mass: float
     """Mass, kg."""
     centroid: Vector
@@ -53,7 +53,7 @@ class Part:
     inertia: Vector
     """(3, 3) inertia about the centre of mass, kg m^2."""
     ends: tuple[Vector, ...] = ()
-    """Points of its shapes, m, which determine the length of a rod."""
+    """Points of the shapes of the part, m, which determine the length of a rod."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,21 +69,21 @@ class ModelActuator:
 
 @dataclass(frozen=True, slots=True)
 class SimulatorModel:
-    """A model from a file."""
+    """Model that was read from a file."""
 
     name: str
     format: Literal["MJCF", "URDF", "SDFormat"]
     gravity: Vector | None
-    """(3,) gravity, m/s^2; None: not in the format."""
+    """(3,) gravity, m/s^2; None if the format does not contain it."""
     parts: tuple[Part, ...]
-    """Parts, parents first."""
+    """Parts, each after its parent."""
     actuators: tuple[ModelActuator, ...] = ()
     notes: tuple[str, ...] = ()
     """Notes on elements that were not read, and on terms that a rig file cannot contain."""
 
 
 def follows(joint: str, factor: float, offset: float) -> dict[str, str]:
-    """Term of a joint that mimics another one, for `ModelJoint.other`."""
+    """Entry of `ModelJoint.other` for a joint that mimics another joint."""
     plus = f" + {offset:g}" if offset else ""
     return {"follows another joint (mimic), which is not in the rig file:": f"{factor:g} x {joint!r}{plus}"}
 

@@ -1,4 +1,4 @@
-"""Read URDF with `urdf_parser_py`, which gets only links and joints.
+"""Reader for URDF, based on `urdf_parser_py`, which receives only links and joints.
 
 Source: https://wiki.ros.org/urdf/XML.
 """
@@ -17,14 +17,14 @@ from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, Simul
 from dpr_lab.simulator_models.xml_file import read_xml
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "fixed": "fixed"}
-"""Type of a joint -> its motion."""
+"""Type of a joint in URDF -> kind of its motion."""
 
 NUMBERS = frozenset("xyz rpy value ixx ixy ixz iyy iyz izz damping friction lower upper multiplier offset".split())
-"""Attributes with numbers, in any element of a link's inertial or of a joint."""
+"""Attributes that contain numbers, in any element of a joint or of a link's inertial."""
 
 
 def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read a URDF file; `text` replaces its content.
+    """Read a URDF file; `text`, if given, replaces its content.
 
     Raises:
         ConfigError: the library is not installed, or the file is not valid.
@@ -65,11 +65,11 @@ _READ = {
     "link": {"inertial"},
     "joint": {"origin", "parent", "child", "axis", "dynamics", "limit", "mimic"},
 }
-"""Element -> its parts that are read."""
+"""Element -> its children that are read."""
 
 
 WORLD = "world"
-"""Link to which a robot may be fixed without declaring it (Drake)."""
+"""Name of the link to which a robot may be fixed without declaring it (Drake)."""
 
 
 def _refuse_macros(root: Element, path: Path) -> None:
@@ -82,14 +82,14 @@ def _refuse_macros(root: Element, path: Path) -> None:
 
 
 def _without_namespaces(root: Element) -> None:
-    """Remove attributes with prefixes, and declarations of prefixes, which are not part of URDF."""
+    """Remove attributes with prefixes and declarations of prefixes, because they are not part of URDF."""
     for element in root.iter():
         for key in [key for key in element.attrib if ":" in key or key == "xmlns"]:
             del element.attrib[key]
 
 
 def _complete(root: Element, path: Path) -> None:
-    """Add the world if it is a parent that the file does not declare.
+    """Add the link `world` if it is a parent that the file does not declare.
 
     Raises:
         ConfigError: two links have the same name, or a joint names a link that does not exist.
@@ -122,7 +122,7 @@ def _pose(origin: Any) -> tuple[Vector, Vector]:
 
 
 def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], rotors: Mapping[str, float], path: Path) -> list[Part]:
-    """Links in the order of the tree."""
+    """Links as parts, each after its parent."""
     children: dict[str, list[Any]] = {}
     for joint in robot.joints:
         children.setdefault(joint.parent, []).append(joint)
@@ -177,7 +177,7 @@ def _joint(joint: Any, turned: Vector, position: Vector, rotor_inertia: float) -
 
 
 def _ends(link: Element) -> tuple[Vector, ...]:
-    """Ends of the boxes and cylinders of a link, in its frame."""
+    """End points of the boxes and cylinders of a link, in its frame."""
     points: list[Vector] = []
     for shape in (*link.findall("visual"), *link.findall("collision")):
         try:
@@ -191,7 +191,7 @@ def _ends(link: Element) -> tuple[Vector, ...]:
                 points += [
                     position + sign * axis * size for axis, size in zip(axes.T, reach, strict=True) for sign in (1, -1)
                 ]
-        except ValueError:  # an invalid shape is ignored, because it has no influence on the motion
+        except ValueError:  # an invalid shape is ignored, because shapes do not influence the motion
             continue
     return tuple(point for point in points if np.all(np.isfinite(point)))
 
@@ -210,7 +210,7 @@ def _actuators(root: Element) -> list[ModelActuator]:
 
 
 def _rotors(root: Element, path: Path) -> dict[str, float]:
-    """Joint -> inertia of its rotor times the squared gear ratio, Drake's extensions of the format, kg m^2."""
+    """Joint -> rotor inertia times squared gear ratio, kg m^2, from extensions of the format by Drake."""
     rotors = {}
     for transmission in root.findall("transmission"):
         refuse_bad_attributes(transmission, frozenset({"value"}), path)

@@ -1,4 +1,4 @@
-"""Change attributes and texts of elements in an XML file; everything else is unchanged, byte for byte."""
+"""Changes of attributes and texts in an XML file; all other bytes of the file are preserved."""
 
 import re
 from dataclasses import dataclass
@@ -16,22 +16,22 @@ class StartTag:
     tag: str
     attributes: dict[str, str]
     parent: int
-    """Index of its parent element; -1: none."""
+    """Index of the parent element; -1 for the root element."""
     first: int
-    """Position of its `<`, bytes."""
+    """Position of its `<` in the file, bytes."""
     end: int = -1
-    """Position of its end tag, bytes; that of the start tag if the element is empty."""
+    """Position of the end tag, bytes; for an empty element, that of the start tag."""
     text: str = ""
-    """Text of the element without its children."""
+    """Text of the element, without the text of its children."""
     children: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class ChangedAttribute:
-    """One changed number of the file."""
+    """Changed number of a file."""
 
     element: str
-    """Name of the element in words."""
+    """Description of the element."""
     attribute: str
     """Name of the attribute."""
     before: str
@@ -44,7 +44,11 @@ class XmlEdit:
     """Text of a file with pending changes."""
 
     def __init__(self, data: bytes, name: str) -> None:
-        """Raises: ConfigError: as for `parse_xml`, or another encoding than UTF-8."""
+        """Read the positions of all elements.
+
+        Raises:
+            ConfigError: as for `parse_xml`, or another encoding than UTF-8.
+        """
         parse_xml(data, name)
         try:
             data.decode("utf-8")
@@ -75,7 +79,7 @@ class XmlEdit:
     changes: list[ChangedAttribute]
 
     def find(self, tag: str, **attributes: str) -> int | None:
-        """Index of the first element with these attributes; None without one."""
+        """Index of the first element with this tag and these attributes; None without one."""
         wanted = attributes.items()
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
 
@@ -103,20 +107,23 @@ class XmlEdit:
             self._texts[index] = value
 
     def insert(self, parent: int, tag: str, label: str, **attributes: str) -> None:
-        """Insert an element at the beginning of another."""
+        """Insert an element at the beginning of another element."""
         text = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
         self._inserted.setdefault(parent, []).append(f"<{tag} {text}/>")
         self.changes += [ChangedAttribute(label, name, "", value) for name, value in attributes.items()]
 
     def insert_texts(self, parent: int, label: str, within: str = "", **texts: str) -> None:
-        """Insert elements with texts at the beginning of an element, or in a new element `within` at its beginning."""
+        """Insert elements with texts at the beginning of an element.
+
+        With `within`, they are inserted in a new element of this name.
+        """
         elements = [f"<{tag}>{escape(value)}</{tag}>" for tag, value in texts.items()]
         elements = [f"<{within}>{''.join(elements)}</{within}>"] if within else elements
         self._inserted.setdefault(parent, []).extend(elements)
         self.changes += [ChangedAttribute(label, tag, "", value) for tag, value in texts.items()]
 
     def text(self) -> bytes:
-        """The file with the changes applied."""
+        """Content of the file with the changes."""
         data = self.data
         for index in sorted({*self._new, *self._inserted, *self._texts}, reverse=True):
             first = self.tags[index].first
@@ -134,12 +141,12 @@ class XmlEdit:
         return data
 
     def _content(self, index: int) -> bytes:
-        """Content between the tags of an element in the file."""
+        """Content of an element: the bytes between its tags."""
         tag = self.tags[index]
         return self.data[_end_of_tag(self.data, tag.first) : max(tag.end, _end_of_tag(self.data, tag.first))]
 
     def _insertion(self, index: int, data: bytes, first: int) -> str:
-        """The inserted elements on their own lines, indented by two more spaces than their parent."""
+        """Text of the inserted elements: each on a line of its own, indented by two more spaces than their parent."""
         if index not in self._inserted:
             return ""
         line = data[data.rfind(b"\n", 0, first) + 1 : first].decode("utf-8")
@@ -148,7 +155,7 @@ class XmlEdit:
 
 
 def _end_of_tag(data: bytes, first: int) -> int:
-    """Position after the `>` of a start tag, ignoring any inside quotes."""
+    """Position after the `>` of a start tag; a `>` in quotes is ignored."""
     quote = 0
     for place in range(first, len(data)):
         byte = data[place]

@@ -1,4 +1,4 @@
-"""Untrusted XML files: no entities, no document types, no file outside the folder of the model."""
+"""Reader for untrusted XML files: without entities, document types, or files outside the folder of the model."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ class XmlLimits:
     bytes: int = 5_000_000
     """Maximum size of one file, bytes."""
     depth: int = 100
-    """Maximum depth of nested elements."""
+    """Maximum nesting depth of elements."""
     files: int = 50
     """Maximum number of files included by one model."""
 
@@ -25,11 +25,13 @@ XML_LIMITS = XmlLimits()
 
 
 def read_xml(path: Path, text: bytes | None = None) -> Element:
-    """Parse a file; comments are removed. `text` replaces its content.
+    """Parse a file without its comments.
+
+    If `text` is given, it replaces the content of the file.
 
     Raises:
-        ConfigError: it cannot be read, is too large or too deep, is not well-formed, or declares a document type or
-            entities.
+        ConfigError: the file cannot be read, is too large or nested too deeply, is not well-formed, or declares a
+            document type or entities.
     """
     if text is not None:
         return parse_xml(text, str(path))
@@ -46,7 +48,7 @@ def read_xml(path: Path, text: bytes | None = None) -> Element:
 
 
 def parse_xml(data: bytes, name: str) -> Element:
-    """Parse a document; `name` is used in messages.
+    """Parse a document; `name` is its name in messages.
 
     Raises:
         ConfigError: as for `read_xml`.
@@ -80,10 +82,12 @@ def parse_xml(data: bytes, name: str) -> Element:
 
 
 def with_includes(path: Path, data: bytes | None = None) -> Element:
-    """The document with each `<include file="...">` replaced by the content of the file; `data` is its text.
+    """Document in which each `<include file="...">` is replaced by the content of the file.
+
+    If `data` is given, it replaces the content of the document.
 
     Raises:
-        ConfigError: an include outside the folder of the model, one that includes itself, or too many.
+        ConfigError: an include is outside the folder of the model or includes itself, or there are too many.
     """
     root = read_xml(path) if data is None else parse_xml(data, str(path))
     folder = path.resolve().parent
@@ -115,7 +119,7 @@ def _include(parent: Element, path: Path, folder: Path, above: tuple[Path, ...],
 
 
 def _inside(file: Path, folder: Path, place: str) -> Path:
-    """The file with links resolved.
+    """Path of a file with symbolic links resolved.
 
     Raises:
         ConfigError: the file is outside the folder.

@@ -1,4 +1,4 @@
-"""Writing of a run from the content of another file; it gets its name only when complete."""
+"""Writing of a run whose content exists already; the file gets its final name only when it is complete."""
 
 import os
 import re
@@ -16,10 +16,10 @@ from dpr_lab.storage.writer import RunWriter
 
 @dataclass(frozen=True, slots=True)
 class PartSettings:
-    """Unfinished files of processes that were killed."""
+    """Limits for unfinished files of processes that were killed."""
 
     stale_s: float = 600.0
-    """Age after which such a file is removed, s; a running import writes several times per second."""
+    """Age after which an unfinished file is removed, s. A running import writes several times per second."""
 
 
 SETTINGS = PartSettings()
@@ -30,8 +30,8 @@ _PART = re.compile(r".+\.mcap\.\d+\.part")
 def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
     """Writer of a run whose content is already in another file.
 
-    It writes to `NAME.mcap.PROCESS.part` in the same folder and renames this file at the end. Such files of killed
-    processes are removed.
+    It writes to `NAME.mcap.PROCESS.part` in the same folder and renames this file at the end. Unfinished files of
+    killed processes are removed.
 
     Raises:
         RunError: as for `RunWriter`.
@@ -54,11 +54,11 @@ def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
 
 
 def _publish(part: Path, path: Path) -> None:
-    """Rename a complete file, whose new name must not exist, and write its hash file."""
+    """Give a complete file its final name, which must not exist, and write its hash file."""
     try:
         write_sidecar(path, part)
         try:
-            os.link(part, path)  # a link never replaces a file that was created in the meantime
+            os.link(part, path)  # a link never replaces an existing file
         except FileExistsError:
             raise
         except OSError:  # the file system has no hard links

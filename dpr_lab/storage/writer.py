@@ -1,4 +1,7 @@
-"""Writing of a run during the recording; a killed process loses at most the last chunk."""
+"""Writing of a run during the recording.
+
+If the process is killed, at most the last chunk is lost.
+"""
 
 import json
 import os
@@ -46,24 +49,24 @@ from dpr_lab.storage.sidecar import write_sidecar
 
 @dataclass(frozen=True, slots=True)
 class WriterSettings:
-    """Buffering time and angle resolution of the writer."""
+    """Timing of the writer, sizes of its blocks, and resolution of angles."""
 
     flush_s: float = 0.2
-    """Age at which a chunk is handed to the operating system, s. It is checked at each call, every 50 ms during a
-    recording, so that a killed process loses at most the last 250 ms.
-    """
+    """Maximum age of a chunk before it is passed to the operating system, s. The age is checked at each call, every 50
+    ms during a recording, so that a killed process loses at most the last 250 ms."""
     sync_s: float = 5.0
-    """Interval at which the file is synchronised with the disk, s. Flushed data are lost only in a power failure, not
-    with a killed process; each synchronisation can block for 100 ms.
-    """
+    """Interval at which the file is written through to the disk, s. Data passed to the operating system are lost only
+    in a power failure. Each such write can block for 100 ms."""
     messages_a_chunk: int = 500
-    """Maximum number of events of each kind, and of states, between two flushes; further ones are only counted."""
+    """Maximum number of messages between two flushes, for each kind of event and for states. Further messages are only
+    counted."""
     block_rows: int = 8192
-    """Rows of a table written at a time: about a chunk."""
+    """Number of table rows that are written at a time; about a chunk."""
     many_rows: int = 1000
-    """Smaller numbers of rows are written one by one, like the samples of a device."""
+    """Minimum number of rows that are written as a block. Fewer rows are written one by one, like the samples of a
+    device."""
     theta_digits: int = 7
-    """Decimals of an angle: 1e-7 rad, a thousandth of a count; a reader uses the counts."""
+    """Decimals of an angle in rad: 1e-7 rad is a thousandth of a count. A reader uses the counts instead."""
 
 
 SETTINGS = WriterSettings()
@@ -131,7 +134,7 @@ class RunWriter:
     def table(
         self, t: ArrayLike, theta: ArrayLike, counts: ArrayLike | None = None, torques: ArrayLike | None = None
     ) -> None:
-        """Append rows of an imported table, which has its own times; the tick is the row number.
+        """Append rows of an imported table, which has its own times; the tick of a row is its number.
 
         Args:
             t: (n,) time since the table's first row, s, not negative
@@ -156,9 +159,10 @@ class RunWriter:
         self._flush_when_due()
 
     def event(self, host_time_ns: int, kind: str, tick: int | None = None, detail: str = "") -> None:
-        """Append an event of the device; `kind` is `layout.RELEASED` for the release, then with its tick.
+        """Append an event of the device.
 
-        If a device sends too many events of a kind, the excess ones are only counted in the notes of the run.
+        The kind of a release is `layout.RELEASED`, and its tick is required. Too many events of one kind are not
+        stored; the notes of the run contain their number.
         """
         if kind != RELEASED and self._is_flood(f"events {kind}"):
             return
@@ -170,13 +174,16 @@ class RunWriter:
         self._add_json(EVENTS, log_time, message, host_time_ns)
 
     def status(self, host_time_ns: int, status: Mapping[str, Any]) -> None:
-        """Append the state and counters of the device (keys as in the `/status` schema); limited like events."""
+        """Append the state and counters of the device, with the keys of the `/status` schema.
+
+        Their number is limited as for events.
+        """
         if self._is_flood("states"):
             return
         self._add_json(STATUS, self._since_start(host_time_ns), status, host_time_ns)
 
     def clock(self, host_time_ns: int, fit: Mapping[str, float]) -> None:
-        """Append a fit of device time to host time, values by name with unit."""
+        """Append a fit of device time to host time: values by name with unit."""
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
     def copy(self, messages: Iterable[Stored]) -> None:
@@ -216,11 +223,11 @@ class RunWriter:
         if error is None or kind is None:
             self.abort("closed before the recording was finished")
             return
-        with suppress(RunError):  # the pending exception is more informative than a second error of the disk
+        with suppress(RunError):  # the pending exception is more informative than a second disk error
             self.abort(f"{kind.__name__}: {error}")
 
     def _is_flood(self, kind: str) -> bool:
-        """Whether a message exceeds the limit of its kind before the next flush; it is then counted."""
+        """Count a message of a kind; returns whether it exceeds the limit until the next flush and must be dropped."""
         self._kept[kind] += 1
         if self._kept[kind] <= SETTINGS.messages_a_chunk:
             return False
@@ -281,7 +288,7 @@ class RunWriter:
         self._flush_when_due()
 
     def _add_rows(self, log_ns: Integers, *rows: Any) -> None:
-        """Add samples, many at once if they have a text of fixed width."""
+        """Append samples: as one block if there are many and all fit a fixed width, otherwise one by one."""
         channel = self._channels[SAMPLES]
         texts = sample_texts(*rows) if len(log_ns) >= SETTINGS.many_rows else None
         if texts is not None and (np.diff(log_ns) >= 0).all():
@@ -377,7 +384,7 @@ def _sample_messages(
     counts: Integers | None,
     torques: Array,
 ) -> Iterator[bytes]:
-    """Each row as JSON, formatted directly: three times as fast as `json.dumps`."""
+    """Rows as JSON, formatted directly: this is three times as fast as `json.dumps`."""
     rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)
     ends = [""] * len(tick)
     for key, pairs in zip(TORQUE_KEYS, torques.tolist(), strict=False):

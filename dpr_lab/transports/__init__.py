@@ -1,4 +1,4 @@
-"""Links to a device: serial port, TCP, CAN bus, simulated device, all with the interface `transport.Transport`."""
+"""Links to a device: serial port, TCP, CAN bus and simulated device, all with the interface `transport.Transport`."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LinkKind:
-    """One URL scheme and its transport."""
+    """Kind of link: the transport of a URL scheme."""
 
     name: str
     """Description for the operator."""
     opener: str
-    """`module:function`, imported on demand, so that only the library of the used link is needed; the function gets
-    the parsed URL and the rig file and returns a `Transport`.
-    """
+    """Location of the function that opens the link, `module:function`. It is imported on demand, so that only the
+    library of the used link is needed. The function receives the parsed URL and the rig file, and returns a
+    `Transport`."""
     example: str
     """Example of a URL for error messages and help."""
 
@@ -38,7 +38,7 @@ TRANSPORTS: dict[str, LinkKind] = {
     "sim": LinkKind("simulated rig", "dpr_lab.transports.simulated:open_simulated", "sim://?plant=paper&seed=1"),
 }
 TRANSPORTS |= plugin_rows("transports", LinkKind, TRANSPORTS)
-"""URL scheme -> kind of link; a new link is one file and one row here."""
+"""URL scheme -> kind of link. A new kind of link is one file and one row here."""
 
 
 def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:

@@ -15,13 +15,13 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
 
     Args:
         url: URL given by the operator
-        uid: see `uid_digits`
-        ports: ports to search; each gets a handshake
-        open_port: opens a port by its name
+        uid: digits of the UID, see `uid_digits`
+        ports: ports to search; a handshake is tried on each
+        open_port: function that opens a port by its name
 
     Raises:
         LinkUrlError: an option is not valid on any port.
-        LinkError: the device is on none of them; the message lists the devices found.
+        LinkError: the device is on none of the ports; the message lists the devices that were found.
     """
     met: list[str] = []
     for name in ports:
@@ -45,7 +45,7 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
 
 
 def uid_digits(text: str) -> str:
-    """Parse a UID or its last digits, hexadecimal."""
+    """Parse a UID, or its last digits, in hexadecimal form."""
     if not re.fullmatch("[0-9A-Fa-f]{4,16}", text):
         raise ValueError("is not the UID of a device, or its last digits: 4 to 16 hexadecimal digits")
     return text
@@ -54,7 +54,7 @@ def uid_digits(text: str) -> str:
 def uid_at(link: Transport, timeout: float = 0.7) -> str:
     """UID of the device on an open link; empty without an answer in this protocol within `timeout` s.
 
-    The HELLO is repeated every 0.1 s.
+    The message HELLO is repeated every 0.1 s.
 
     Raises:
         DeviceLost: the link is lost.

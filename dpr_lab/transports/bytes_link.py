@@ -1,4 +1,4 @@
-"""Frames over any port that transmits bytes."""
+"""Transmission of frames over a port that transmits bytes."""
 
 import time
 from typing import Protocol
@@ -9,10 +9,10 @@ from firmware_protocol.messages import Frame
 
 
 class BytePort(Protocol):
-    """Port that transmits bytes and raises DeviceLost after a disconnection."""
+    """Port that transmits bytes, and raises DeviceLost after a disconnection."""
 
     def read(self, timeout: float) -> bytes:
-        """All bytes that have arrived, waiting at most `timeout` s for the first; empty without any."""
+        """All bytes that have arrived; waits at most `timeout` s for the first one. Empty if none arrived."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -25,7 +25,7 @@ class BytePort(Protocol):
 
 
 class BytesLink:
-    """A `Transport` made of a byte port and the serial framing."""
+    """`Transport` that sends frames in serial framing over a byte port."""
 
     def __init__(self, url: str, port: BytePort, capacities: tuple[Capacity, ...] = ()) -> None:
         self.url = url
@@ -35,7 +35,7 @@ class BytesLink:
 
     @property
     def errors(self) -> dict[str, int]:
-        """Damaged frames so far, by cause."""
+        """Number of damaged frames so far, by cause."""
         return {"crc": self._decoder.crc_errors, "framing": self._decoder.framing_errors}
 
     def send(self, frame: Frame) -> None:
@@ -43,7 +43,7 @@ class BytesLink:
         self._port.write(encode_frame(frame))
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived, waiting at most `timeout` s for the first byte."""
+        """All frames that have arrived; waits at most `timeout` s for the first byte."""
         raw = self._port.read(timeout)
         return Received(time.monotonic(), tuple(self._decoder.feed(raw)), raw)
 

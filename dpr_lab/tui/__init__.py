@@ -8,4 +8,4 @@ services, workspace  state that the steps share
 """
 
 FRAMES_PER_S = 12
-"""Maximum redraws of the screen per second; Textual reads TEXTUAL_FPS when it is first imported."""
+"""Maximum number of redraws of the screen per second. Textual reads TEXTUAL_FPS when it is first imported."""

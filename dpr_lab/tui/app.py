@@ -1,4 +1,4 @@
-"""The app: stepper at the top, current step below, keys at the bottom."""
+"""The app: steps at the top, the current step below them, keys at the bottom."""
 
 import asyncio
 import time
@@ -57,13 +57,13 @@ from dpr_lab.tui.widgets.stepper import Stepper, StepStatus
 from dpr_lab.tui.workspace import Workspace
 
 STEPS: tuple[type[Step], ...] = (ConnectStep, RigStep, CaptureStep, IdentifyStep, CompareStep, DiagnoseStep, PlanStep)
-"""Steps in order, which defines their numbers and keys."""
+"""Steps in the order that defines their numbers and keys."""
 
 LEAST = (80, 24)
-"""Minimum columns and rows."""
+"""Minimum size of the window: columns and rows."""
 
 KEYED: tuple[type[DOMNode], ...] = (*STEPS, Chart, Slider, RunBrowser)
-"""Classes whose actions can get other keys, in addition to those of the app."""
+"""Classes, in addition to the app, whose actions can be assigned other keys."""
 
 
 class DprApp(Guarded, NoticeApp, ViewedApp):
@@ -172,17 +172,17 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.query_one(StatusLine).show(self.device, urgent, work, self.workspace.out, time.monotonic())
 
     def get_driver_class(self) -> type[Driver]:
-        """The driver of this package if there is one for this terminal."""
+        """Terminal driver: the driver of this package if it supports this terminal, otherwise that of Textual."""
         return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
-        """Draw the response to a key at once."""
+        """Handle an event; the response to a key or click is drawn without delay."""
         if isinstance(event, events.Key | events.MouseDown):
             self.terminal.hurry()
         await super().on_event(event)
 
     def on_key(self, event: events.Key) -> None:
-        """Report a key without a function."""
+        """Notify the operator that a key has no function here."""
         if event.is_printable and len(self.screen_stack) == 1 and event.key not in self.screen.active_bindings:
             key, keys = self.get_key_display(Binding(event.key, "")), self.services.keys.of("app.help")
             self.notify(f"{key} has no function here; {keys} shows the keys", timeout=NOTICES.hint_s, markup=False)
@@ -205,7 +205,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         return next(step for step in self.steps if step.NAME == self.workspace.step)
 
     def redraw(self) -> None:
-        """Draw the current state of the stepper."""
+        """Redraw the list of steps, the status line and the key line."""
         keys, step = self.services.keys, self.workspace.step
         status = [
             StepStatus(s.NAME, s.outcome(), s.missing(), s.NAME == step, s.stale(), bool(s.work)) for s in self.steps
@@ -216,7 +216,10 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
 
     @on(Step.Done)
     def save(self) -> None:
-        """Save the workspace and show changes; a failure to save is reported once."""
+        """Save the workspace and redraw.
+
+        A failure to save is reported only once.
+        """
         try:
             if not self.read_only:
                 self.workspace.save(self.folder)
@@ -235,7 +238,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(news, timeout=NOTICES.news_s, markup=False)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Use the available width for the stepper; if the window is too small, report it."""
+        """Adapt the list of steps to the width; show a message if the window is too small."""
         width, height = event.size
         main = self.screen_stack[0]
         small = width < LEAST[0] or height < LEAST[1]
@@ -278,7 +281,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.action_go(self.steps.index(self.current) + 1 + by)
 
     def action_help(self) -> None:
-        """Show the purpose and the keys of this step or of the run browser."""
+        """Show the purpose and the keys of the current step, or of the run browser if it is open."""
         shown = self.screen if isinstance(self.screen, RunBrowser) else self.current
         keys = " · ".join(
             f"`{self.get_key_display(active.binding)}` {active.binding.description}"
@@ -291,7 +294,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         )
 
     def action_browse(self) -> None:
-        """Show the runs for selection."""
+        """Open the run browser to select runs."""
         self.push_screen(RunBrowser(self.services, self.workspace.runs), self._choose_runs)
 
     @on(TableGiven)
@@ -299,7 +302,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.action_import_table(event.file)
 
     def action_import_table(self, file: Path | None = None) -> None:
-        """Import a recording of another logger with the current rig."""
+        """Open the import of a recording of another logger, for the current rig."""
         from dpr_lab.tui.steps.table_import import TableImport
 
         self.push_screen(TableImport(self.workspace.rig, self.workspace.out / "runs", file), self._imported)
@@ -329,7 +332,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.current.focus()
 
     async def action_quit(self) -> None:
-        """Quit, with a confirmation if something would be lost."""
+        """Quit; ask for confirmation if something would be lost."""
         stakes = [text for step in self.steps if (text := step.at_stake())]
         if not stakes:
             self.exit()
@@ -342,7 +345,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
 
     def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
-        """Save a screenshot in the folder of the results, and report where, or why it failed."""
+        """Save a screenshot in the folder of the results; a message shows its path or the error."""
         folder = Path(path) if path else self.workspace.out / "screenshots"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -361,9 +364,9 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         open_page(self, page)
 
     def mishap(self, error: Exception) -> None:
-        """Report an error to the operator; an unexpected one is written to a log file with its traceback.
+        """Show an error to the operator; an unexpected error is also logged with its traceback.
 
-        All exceptions of handlers, actions and workers of a step end here; the app continues.
+        All exceptions of handlers, actions and workers of a step are handled here, so that the app continues.
         """
         if isinstance(error, WorkerFailed) and isinstance(error.error, Exception):
             error = error.error

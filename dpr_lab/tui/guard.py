@@ -1,4 +1,4 @@
-"""Errors in a widget are shown and logged, and the widget continues."""
+"""Handling of errors in widgets: they are shown and logged, and the widget continues."""
 
 import traceback
 from dataclasses import dataclass
@@ -10,7 +10,10 @@ from textual.message_pump import MessagePump
 
 
 class Guarded(MessagePump):
-    """Mixin for widgets of this package: Textual ends a widget whose handler raises, but the screen must continue."""
+    """Mixin for widgets of this package that continue after an error.
+
+    Textual ends a widget whose handler raises.
+    """
 
     async def _dispatch_message(self, message: Message) -> None:
         try:
@@ -21,17 +24,20 @@ class Guarded(MessagePump):
 
 @dataclass(frozen=True, slots=True)
 class ErrorLogSettings:
-    """Maximum size of the error log."""
+    """Limits of the error log."""
 
     largest: int = 1_000_000
-    """Size at which `errors.log` is renamed to `errors.log.1`, replacing the previous one, bytes."""
+    """Maximum size of `errors.log`, bytes. A larger file is renamed to `errors.log.1` and replaces the previous one."""
 
 
 ERROR_LOG = ErrorLogSettings()
 
 
 def log(error: Exception, folder: Path) -> str:
-    """Append an error with its traceback to `errors.log`; return its path, or why it could not be written."""
+    """Append an error with its traceback to `errors.log`.
+
+    Returns the path of the log, or why it could not be written.
+    """
     file = folder / "errors.log"
     try:
         folder.mkdir(parents=True, exist_ok=True)

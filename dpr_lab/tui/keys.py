@@ -29,17 +29,17 @@ Keymap = dict[str, str]
 """Id of an action -> keys, separated by commas."""
 
 MENTION = re.compile(r"\{([a-z]+\.[a-z_0-9]+)\}")
-"""Placeholder of an action in a text, replaced by its key: `press {capture.start}`."""
+"""Pattern of a placeholder for the key of an action in a text: `press {capture.start}`."""
 
 
 @dataclass(frozen=True, slots=True)
 class KeyNames:
-    """Current keys, for every text that names one."""
+    """Names of the current keys, for texts that mention them."""
 
     keys: Mapping[str, str]
     """Id of an action -> its keys."""
     display: Callable[[str], str]
-    """Function for the display of a key."""
+    """Function that converts a key to its displayed name."""
 
     def of(self, action: str) -> str:
         """First key of an action.
@@ -50,17 +50,17 @@ class KeyNames:
         return self.display(self.keys[action].split(",")[0].strip())
 
     def fill(self, text: str) -> str:
-        """Replace action names in braces by their keys; other braces are kept."""
+        """Replace the placeholders of actions by their keys; other braces are not changed."""
         return MENTION.sub(lambda mention: self.of(mention[1]) if mention[1] in self.keys else mention[0], text)
 
 
 def keys_file() -> Path:
-    """Path of the operator's key bindings; the environment variable DPR_LAB_CONFIG overrides the user's folder."""
+    """Path of the operator's key bindings, in the user's folder or in the folder DPR_LAB_CONFIG."""
     return Path(os.environ.get("DPR_LAB_CONFIG") or platformdirs.user_config_dir("dpr-lab")) / "keys.toml"
 
 
 def about_keys() -> str:
-    """Help text on changing keys."""
+    """Help text on how to change keys."""
     return f"""
 **Your own keys** are defined in `{keys_file()}`: a section for each screen, with actions and their keys, such as
 
@@ -73,16 +73,16 @@ an unknown action or key, or with one key for two actions of a section, is rejec
 
 
 def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOMNode]]) -> Keymap:
-    """Keys of the operator.
+    """Read the operator's key bindings.
 
     Args:
-        path: the file; without it the defaults are used
-        everywhere: class whose actions work in every place: the app
-        places: classes whose actions work only while they are shown: the steps, charts, ...
+        path: the file; the default keys apply if it does not exist
+        everywhere: class whose actions are available everywhere: the app
+        places: classes whose actions are available only while they are shown: steps, charts, ...
 
     Raises:
         ConfigError: the file is not TOML, or contains an unknown action, an unknown key, or one key for two actions of
-        one place.
+            one place.
     """
     try:
         table = tomllib.loads(regular(path, ConfigError).read_text(encoding="utf-8"))
@@ -104,7 +104,7 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
 
 
 def actions(*owners: type[DOMNode]) -> dict[str, str]:
-    """Ids and default keys of the actions of classes."""
+    """Ids and default keys of the actions of the given classes."""
     bindings = (binding for owner in owners for binding in owner.__dict__.get("BINDINGS", ()))
     return {binding.id: binding.key for binding in bindings if isinstance(binding, Binding) and binding.id}
 

@@ -1,4 +1,7 @@
-"""Line breaks on the screen: never between a number and its unit, with continuation lines indented to the text."""
+"""Line breaks on the screen.
+
+A number and its unit stay on one line, and continuation lines are indented to the start of the text.
+"""
 
 import re
 from dataclasses import dataclass
@@ -15,10 +18,10 @@ _UNIT = rf"(?:[°%]|ppm|{_ATOM})(?:[ /]{_ATOM})*(?!\w)"
 _WORD = re.compile(rf"\s*(?:\S*\d\)? {_UNIT}\S*|\S+)\s*")
 
 _BEFORE = re.compile(r"(?: +|[a-z][a-z ]*? {2,})?(?:[•✔✘?■□] |\d+\. )?")
-"""Prefix of a line before its text: blanks or a label in a column, and a mark or a number."""
+"""Pattern of the part of a line before its text: blanks, or a label in a column, and a mark or a number."""
 
 NARROWEST = 16
-"""Minimum columns of text; if a label leaves fewer, continuation lines begin at the left edge."""
+"""Minimum width of the text, columns. If a label leaves less, continuation lines start at the left edge."""
 
 
 def keep_units_whole() -> None:
@@ -28,7 +31,7 @@ def keep_units_whole() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Hanging(Visual):
-    """Lines whose continuation lines are indented to the start of the text."""
+    """Text whose continuation lines are indented to the start of the first line's text."""
 
     content: Content
 
@@ -40,15 +43,15 @@ class Hanging(Visual):
         return self._broken(width).render_strips(width, height, style, options)
 
     def get_optimal_width(self, rules: RulesMap, container_width: int) -> int:
-        """Part of the interface of Textual."""
+        """Preferred width, as the `Visual` interface of Textual requires."""
         return self.content.get_optimal_width(rules, container_width)
 
     def get_minimal_width(self, rules: RulesMap) -> int:
-        """Part of the interface of Textual."""
+        """Minimum width, as the `Visual` interface of Textual requires."""
         return self.content.get_minimal_width(rules)
 
     def get_height(self, rules: RulesMap, width: int) -> int:
-        """Height of the widget, as Textual requires."""
+        """Height for a width, as the `Visual` interface of Textual requires."""
         return self._broken(width).get_height(rules, width)
 
     def _broken(self, width: int) -> Content:
@@ -57,7 +60,7 @@ class Hanging(Visual):
 
 
 def _hung(line: Content, width: int) -> list[Content]:
-    """One line, wrapped to several if needed."""
+    """A line wrapped to the width."""
     marker = _BEFORE.match(line.plain)
     indent = marker.end() if marker is not None else 0
     if line.cell_length <= width or width - indent < NARROWEST:

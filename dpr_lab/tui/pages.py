@@ -1,4 +1,4 @@
-"""Open reports of the steps in a browser."""
+"""Opening of reports in a browser."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ from dpr_lab.tui.texts import NOTICES
 
 
 def open_page(app: App[Any], page: Path) -> None:
-    """Open a page; without a desktop, return its path in a message."""
+    """Open a page in the browser; without a desktop, show its path in a message."""
     if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
         app.notify(f"The report is {page} (no desktop to open it on)", timeout=NOTICES.news_s, markup=False)
     else:

@@ -15,7 +15,7 @@ from dpr_lab.tui.steps.step import Step
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """Command palette."""
+    """Contents of the command palette."""
 
     app: App[Any]
     steps: Sequence[Step]
@@ -24,7 +24,7 @@ class Palette:
     """Function that shows a step, numbered from 1."""
 
     def commands(self) -> Iterator[SystemCommand]:
-        """The steps and all actions; an action of another step opens this step first."""
+        """The steps and all actions. An action of another step first opens this step."""
         for number, step in enumerate(self.steps, 1):
             yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(self.go, number))
             yield from (self._command(binding, step.NAME, number) for binding in _bindings(step))

@@ -1,4 +1,4 @@
-"""Completion of paths during input."""
+"""Completion of paths in an input field."""
 
 from pathlib import Path
 
@@ -6,10 +6,12 @@ from textual.suggester import Suggester
 
 
 class PathSuggester(Suggester):
-    """First folder, or file with a suffix, that begins with the input; `~` is the home folder.
+    """Completion by the first folder, or file with a suffix, whose name starts with the input.
+
+    The character `~` stands for the home folder.
 
     Args:
-        suffix: suffix of the files with the dot; empty: only folders; `*`: all files
+        suffix: suffix of the files, with its dot; empty for folders only; `*` for all files
     """
 
     def __init__(self, suffix: str) -> None:

@@ -1,6 +1,6 @@
-"""Permissions of a page in a browser without `--allow-release`: display only.
+"""Permissions of a page in a browser without `--allow-release`, which is only for display.
 
-Everything that is not in the tables below is refused, including later additions.
+Each action, screen or job that is not listed below is refused, including those added later.
 """
 
 import errno
@@ -37,25 +37,28 @@ ACTIONS = frozenset(
         *("to", "verify", "view", "whole", "zoom", "zoom_y"),
     )
 )
-"""Actions of dpr-lab that only show something; those of Textual's widgets, which move a cursor or edit a text, are
-permitted.
-"""
+"""Actions of dpr-lab that change nothing but the display. Actions of Textual's own widgets, which move a cursor or edit
+a text, are also permitted."""
 
 SCREENS = frozenset(("CommandPalette", "HelpScreen", "MessageScreen", "Question", "RunBrowser"))
-"""Names of the screen classes that may open above a step and do not change anything."""
+"""Names of the screens that may open above a step because they change nothing."""
 
 JOBS = frozenset(("survey", "verify"))
 """Names of the job functions that only read run files."""
 
 
 def changes(owner: object, action: str) -> bool:
-    """Whether an action belongs to dpr-lab and does more than show something."""
+    """Whether an action of dpr-lab may change more than the display."""
     method = getattr(owner, f"action_{action}", None)
     return method is not None and str(method.__module__).startswith("dpr_lab.") and action not in ACTIONS
 
 
 def refuse_job(read_only: bool, function: Callable[..., Any]) -> None:
-    """Raise SafetyStop for a job that does more than read."""
+    """Refuse a job that does more than read.
+
+    Raises:
+        SafetyStop: the page is read-only and the job is not in `JOBS`.
+    """
     if read_only and function.__name__ not in JOBS:
         raise SafetyStop(READ_ONLY)
 
@@ -72,7 +75,7 @@ _CHANGES = frozenset(
 def forbid_writing() -> None:
     """Refuse every later call of this process that writes a file, changes a folder or starts a program.
 
-    The tables above give the operator a reason; this is a second protection, in case a table is incomplete. It cannot
+    The tables above give the operator a reason. This is a second protection, in case a table is incomplete. It cannot
     be undone.
     """
     sys.dont_write_bytecode = True

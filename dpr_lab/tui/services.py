@@ -1,4 +1,4 @@
-"""Services of the app for a step."""
+"""Services that the app offers to its steps."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from dpr_lab.tui.workspace import Workspace
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """Services common to all steps."""
+    """State and services shared by all steps."""
 
     workspace: Workspace
     device: DeviceConnection
@@ -19,19 +19,26 @@ class Services:
     """Names of all steps in order."""
     keys: KeyNames
     sight: Sight
-    """Whether the operator sees the screen."""
+    """Record of whether the operator sees the screen."""
 
     def key_of(self, step: str) -> str:
         """Key that shows the step with this name."""
         return self.keys.of(f"app.step_{self.order.index(step) + 1}")
 
     async def connect(self) -> None:
-        """Start the handshake with the device of the workspace; raises like `require_free`."""
+        """Start the handshake with the device of the workspace.
+
+        Errors are those of `require_free`.
+        """
         self.require_free()
         await self.device.open(self.workspace.link, self.workspace.rig, self.workspace.out / "runs")
 
     def require_free(self) -> None:
-        """Raise DprError during an attempt."""
+        """Refuse an operation during an attempt.
+
+        Raises:
+            DprError: an attempt is in progress.
+        """
         if self.device.attempt is not None:
             ways = f"press {self.key_of('Capture')}, then {self.keys.of('capture.end')}"
             raise DprError(f"A capture is under way: end it first ({ways})")

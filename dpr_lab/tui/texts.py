@@ -1,4 +1,4 @@
-"""Rows and sentences for the screen."""
+"""Tables, lists and sentences for the screen."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,20 +15,24 @@ from dpr_lab.report.tables import recorded, run_name, run_pose
 
 @dataclass(frozen=True, slots=True)
 class NoticeTimes:
-    """Duration of notices, s, and their number; Escape dismisses them. All are in the message log."""
+    """Number of notices and their durations.
+
+    Escape dismisses notices; the message log keeps all of them.
+    """
 
     stays_s: float = 86400.0
-    """Duration of an error: until Escape or another step."""
+    """Duration of an error, s: practically until Escape is pressed or another step is shown."""
     error_title: str = "Error (esc: close · {app.messages}: all messages)"
     error_s: float = 30.0
-    """Duration of a warning with an instruction."""
+    """Duration of a warning with an instruction, s."""
     news_s: float = 20.0
-    """Duration of a notice of a job that ended while another step was shown, or of a release refused on a slow line."""
+    """Duration, s, of a notice on a job that ended while another step was shown, or on a release refused on a slow
+    line."""
 
     hint_s: float = 5.0
-    """Duration of a notice that a key has no function."""
+    """Duration of a notice that a key has no function, s."""
     most: int = 2
-    """Maximum number of notices at a time; more would cover the content."""
+    """Maximum number of notices shown at a time. More would cover the content."""
 
 
 ABOUT_TERMS = (
@@ -39,7 +43,10 @@ NOTICES = NoticeTimes()
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
-    """A table of the width of its cells: text aligned left, numbers right and on one line; long headers wrap."""
+    """A table as wide as its cells.
+
+    Text is aligned left. Numbers are aligned right and never wrapped; long headers are wrapped.
+    """
     made = Table(
         title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0)
     )
@@ -63,18 +70,18 @@ def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: 
 
 
 def counted_runs(count: int) -> str:
-    """`1 run`, `2 runs`."""
+    """Number of runs in words, for example `1 run` or `2 runs`."""
     return f"{count} run" if count == 1 else f"{count} runs"
 
 
 def shorter(names: Sequence[str], most: int = 6) -> str:
-    """The first few of many names, separated by commas."""
+    """The first names of a list, separated by commas, and the number of the others."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def named_runs(runs: Sequence[Path]) -> str:
-    """Number and names of runs: `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; empty for none."""
+    """Number and names of runs, for example `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; empty without runs."""
     names = [run_name(run) for run in runs]
     poses, times = {run_pose(run) for run in runs}, sorted(filter(None, map(recorded, runs)))
     if len(runs) > 1 and len(times) == len(poses) == len(runs) and times[0][:10] == times[-1][:10]:
@@ -87,7 +94,7 @@ def named_runs(runs: Sequence[Path]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Bars:
-    """Horizontal bars of any width, each with a label, a value, an optional interval, and a text after the bar."""
+    """Horizontal bar chart that adapts to the width; a bar has a label, a value, an optional interval and a text."""
 
     rows: Sequence[tuple[str, float, tuple[float, float] | None, str]]
     top: float | None = None

@@ -46,4 +46,4 @@ CONTRAST = Theme(
     dark=True,
 )
 THEMES = (DARK, LIGHT, CONTRAST)
-"""Themes in the order in which the key switches them."""
+"""Themes in the order in which a key switches between them."""

@@ -1,4 +1,4 @@
-"""App that can be read-only, and then allows only actions and screens that do not change anything."""
+"""App that can be read-only: it then permits only actions and screens that change nothing."""
 
 from typing import Any
 
@@ -11,10 +11,10 @@ from dpr_lab.tui.read_only import READ_ONLY, SCREENS, changes
 
 
 class ViewedApp(App[None]):
-    """Application in a read-only page; it refuses actions with one sentence."""
+    """Base of the app that refuses actions on a read-only page with a message."""
 
     read_only = False
-    """Whether it is read-only: no command to a device, no file written."""
+    """Whether the page is read-only: no command is sent to a device and no file is written."""
 
     async def _dispatch_action(self, namespace: DOMNode, action_name: str, params: Any) -> bool:
         if self.read_only and changes(namespace, action_name):
@@ -23,10 +23,10 @@ class ViewedApp(App[None]):
         return await super()._dispatch_action(namespace, action_name, params)
 
     def push_screen(self, screen: Screen[Any] | str, *arguments: Any, **options: Any) -> Any:
-        """Show a screen on top of this one.
+        """Show a screen above the current one.
 
         Raises:
-            SafetyStop: in a read-only page, a screen that does more than show something.
+            SafetyStop: the page is read-only and the screen is not in `SCREENS`.
         """
         if self.read_only and type(screen).__name__ not in SCREENS:
             raise SafetyStop(READ_ONLY)
@@ -35,7 +35,10 @@ class ViewedApp(App[None]):
     def deliver_screenshot(
         self, filename: str | None = None, path: str | None = None, time_format: str | None = None
     ) -> str | None:
-        """Save a screenshot; on a read-only page, report that none is saved."""
+        """Save a screenshot.
+
+        A read-only page refuses this with a message.
+        """
         if self.read_only:
             self._handle_exception(SafetyStop(READ_ONLY))
             return None

@@ -20,11 +20,11 @@ HEADERS = {"Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY", "Cache-C
 
 
 def serve(command: Sequence[str], port: int) -> None:
-    """Run a command for every browser that opens the page, until Ctrl-C.
+    """Serve the screen to browsers on this computer until Ctrl-C; each browser that opens the page runs the command.
 
-    Other computers cannot reach it. Other users of this computer can reach the port, so every address starts with a
-    random token, which is only printed: `http://127.0.0.1:PORT/TOKEN/`. Requests without it are answered with 403.
-    Requests from other pages in the same browser are refused, and the page itself may load nothing from elsewhere.
+    Other computers cannot reach the page. Other users of this computer can reach the port, so every address starts with
+    a random token, which is only printed: `http://127.0.0.1:PORT/TOKEN/`. Requests without the token are answered with
+    403. Requests from other pages in the same browser are refused, and the page may load nothing from other servers.
 
     Args:
         command: command that runs the screen
@@ -86,7 +86,10 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             return app
 
         async def on_startup(self, app: Any) -> None:
-            """Do nothing: textual-serve calls this for both apps, and `announce` is registered for the outer one."""
+            """Do nothing.
+
+            textual-serve calls this for both apps, but `announce` is registered for the outer app only.
+            """
 
         async def announce(self, app: Any) -> None:
             logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default logger would log the token
@@ -134,7 +137,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
 
 
 def _guard(place: str, token: str) -> Any:
-    """Middleware that answers only requests of the page itself that show the token, in the path or as a parameter."""
+    """Middleware that refuses requests of other pages and requests without the token in the path or as a parameter."""
     from aiohttp import web  # pyright: ignore[reportMissingImports]
 
     @web.middleware
@@ -152,7 +155,7 @@ def _screen_type() -> type:
     from textual_serve.app_service import AppService  # pyright: ignore[reportMissingImports]
 
     class ServedScreen(AppService):
-        """A screen in its own process and session, which ends within a limited time."""
+        """Screen in a process and session of its own, which ends within a limited time."""
 
         async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
             self._process = process = await asyncio.create_subprocess_exec(
@@ -161,13 +164,13 @@ def _screen_type() -> type:
                 stdout=PIPE,
                 stderr=PIPE,
                 env=self._build_environment(width=width, height=height),
-                start_new_session=True,  # Ctrl-C is for the server, which ends the screens
+                start_new_session=True,  # Ctrl-C is for the server, which then ends the screens
             )
             self._stdin = process.stdin
             return process
 
         async def on_data(self, payload: bytes) -> None:
-            with suppress(ConnectionError):  # the output of a screen is read to its end, otherwise it would block
+            with suppress(ConnectionError):  # the output must be read to its end, otherwise the screen would block
                 await super().on_data(payload)
 
         async def on_meta(self, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Work of the operator, stored between sessions of the screen."""
+"""Work of the operator, which is saved between sessions of the screen."""
 
 import hashlib
 import os
@@ -16,7 +16,7 @@ from dpr_lab.report.angles import UNITS, AngleUnit
 
 FILE = "bench.json"
 RECENT = 5
-"""Number of remembered rigs and folders."""
+"""Maximum number of remembered rigs and folders."""
 UNSAVED = (
     "the current rig, link and runs will not be remembered at the next start (runs and results are kept):"
     " free disk space, or set another folder in DPR_LAB_STATE"
@@ -26,7 +26,7 @@ FRESH = "the screen starts with an empty workspace; choose rig, link and runs ag
 
 
 def state_folder() -> Path:
-    """Folder of the saved workspace; the environment variable DPR_LAB_STATE overrides the user's folder."""
+    """Folder of the saved workspace: the user's state folder, or the environment variable DPR_LAB_STATE."""
     return Path(os.environ.get("DPR_LAB_STATE") or platformdirs.user_state_dir("dpr-lab"))
 
 
@@ -37,29 +37,29 @@ class Workspace:
     rig: str = "paper"
     """Rig file, or the name of a built-in one."""
     link: str = ""
-    """URL of the device; empty: that of the rig file."""
+    """URL of the device; empty: the link of the rig file."""
     out: Path = field(default_factory=lambda: Path("bench"))
     """Folder that contains runs/, model.json, report/ and diagnosis/."""
     runs: list[Path] = field(default_factory=list)
     """Run files selected for identification."""
     recent_rigs: list[str] = field(default_factory=list)
-    """Recent rig files, last one first."""
+    """Recently used rig files, the latest first."""
     recent_folders: list[Path] = field(default_factory=list)
-    """Recent folders of runs, last one first."""
+    """Recently shown folders of runs, the latest first."""
     torque: str = ""
-    """`commanded`: use these torques for runs that contain both kinds; empty: the measured ones."""
+    """Torques of runs that contain both kinds: `commanded`, or empty for the measured ones."""
     held_out: list[Path] = field(default_factory=list)
     """Held-out run files, which only validate a diagnosis."""
     next_pose: str = ""
-    """Planned pose that Capture selects next; empty: Capture keeps its own pose."""
+    """Planned pose for the next capture; empty: the pose that is selected in Capture."""
     next_duration_s: float = 10.0
-    """Planned duration of that recording."""
+    """Planned duration of the next capture, s."""
     undecided: Path | None = None
     """Recorded run that was neither kept nor repeated."""
     model: Path | None = None
     diagnosis: Path | None = None
     made_from: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Step -> inputs of its result, from `basis`."""
+    """Step -> inputs of its result, by kind, as from `basis`."""
     took: dict[str, float] = field(default_factory=dict)
     """Step -> duration of its last job per run, s."""
     theme: str = "dpr-dark"
@@ -80,11 +80,11 @@ class Workspace:
 
     @property
     def driven_by(self) -> str | None:
-        """`commanded` if these are selected and a run contains both kinds; otherwise None."""
+        """`commanded` if these torques are selected and some run contains both kinds; otherwise None."""
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:
-        """Inputs of a new result, by kind."""
+        """Current inputs of results, by kind."""
         return {
             "the rig": _rig_stamp(self.rig),
             "the runs": " ".join(sorted(map(str, self.runs))),
@@ -94,7 +94,10 @@ class Workspace:
         }
 
     def move_to(self, out: Path) -> None:
-        """Use a folder. A change of the folder removes runs and results from the workspace."""
+        """Set the folder of the results.
+
+        Another folder removes runs and results from the workspace.
+        """
         if out == self.out.expanduser().resolve():
             return
         self.runs, self.held_out, self.undecided, self.model, self.diagnosis = [], [], None, None, None
@@ -102,11 +105,11 @@ class Workspace:
         self.out = out
 
     def used(self, rig: str) -> None:
-        """Remember a rig file."""
+        """Add a rig file to the recent ones."""
         self.recent_rigs = [rig, *(other for other in self.recent_rigs if other != rig)][:RECENT]
 
     def looked_at(self, folder: Path) -> None:
-        """Remember a folder of runs."""
+        """Add a folder to the recent ones."""
         self.recent_folders = [folder, *(other for other in self.recent_folders if other != folder)][:RECENT]
 
     def save(self, folder: Path) -> None:
@@ -129,7 +132,7 @@ def _stamp(path: Path) -> str:
 
 
 def _rig_stamp(rig: str) -> str:
-    """Hash of a rig file without its poses, which no result depends on; otherwise its stamp."""
+    """Hash of a rig file without its poses, because results do not depend on them; otherwise its time stamp."""
     try:
         path = find_config("rigs", rig)
         return _without_poses(path, path.stat().st_mtime_ns)
@@ -155,9 +158,9 @@ _WORKSPACE = TypeAdapter(Workspace)
 
 
 def load(folder: Path) -> tuple[Workspace, list[str]]:
-    """Saved workspace, and notices about changes since.
+    """Saved workspace, and notices about changes since it was saved.
 
-    A damaged file gives an empty workspace; a missing run, model or diagnosis is removed. Never raises.
+    A damaged file gives an empty workspace. A missing run, model or diagnosis is removed. No exception is raised.
     """
     path = folder / FILE
     try:

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from dpr_lab.run import Run
 
 RECORD = "accept.json"
-"""File in the folder of a test: the output of `accept --json`."""
+"""Name of the file with the output of `accept --json`, in the folder of a test."""
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptResult:
-    """Results of all limits, and the files that were written, by name."""
+    """Results of all limits, and the written files by name."""
 
     acceptance: "Acceptance"
     files: Mapping[str, str]
@@ -41,18 +41,19 @@ def accept(
 ) -> AcceptResult:
     """Test whether a rig meets the limits in a file.
 
-    Events: those of a diagnosis. The folder of the request gets `RECORD` and the files of the diagnosis, whose report
-    has a section on the limits.
+    The events are those of a diagnosis. The folder of the request receives `RECORD` and the files of the diagnosis,
+    whose report has a section on the limits.
 
     Args:
         request: runs and rig
         limits: limits file
         on_event: called for each event
-        diagnosis_file: diagnosis of these runs, its JSON file or folder; None: they are diagnosed first
+        diagnosis_file: diagnosis of these runs, as JSON file or folder; None: the runs are diagnosed first
 
     Raises:
-        ConfigError: the rig, the limits file or the diagnosis is not valid; the diagnosis is with another rig file.
-        RunError: a run cannot be used; the diagnosis is of other runs.
+        ConfigError: the rig, the limits file or the diagnosis is not valid, or the diagnosis was made with another rig
+            file.
+        RunError: a run cannot be used, or the diagnosis is of other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """
@@ -61,7 +62,7 @@ def accept(
     from dpr_lab.rig import load_rig
 
     rig = load_rig(request.rig)
-    wanted = load_limits(limits, PlanLimits)  # check all inputs before the time-consuming part starts
+    wanted = load_limits(limits, PlanLimits)  # check all inputs before the time-consuming part
     refuse_impossible_plan(limits, wanted, rig)
     if request.out:
         refuse_file(request.out)
@@ -77,7 +78,7 @@ def accept(
 
 
 def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
-    """Refuse a diagnosis with other lengths, masses or settings: its intervals are not those of this rig file."""
+    """Refuse a diagnosis that was made with another rig file, because its intervals are not valid for this one."""
     if diagnosis.evidence is None or diagnosis.evidence.rig_sha256 != rig.sha256:
         raise ConfigError(
             f"{file}: was not made with this file of rig {rig.name}, or by an older version: diagnose the runs again,"
@@ -97,7 +98,7 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 def _with_recordings(
     acceptance: "Acceptance", wanted: "PlanLimits", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig"
 ) -> "Acceptance":
-    """Add the releases that are expected to decide limits that are not decidable yet."""
+    """Add the releases that are expected to decide the limits that are not decidable yet."""
     from dpr_lab.planning.plan import plan
 
     if acceptance.answer != "not decidable":

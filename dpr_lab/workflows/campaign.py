@@ -18,13 +18,13 @@ class CampaignRequest:
 
     campaign: "Campaign"
     n: int
-    """Total number of trials."""
+    """Number of trials."""
     out: Path
-    """Folder of the results; a campaign that was interrupted there is continued."""
+    """Folder of the results. An interrupted campaign in it is continued."""
     jobs: int = 1
-    """Number of trials in parallel on this machine."""
+    """Number of trials that run in parallel on this machine."""
     scheduler: str | None = None
-    """Address of a dask scheduler to use instead."""
+    """Address of a dask scheduler that runs the trials; None: they run on this machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class CampaignResult:
 def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> CampaignResult:
     """Run a campaign, score it, and write summary, figures and page.
 
-    Events: `TrialDone`, at the start and after each trial.
+    Event: `TrialDone`, at the start and after each trial.
 
     Raises:
         ConfigError: a kind that is not available for a moving arm.
@@ -63,7 +63,7 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
 
 
 def _refuse_other_kinds(campaign: "Campaign") -> None:
-    """Refuse kinds that are not available for a moving arm; each of their trials would end with an error."""
+    """Refuse kinds of plants that are not available for a moving arm, because each of their trials would fail."""
     from dpr_lab.trials.sealing import ON_ARM
 
     others = [] if campaign.arm is None else [kind for kind in campaign.kinds if kind not in ON_ARM]
@@ -72,7 +72,7 @@ def _refuse_other_kinds(campaign: "Campaign") -> None:
 
 
 def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Write summary, figures and page; return the summary, and the paths by name."""
+    """Write summary, figures and page; returns the summary, and the paths by name."""
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
     from dpr_lab.report.trials.html import write_trials_report

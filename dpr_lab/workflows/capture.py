@@ -1,4 +1,4 @@
-"""Recording of runs from a device: show how to reach each pose, release, record, check."""
+"""Recording of runs from a device: guide the rods to each pose, release them, record and check."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,11 +29,11 @@ class CaptureRequest:
     """Folder of the runs."""
     options: "CaptureOptions"
     poses: tuple[str, ...] = ()
-    """Poses in order; empty: all poses of the rig."""
+    """Names of the poses in order; empty for all poses of the rig."""
     repeat: int = 1
     """Number of releases from each pose."""
     url: str | None = None
-    """Link to open; None: that of the rig file."""
+    """URL of the device; None: the link of the rig file."""
     rods: str | None = None
     """Mounted rods; None: as in the rig file."""
     elbow: str | None = None
@@ -46,7 +46,7 @@ class CaptureRequest:
 
 @dataclass(frozen=True, slots=True)
 class CaptureResult:
-    """Recorded runs and the device."""
+    """Recorded runs and the device that recorded them."""
 
     url: str
     device: "DeviceInfo"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """Written certificate, and the claims that its policy requires in addition."""
+    """Written certificate, with the claims that its policy requires."""
 
     certificate: "Certificate"
     choices: "list[Declared]"
@@ -37,15 +37,15 @@ class VerifiedCertificate:
     """Result of a verification."""
 
     choices: "list[Declared]"
-    """Free choices, which no repetition can confirm."""
+    """Free choices of the diagnosis. A repetition cannot confirm them."""
     origin: "list[Declared]"
-    """Code, libraries, machine and signature, which no repetition can confirm."""
+    """Code, libraries, machine and signature. A repetition cannot confirm them."""
     lines: "list[Verified]"
-    """Verified lines: files, signature and claims."""
+    """Results of the verification: files, signature and claims."""
 
     @property
     def holds(self) -> bool:
-        """Whether every line is valid."""
+        """Whether every verified line is valid."""
         return all(line.holds for line in self.lines)
 
     @property
@@ -64,15 +64,17 @@ def certify(
     passphrase: Callable[[], str] | None = None,
     limits: Path | None = None,
 ) -> Certified:
-    """Diagnose, and write a certificate that others can verify; events and errors as of `diagnose`.
+    """Diagnose, and write a certificate that others can verify.
+
+    Events and errors are those of `diagnose`.
 
     Args:
         request: the diagnosis; it starts from the rig file, not from a model
         to: the file to write
         on_event: called with the events
         sign_with: file of an Ed25519 private key; None: no signature
-        passphrase: asks for the key's passphrase
-        limits: limits file of `accept`, whose results the certificate claims too; None: none
+        passphrase: function that asks for the passphrase of the key
+        limits: limits file of `accept`, whose results are also claimed; None: no limits
 
     Raises:
         ConfigError: the key or the limits cannot be used, the file cannot be written, or the request starts from a
@@ -142,18 +144,14 @@ def verify(
 ) -> VerifiedCertificate:
     """Repeat a certified diagnosis and compare each claim that the policy requires.
 
-    The diagnosis is not repeated if files, seal, signature or code are not valid.
+    The diagnosis is repeated only if files, seal, signature and code are valid.
 
     Args:
-        path: the certificate; its recordings are found by the paths in it
+        path: the certificate; its recordings must be at the paths that it names
         on_event: called with the events
-        signed_by: file of the Ed25519 public key that must have signed it
-        other_code: whether the certificate may name other code than the running code, as one of an older version does
+        signed_by: file of the Ed25519 public key of the required signature; None: no signature is required
+        other_code: whether the certificate may name other code than the running code, for example an older version
         same_libraries: whether Python and the libraries must be those of the certificate
-
-    Raises:
-        RunError: the file is not a certificate of this policy.
-        ConfigError: its rig file is missing or not valid, or the key cannot be used.
     """
     from dpr_lab.acceptance.limits import load_limits
     from dpr_lab.certificate.code import compare_code, made_with

@@ -27,28 +27,28 @@ class CheckRequest:
     """Id of the check."""
     runs: tuple[Path, ...] = ()
     value: float | str | None = None
-    """Measured value: a number in the unit of the check's quantity, or text with a unit, `6.1 mN m`."""
+    """Measured value: a number in the unit of the check's quantity, or text with a unit, for example `6.1 mN m`."""
     std: float | str | None = None
-    """Standard uncertainty, in the same form; a text without a unit is in the unit of the value."""
+    """Standard uncertainty of the value, as a number or text. Text without a unit is in the unit of the value."""
     rig: str | None = None
-    """Rig file, or the name of a built-in one; None: as stored with the first run."""
+    """Rig file, or the name of a built-in one; None: the rig stored with the first run."""
     out: Path | None = None
     """Folder of `diagnosis.json` and its page; None: no files are written."""
     torque: str | None = None
     """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
     confirmed: bool = False
-    """Whether to accept a value that no candidate predicts."""
+    """Whether a value that no candidate predicts is accepted."""
 
 
 def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis":
-    """Update a diagnosis with the result of a check; the new diagnosis names its parent.
+    """Update a diagnosis with the result of a check.
 
-    Emits `RunRead`.
+    The new diagnosis names the old one as its parent. Event: `RunRead`.
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
         RunError: no diagnosis, no such check, a result of another kind, a recording that the diagnosis already used, a
-        value without unit, or a value that no candidate predicts and that is not confirmed.
+            value without unit, or a value that no candidate predicts and that is not confirmed.
         DprError: a result cannot be written.
     """
     from dpr_lab.checks.update import find_check, update
@@ -76,7 +76,10 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
 
 
 def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis", check: "AdvisedCheck") -> None:
-    """Check that the recordings of a check are new: a recording counts once as evidence about a named effect."""
+    """Refuse recordings of a check that were used before.
+
+    A recording may count only once as evidence about a named effect.
+    """
     recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
     used = {r.sha256: f"already {'held out in' if r.held_out else 'fitted by'} this diagnosis" for r in recordings}
     checks_done = [done for done in diagnosis.checks_done if done.check.about == check.about]

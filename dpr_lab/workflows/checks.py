@@ -34,7 +34,7 @@ def refuse_folder(out: Path) -> None:
 
 
 def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
-    """Try to write in the folder, or in the nearest existing parent."""
+    """Check that a file can be written to the folder, or to its nearest existing parent."""
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:
         with TemporaryFile(dir=existing) as probe:
@@ -44,7 +44,7 @@ def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
 
 
 def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
-    """The rig with other mounted rods.
+    """Copy of the rig with other mounted rods or another mode of the elbow.
 
     Raises:
         ConfigError: a clamped elbow without joint 2, or rods that are not supported with a moving arm.
@@ -61,7 +61,7 @@ def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
 
 
 def with_modes(rig: "Rig", arm: str | None, inner: str | None) -> "Rig":
-    """The rig with other modes of joints 0 and 1 for the runs of one session.
+    """Copy of the rig with other modes of joints 0 and 1, for the runs of one session.
 
     Raises:
         ConfigError: this rig does not support these modes; the message states what is missing.

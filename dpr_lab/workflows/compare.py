@@ -21,9 +21,9 @@ class CompareRequest:
     model: Path
     """Identified model."""
     out: Path | None
-    """Folder of figures and report; None: only numbers."""
+    """Folder of figures and report; None: only the numbers are computed."""
     leave_out: bool = False
-    """Whether to skip runs that cannot be compared."""
+    """Whether runs that cannot be compared are skipped."""
     record: Path | None = None
     """File for the output of `compare --json`."""
     torque: str | None = None
@@ -38,13 +38,18 @@ class CompareResult:
 
     comparisons: "tuple[Comparison, ...]"
     followed: "tuple[Followed, ...]"
-    """Fits behind each comparison, from which `free_run` starts. For use in this process."""
+    """Fit behind each comparison, from which `free_run` starts; for use in this process only."""
     left_out: tuple[Path, ...]
     saved: dict[str, Any]
     """Output of `compare --json`."""
 
     def free_run(self, run: int, at_s: float) -> "FreeRun":
-        """Free run of one of the runs, from the segment that contains an instant (s since the release)."""
+        """Free run of a run from the segment that contains an instant.
+
+        Args:
+            run: index of the run
+            at_s: instant, s since the release
+        """
         from dpr_lab.identification.compare import free_run_from
 
         return free_run_from(self.followed[run], at_s)
@@ -53,12 +58,12 @@ class CompareResult:
 def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResult:
     """Compare runs with a model.
 
-    Reports `RunRead`, `RunCompared`, `RunLeftOut`.
+    Events: `RunRead`, `RunCompared`, `RunLeftOut`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
-        RunError: the model cannot be read; two runs hold the same recording; a run cannot be compared, or with
-        `leave_out`, no run can.
+        RunError: the model cannot be read; two runs contain the same recording; a run cannot be compared or, with
+            `leave_out`, no run can be compared.
     """
     from dpr_lab.identification.compare import compare_followed
     from dpr_lab.identification.model import load_model

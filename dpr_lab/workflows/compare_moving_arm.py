@@ -23,10 +23,10 @@ def compare_moving_arm(
     on_event: OnEvent = ignore,
     torque: str | None = None,
 ) -> dict[str, Any] | None:
-    """Residuals of runs relative to a model by segment; None if the model has no moving arm.
+    """Residuals by segment of runs relative to a model; None if the model has no moving arm.
 
-    Writes `report.html` with its figures, and measured and simulated angles as `comparison.csv`, in a folder. Reports
-    `RunRead`, `ArmRunCompared`.
+    `report.html` with its figures, and the measured and simulated angles as `comparison.csv`, are written to a folder.
+    Events: `RunRead`, `ArmRunCompared`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
@@ -75,18 +75,15 @@ def compare_moving_arm(
 def compare_any_run(
     run: "Run", rig: "Rig", model: "Model | MovingArmModel", segment_s: float = 0.5
 ) -> "Comparison | ArmComparison":
-    """Simulate a run with a model of any arm and its effects, by segment; only initial states are fitted.
+    """Simulate a run by segment with a model of any arm and its effects; only the initial states are fitted.
 
-    With a clamped or prescribed arm the result also has one free run, from the initial state of the first segment.
+    With a clamped or prescribed arm the result also contains one free run, from the initial state of the first segment.
 
     Args:
         run: the measurement
-        rig: its encoders, for the noise floor
-        model: of `identify` or `corrected_model`
+        rig: its rig, whose encoders determine the noise floor
+        model: model of `identify` or `corrected_model`
         segment_s: length of a segment, s
-
-    Raises:
-        RunError: the model belongs to another rig or to another mode of the arm, or cannot follow the readings.
     """
     from dpr_lab.identification.compare import compare_run
     from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -97,7 +94,10 @@ def compare_any_run(
 
 
 def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
-    """Simulate a run by segment with a model of a moving arm; as `compare_any_run`."""
+    """Simulate a run by segment with a model of a moving arm.
+
+    Arguments and errors are those of `compare_any_run`.
+    """
     if model.effects:
         return _with_effects(run, rig, model, segment_s)
     from dpr_lab.identification.moving_arm.identify import compare_moving_arm as compare_bare
@@ -106,7 +106,7 @@ def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: 
 
 
 def _with_effects(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float) -> "ArmComparison":
-    """Simulate a run by segment with a corrected model and its effects; only initial states are fitted.
+    """Simulate a run by segment with a corrected model and its effects; only the initial states are fitted.
 
     Raises:
         RunError: the model belongs to another rig, or cannot follow the readings.

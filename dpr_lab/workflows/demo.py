@@ -36,29 +36,29 @@ class DemoRequest:
     """Options of the demo."""
 
     out: Path
-    """Folder of runs, model and report; the trial of each demo gets its own folder in it."""
+    """Folder of runs, model and report. The trial of each demo has a folder of its own in it."""
     seed: int | None = None
-    """Seed of the trial's plant, for repeatable demos; None: random."""
+    """Seed of the trial's plant, for repeatable demos; None: a random plant."""
     default_seed: int = 1
     """Seed of all other random numbers if `seed` is None."""
     realtime: bool = False
-    """Whether the device simulates in real time, ten seconds per swing."""
+    """Whether the device is simulated in real time: ten seconds per swing."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownPlant:
-    """Results for a plant without effects: identified and true values."""
+    """Results for a plant without effects."""
 
     runs: tuple[Path, ...]
     model: "Model"
     model_file: Path
     report: str
     ratios: dict[str, float]
-    """True values of the plant."""
+    """True ratios of the plant."""
 
     @property
     def comparison(self) -> dict[str, tuple[float, float, float, float]]:
-        """Each ratio: estimate, standard deviation, true value, and error in standard deviations."""
+        """Ratio -> estimate, standard deviation, true value, and error in standard deviations."""
         return {
             name: (interval.value, interval.std, self.ratios[name], (interval.value - self.ratios[name]) / interval.std)
             for name, interval in self.model.ratios.items()
@@ -91,7 +91,7 @@ def demo(request: DemoRequest, on_event: OnEvent = ignore) -> DemoResult:
     Events: `JobBegan`, and those of each job.
 
     Raises:
-        DprError: one of them failed.
+        DprError: a job failed.
     """
 
     def begin(number: int) -> None:
@@ -142,7 +142,7 @@ def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_even
 
 
 def _unused(out: Path) -> Path:
-    """Folder for the trial; a folder of an opened trial is not reused."""
+    """Folder for the trial; a folder with an earlier trial is not used again."""
     number = 1
     while (folder := out / f"trial-{number}").exists():
         number += 1

@@ -29,15 +29,15 @@ class DiagnoseRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     held_out: tuple[Path, ...] = ()
-    """Runs that are not fitted: they validate the named effects."""
+    """Runs that are not fitted, and only validate the named effects."""
     model: Path | None = None
-    """Identified model as initial values; None: values of the rig file."""
+    """Identified model that provides initial values; None: values of the rig file."""
     library: tuple[str, ...] | None = None
     """Names of the candidate effects; None: all."""
     without: tuple[str, ...] = ()
     """Names of excluded effects."""
     max_effects: int = 4
-    """Maximum number of effects at once."""
+    """Maximum number of named effects."""
     seed: int = 0
     """Seed of the random numbers; the same seed gives the same result."""
     out: Path | None = None
@@ -45,9 +45,10 @@ class DiagnoseRequest:
     any_clock: bool = False
     """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     trust: int = 0
-    """Number of additional blind trials on plants like this rig; each takes as long as the diagnosis."""
+    """Number of additional blind trials on simulated plants that resemble this rig. Each takes as long as the
+    diagnosis."""
     processes: int = 0
-    """Number of these trials in parallel; 0: one per processor."""
+    """Number of these trials that run in parallel; 0: one per processor."""
     torque: str | None = None
     """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
@@ -100,7 +101,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         seed=request.seed,
         on_progress=lambda event: on_event(_of_all(event, stages)),
     )
-    result = _kept(DiagnoseResult(diagnosis, {}), request.out)  # saved before the steps that can still fail
+    result = _kept(DiagnoseResult(diagnosis, {}), request.out)  # saved before the steps that may fail
     if request.trust:
         from dpr_lab.trials.own_rig import trust
 
@@ -147,7 +148,7 @@ def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
 
 
 def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
-    """Renumber the stage of an event by the stages of this job, which may have one more than the diagnosis."""
+    """Event with the stages counted in this job, which may have one stage more than the diagnosis."""
     return replace(event, of=stages) if isinstance(event, StageBegan) else event
 
 
@@ -176,14 +177,14 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 
 
 def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
-    """One sentence for each of the requested `REASONS` that apply to a diagnosis.
+    """Sentences on those of the requested `REASONS` that apply to a diagnosis.
 
     A sentence is always included if the recordings cannot show a gap, or if their description is probably wrong.
 
     Args:
         diagnosis: the diagnosis
         reasons: requested reasons
-        sure: probability from which a named effect is not unsure
+        sure: minimum probability of a named effect that is not unsure
     """
     sentences = {
         "gap": diagnosis.sentence if diagnosis.verdict not in ("no_gap", "inconclusive") else "",

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 
 FORCED = "with_passive_forces"
-"""Subfolder of the diagnosis for the model file that needs a module of passive forces."""
+"""Subfolder of the diagnosis for the model file that is used with a module of passive forces."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatorDiagnosis:
-    """A diagnosis, the resulting changes of the user's model, and the written files."""
+    """Diagnosis relative to the user's model, with the changes of the model and the written files."""
 
     result: DiagnoseResult
     simulator: Path
@@ -47,15 +47,14 @@ class SimulatorDiagnosis:
     """Effect -> reason why the file cannot contain it."""
     forced: "PatchedModel | None" = None
     """The changed file for use with a module of passive forces, which adds effects that the file cannot contain. None
-    if there are no such effects, or if the module cannot contain them either.
-    """
+    if there are no such effects, or if the module cannot contain them either."""
     replays: "tuple[FileReplay, ...]" = ()
-    """Errors before and after: on held-out runs, or on the fitted runs if none are held out."""
+    """Replay errors before and after the change, on held-out runs, or on the fitted runs if none are held out."""
     refused: str = ""
     """Reason why the file cannot be changed; empty if it can."""
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `diagnose --simulator --json`: that of `diagnose`, and `simulator`."""
+        """Output of `diagnose --simulator --json`: the output of `diagnose` with the key `simulator`."""
         return self.result.to_json() | {
             "simulator": {
                 "file": str(self.simulator),
@@ -81,7 +80,7 @@ def diagnose_simulator(
     Args:
         request: as for `diagnose`; with an empty `rig`, `rig_from_model` writes the rig file from the model
         simulator: MJCF, URDF or SDFormat file; it is not changed
-        joints: joints of the rods and of an arm in it, as for `double_pendulum`; empty: detected
+        joints: joints of the rods and of an arm in the model, as for `double_pendulum`; empty: detected
         on_event: as for `diagnose`
 
     Raises:
@@ -138,7 +137,7 @@ def diagnose_simulator(
 
 
 def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":
-    """The rods of the model, which must be those of the rig."""
+    """Rods of the user's model, which must be those of the rig."""
     from dpr_lab.exports.into.target import refuse_other_rig
     from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
@@ -177,7 +176,7 @@ def _replays(
     rig: "Rig",
     runs: "Sequence[Run]",
 ) -> "tuple[FileReplay, ...]":
-    """Errors of the file, of the patched file, and of the file with passive forces if it exists."""
+    """Replay errors of the file, of the changed file, and of the file with passive forces if it exists."""
     from dpr_lab.exports.into.replay import replay_files
 
     replays = replay_files(simulator, patched, names, model, rig, runs)
@@ -188,12 +187,12 @@ def _replays(
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
-    """The file changed to the full model, if that requires a module of passive forces; None otherwise."""
+    """The file changed to the full model, if this requires a module of passive forces; None otherwise."""
     from dpr_lab.exports.into import into_file
 
     try:
         whole = into_file(model, rig, simulator, joints)
-    except ConfigError:  # only this file cannot be written: that of the simpler model exists
+    except ConfigError:  # only this file cannot be written; the file of the simpler model exists
         return None
     return whole if whole.passive.module else None
 

@@ -28,11 +28,12 @@ class DriftRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     by: Literal["day", "session", "label"] = "day"
-    """Key of `dpr_lab.drift.groups.KEYS`."""
+    """Criterion of the groups: a key of `dpr_lab.drift.groups.KEYS`."""
     diagnosis: Path | None = None
-    """Diagnosis, its JSON file or folder: the sizes of its effects are compared too."""
+    """Diagnosis, as JSON file or folder, the sizes of whose effects are compared too; None: only parameters are
+    compared."""
     model: Path | None = None
-    """Identified model as initial values; None: values of the rig file."""
+    """Identified model that provides initial values; None: values of the rig file."""
     out: Path | None = None
     """Folder of the report; None: no files are written."""
     any_clock: bool = False
@@ -69,7 +70,10 @@ class DriftResult:
         }
 
     def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
-        """Parameter -> value; sizes that are ratios also as absolute value at the assumed b."""
+        """Parameter -> value.
+
+        A size that is a ratio is also given as an absolute value at the assumed b.
+        """
         by_name = dict(zip(self.estimates.names, values, strict=True))
         b, inertia = self.estimates.b or 1.0, self.estimates.inertia
         by_name |= {
@@ -131,7 +135,7 @@ def _recorded(file: Path) -> "Occasion":
     except ValueError as error:
         raise RunError(f"{file}: its date of recording is not valid: {described.recorded_utc!r}") from error
     if recorded_at is not None and recorded_at.tzinfo is None:
-        # a date without time is a day of this computer's time zone
+        # a date without time is a day in this computer's time zone
         recorded_at = (
             recorded_at.replace(hour=12).astimezone()
             if len(described.recorded_utc) <= len("2026-03-01")

@@ -1,4 +1,4 @@
-"""Progress events of jobs: frozen values that contain everything the callers display."""
+"""Progress events of jobs: frozen objects that contain everything to be displayed."""
 
 import math
 from collections.abc import Callable
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class JobBegan:
-    """Start of one of the jobs of a longer one."""
+    """A job that is part of a longer job started."""
 
     number: int
-    """Number of the job, from 1."""
+    """Number of the part, from 1."""
     of: int
     sentence: str
 
@@ -62,7 +62,7 @@ class ArmRunCompared:
 
 @dataclass(frozen=True, slots=True)
 class RunLeftOut:
-    """A run that cannot be used and is skipped."""
+    """A run cannot be used and is skipped."""
 
     file: Path
     why: str
@@ -70,7 +70,7 @@ class RunLeftOut:
 
 @dataclass(frozen=True, slots=True)
 class DeviceGreeted:
-    """Handshake with a device completed."""
+    """A device completed its handshake."""
 
     url: str
     info: "DeviceInfo"
@@ -78,14 +78,14 @@ class DeviceGreeted:
 
 @dataclass(frozen=True, slots=True)
 class CaptureBegan:
-    """The operator should move the rods to a pose."""
+    """The operator should now move the rods to a pose."""
 
     name: str
     pose: "Pose"
     at_most_s: float
     """Maximum duration of the recording, s."""
     rods: int = 2
-    """Number of mounted rods; a single one is theta1."""
+    """Number of mounted rods. A single rod has the angle theta1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,24 +106,24 @@ class CaptureDone:
 
 @dataclass(frozen=True, slots=True)
 class TrialSealed:
-    """A plant was drawn and its seal published."""
+    """A plant was drawn and its seal was published."""
 
     seal: str
 
 
 @dataclass(frozen=True, slots=True)
 class TrialDone:
-    """Progress of a campaign: sent before its first trial and after each."""
+    """Progress of a campaign, before its first trial and after each trial."""
 
     done: int
     of: int
     last: "TrialOutcome | Failure | None"
-    """Result of the last trial; None before the first."""
+    """Result of the last trial; None before the first trial."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrustTrialDone:
-    """Progress of the blind trials of a diagnosis on its own rig: sent before the first and after each."""
+    """Progress of the blind trials of a diagnosis on its own rig, before the first and after each trial."""
 
     done: int
     of: int
@@ -132,13 +132,13 @@ class TrustTrialDone:
 
     @property
     def left_s(self) -> float:
-        """Estimated time for the remaining trials, s; nan before the first is finished."""
+        """Estimated time for the remaining trials, s; nan before the first trial is finished."""
         return self.elapsed_s * (self.of - self.done) / self.done if self.done else math.nan
 
 
 @dataclass(frozen=True, slots=True)
 class PaperSearchDone:
-    """End of one of the searches of the published experiment."""
+    """A search of the published experiment ended."""
 
     done: int
     of: int
@@ -170,8 +170,8 @@ Event: TypeAlias = (
 OnEvent: TypeAlias = Callable[[Event], None]
 
 Proceed: TypeAlias = Callable[[], bool]
-"""Function that is called whenever a job can pause or end early. It may wait; if it returns false, the job ends with
-the best result so far."""
+"""Function that a job calls where it can pause or end early. The function may wait. If it returns False, the job ends
+with the best result so far."""
 
 
 def ignore(event: Event) -> None:
@@ -179,5 +179,5 @@ def ignore(event: Event) -> None:
 
 
 def always() -> bool:
-    """Continue: neither pause nor stop."""
+    """Always return True: the job neither pauses nor stops."""
     return True

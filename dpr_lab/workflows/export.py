@@ -1,4 +1,4 @@
-"""Export of a model to other programs, with a replay in each."""
+"""Export of a model to other programs, with a replay in each program."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -28,7 +28,7 @@ class ExportRequest:
     formats: tuple[str, ...]
     out: Path
     check: tuple[Path, ...] = ()
-    """Runs to replay in each program; effects that a format cannot express are refitted to them."""
+    """Runs to replay in each program. Models for formats that cannot express an effect are refitted to these runs."""
     torque: str | None = None
     """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
@@ -38,23 +38,23 @@ class ExportResult:
     """Written files and the error of the exported model."""
 
     files: dict[str, str]
-    """Format -> main file for its program."""
+    """Format -> main file that its program reads."""
     lost: dict[str, dict[str, str]]
     """Format -> effect -> reason why the format cannot express it."""
     instead: dict[str, list[str]]
     """Format -> effects of the refitted model."""
     refused: dict[str, str]
-    """Format -> reason why it was not written."""
+    """Format -> reason why its file was not written."""
     bare_rad: float | None = None
     lab: "Replayed | None" = None
     tried: "dict[str, Replayed]" = field(default_factory=dict)
     torques: tuple[str, ...] = ()
     """Kinds of the known torques that drove the runs."""
     scale: dict[str, Any] | None = None
-    """Assumed inertia of masses, inertias and torques (`b`, kg m^2), its 90 % interval, its source, and the name of the
-    inertia (`inertia`, a of an inner rod alone); None: unknown."""
+    """Scale of masses, inertias and torques: the assumed inertia (`b`, kg m^2), its 90 % interval, its source, and its
+    name (`inertia`, which is a for an inner rod alone). None: unknown."""
     scale_sentence: str = ""
-    """Description of the scale, one sentence."""
+    """Sentence that describes the scale."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --json`."""
@@ -62,9 +62,10 @@ class ExportResult:
 
 
 def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
-    """Export a model; replay given runs in each program, and refuse exports that are worse than the bare model.
+    """Export a model.
 
-    Events: `RunRead`, `StageBegan`, `Warned`.
+    Runs to check are replayed in each program, and exports that are worse than the bare model are refused. Events:
+    `RunRead`, `StageBegan`, `Warned`.
 
     Raises:
         ConfigError: the rig is not valid, unknown format, or a package of the format is not installed.
@@ -128,7 +129,7 @@ def _scale(model: "AnyModel") -> dict[str, Any] | None:
 
 
 def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
-    """Read a model of a rig, whose arm may move.
+    """Read a model of a rig, with a clamped or a moving arm.
 
     Raises:
         RunError: it cannot be read, or belongs to another rig.
@@ -153,7 +154,7 @@ def _checked(
     rig: "Rig",
     on_event: OnEvent,
 ) -> ExportResult:
-    """Error of the model in each program, compared with dpr-lab's simulation and with the bare model."""
+    """Errors of the model in each program, compared with the simulation of dpr-lab and with the bare model."""
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed

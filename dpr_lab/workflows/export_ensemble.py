@@ -37,27 +37,28 @@ class EnsembleRequest:
     seed: int
     """Seed of the random models."""
     formats: tuple[str, ...]
-    """Formats of each model besides the JSON file."""
+    """Formats in which each model is written, in addition to the JSON file."""
     out: Path
     check: tuple[Path, ...] = ()
-    """Runs that calibrate the width of the ensemble: its predictive bands must cover their readings."""
+    """Runs that calibrate the width of the ensemble: the predictive bands must cover their readings."""
 
 
 @dataclass(frozen=True, slots=True)
 class BandCoverage:
-    """Coverage of one recording by the predictive band of the ensemble."""
+    """Coverage of one recording by the predictive band of an ensemble."""
 
     run: str
     covered: float
-    """Share of the readings within the band."""
+    """Share of the readings inside the band."""
     until_s: float
-    """Predictability horizon, s."""
+    """Predictability horizon of the recording, s since the release."""
     width_rad: float
-    """Mean width of the band."""
+    """Mean width of the band, rad."""
     delay_s: float
-    """Time from the first reading during which the model does not follow the readings, which the band leaves out, s."""
+    """Time from the first reading to the start of the band, s. The model does not follow the readings in this
+    interval."""
     beyond: float | None
-    """Share of the compared swing with amplitudes beyond those of the fitted recordings; None if they are unknown."""
+    """Share of the compared part with amplitudes outside those of the fitted recordings; None: unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,21 +69,23 @@ class EnsembleResult:
     folders: tuple[Path, ...]
     """Folder of each model, if formats were requested."""
     sets: dict[str, int]
-    """Effects, joined by +, -> number of models with them."""
+    """Effects of a model, joined by +, or - without effects -> number of models with these effects."""
     factor: float
-    """Factor by which the standard deviations were multiplied."""
+    """Factor by which the standard deviations of the posterior were multiplied."""
     factor_of_fit: float
-    """Part of this factor from the prediction of each recording by models fitted without it; 1 if files are missing."""
+    """Part of this factor that follows from leave-one-out cross-validation over the fitted recordings; 1 if files are
+    missing."""
     expected_coverage: float
     """Share of the readings that a band of this number of models is expected to cover: 0.9, or less for few models."""
     bands: tuple[BandCoverage, ...]
     amplitudes_rad: tuple[float, float] | None
-    """Smallest and largest amplitude of the fitted recordings, beyond which bands may be too narrow; None: unknown."""
+    """Smallest and largest amplitude of the fitted recordings, rad. At other amplitudes bands may be too narrow. None:
+    unknown."""
     from_diagnosis: bool
-    """Whether the posterior is that of a diagnosis, with its causes; otherwise it is that of the ratios alone."""
+    """Whether the posterior is that of a diagnosis, including causes; otherwise it is that of the ratios alone."""
     scatter: bool
-    """Whether the posterior contains the scatter between recordings; without a diagnosis it follows from the recordings
-    of the model."""
+    """Whether the posterior includes the scatter between recordings. Without a diagnosis, the scatter is estimated from
+    the recordings of the model."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --ensemble --json`."""
@@ -91,9 +94,9 @@ class EnsembleResult:
 
 
 def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> EnsembleResult:
-    """Write models drawn from the posterior of parameters and causes.
+    """Write models sampled from the posterior of parameters and causes.
 
-    Events: `RunRead`.
+    Event: `RunRead`.
 
     Raises:
         ConfigError: the rig is not valid, or no such format.
@@ -157,16 +160,17 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
 
 @dataclass(frozen=True, slots=True)
 class _Ensemble:
-    """Functions that draw models and compare them with a recording."""
+    """Functions of an ensemble: draw models, and compare them with a recording."""
 
     drawn: "Callable[[float, int], Sequence[Any]]"
-    """Function of the factor on the posterior's standard deviations and of the number of models; returns models."""
+    """Function of a factor on the posterior's standard deviations and of a number of models that returns so many random
+    models."""
     band: "Callable[[Sequence[Any], Run], PredictiveBand]"
-    """Predictive band of models for a recording."""
+    """Function that returns the predictive band of models for a recording."""
     amplitudes: "FittedAmplitudes | None" = None
     """Amplitudes of the fitted recordings; None if they are unknown."""
     beyond: "Callable[[PredictiveBand, Run], float | None]" = lambda band, run: None
-    """Share of the band's recording beyond these amplitudes."""
+    """Function that returns the share of a recording's compared part outside these amplitudes."""
 
 
 def _coverage(ensemble: _Ensemble, models: "Sequence[Any]", run: "Run") -> BandCoverage:
@@ -179,7 +183,7 @@ def _coverage(ensemble: _Ensemble, models: "Sequence[Any]", run: "Run") -> BandC
 def _of_rods(
     model: "Model", posterior: "list[PosteriorComponent]", fitted: "Sequence[Run]", rig: "Rig", seed: int
 ) -> _Ensemble:
-    """The ensemble of rods on a clamped arm."""
+    """Ensemble of models with a clamped arm."""
     from dpr_lab.exports.ensemble.amplitudes import beyond_fitted, fitted_amplitudes
     from dpr_lab.exports.ensemble.bands import predictive_band
     from dpr_lab.exports.ensemble.calibrate import widened
@@ -195,7 +199,7 @@ def _of_rods(
 
 
 def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", seed: int) -> _Ensemble:
-    """The ensemble of a moving arm."""
+    """Ensemble of models with a moving arm."""
     from dpr_lab.exports.ensemble.calibrate import widened
     from dpr_lab.exports.ensemble.sampled import diagnosed_posterior
     from dpr_lab.exports.moving_arm.bands import predictive_arm_band
@@ -211,7 +215,10 @@ def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", 
 
 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
-    """The fitted recordings, a single long one in pieces; empty if one of them was moved or replaced."""
+    """The fitted recordings; a single long one is cut into pieces.
+
+    Empty if one of the files was moved or replaced.
+    """
     from dpr_lab.gap.screen.pieces import in_pieces
 
     files = [Path(used.file) for used in model.runs]

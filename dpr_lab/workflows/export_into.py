@@ -1,4 +1,4 @@
-"""Corrected model written into a copy of the user's simulator model."""
+"""Writing of the corrected model into a copy of the user's simulator model."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ExportedInto:
-    """Changed model, with the list of changes."""
+    """Changed copy of the user's model, with the list of changes."""
 
     file: Path
     diff_file: Path
     diff: str
-    """Unified diff of both files."""
+    """Unified diff of the original and the changed file."""
     changes: "tuple[ChangedAttribute, ...]"
     lost: dict[str, str]
     """Effect -> reason why neither the file nor the module of passive forces can contain it."""
     passive: tuple[str, ...] = ()
     """Effects that only the module of passive forces contains."""
     passive_file: Path | None = None
-    """This module, for MuJoCo; None without such effects."""
+    """File of the module of passive forces, for MuJoCo; None without such effects."""
     replays: "tuple[FileReplay, ...]" = ()
-    """Errors before and after on the recordings to check."""
+    """Replay errors before and after the change, on the recordings to check."""
 
     def to_json(self) -> dict[str, Any]:
         """Output of `dpr-lab export --into --json`."""
@@ -57,13 +57,8 @@ def export_into(
         into: the MJCF, URDF or SDFormat file
         out: folder of the copy and of its diff
         joints: joints of inner rod, outer rod and optionally the arm; empty: detected
-        check: runs to replay with the numbers of both files
+        check: runs that are replayed with the numbers of both files
         on_event: called with each run that was read
-
-    Raises:
-        ConfigError: the rig, the file or the folder cannot be used.
-        RunError: the model or a run cannot be used.
-        DprError: a file cannot be written.
     """
     from dpr_lab.exports.into import into_file
     from dpr_lab.exports.into.replay import replay_files

@@ -19,7 +19,7 @@ class IdentifiabilityRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     runs: tuple[Path, ...] = ()
-    """Run files; None: releases simulated from the poses of the rig with the values of the rig file."""
+    """Run files. If it is empty, releases from the poses of the rig are simulated with the values of the rig file."""
     torque: str | None = None
     """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
@@ -41,8 +41,8 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     Events: `RunRead`, `Warned`.
 
     Raises:
-        ConfigError: the rig is not valid, has no poses to simulate releases from, or a joint whose motion is prescribed
-            and therefore known from runs only.
+        ConfigError: the rig is not valid; or no runs are given, and the rig has no poses to simulate releases from, or
+            a joint with a prescribed motion, which is known from runs only.
         RunError: a run that cannot be used.
     """
     from dpr_lab.identification.moving_arm.any_arm import identifiability as identifiability_of

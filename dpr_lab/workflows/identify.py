@@ -24,17 +24,16 @@ class IdentifyRequest:
     out: Path
     """File of the model."""
     objective: str = "segments"
-    """Name of an objective in `dpr_lab.identification.objectives.OBJECTIVES`."""
+    """Objective of the search: a name in `dpr_lab.identification.objectives.OBJECTIVES`."""
     search: str = "iga"
-    """Name of a search in `dpr_lab.search.ALGORITHMS`."""
+    """Search algorithm: a name in `dpr_lab.search.ALGORITHMS`."""
     settings: str | None = None
-    """Search settings: a TOML file or the name of built-in settings, which name their own search. None: those of the
-    objective.
-    """
+    """Search settings: a TOML file or the name of built-in settings. Settings name their own search. None: settings of
+    the objective."""
     seed: int = 0
     """Seed of all random numbers; the same seed gives the same result."""
     profile: bool = False
-    """Whether to compute intervals of the ratios by profile likelihood as well."""
+    """Whether intervals of the ratios by profile likelihood are computed too."""
     any_clock: bool = False
     """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     torque: str | None = None
@@ -43,20 +42,24 @@ class IdentifyRequest:
 
 @dataclass(frozen=True, slots=True)
 class IdentifyResult:
-    """Result of an identification. A model that failed its own checks is also written; see `model.failures`."""
+    """Result of an identification.
+
+    A model that failed its own checks is also written; see `model.failures`.
+    """
 
     model: "Model | MovingArmModel"
     file: Path
 
 
 def identify(request: IdentifyRequest, on_event: OnEvent = ignore, proceed: Proceed = always) -> IdentifyResult:
-    """Identify the parameters of a rig from runs; objective and search have no meaning for a free or driven arm.
+    """Identify the parameters of a rig from runs.
 
-    Events: `RunRead`, `GenerationDone`, `LocalFitBegan`; calls `proceed` after each generation.
+    For a free or driven arm, objective and search are ignored. Events: `RunRead`, `GenerationDone`, `LocalFitBegan`.
+    `proceed` is called after each generation.
 
     Raises:
         ConfigError: the file cannot be written, rig or settings are not valid, or objective or search is unknown.
-        RunError: a run that cannot be used, or none.
+        RunError: a run cannot be used, or there are no runs.
         IdentificationError: no candidate inside the bounds could be simulated, or the fit determines nothing.
     """
     from dpr_lab.identification.moving_arm.any_arm import identify as identify_runs

@@ -20,11 +20,11 @@ class ImportRequest:
     """Options of an import."""
 
     table: Path
-    """A file of a kind in `dpr_lab.storage.readers`, or the folder of a ROS 2 bag."""
+    """File of a format in `dpr_lab.storage.readers`, or the folder of a ROS 2 bag."""
     rig: str
     """Rig file, or the name of a built-in one."""
     out: Path
-    """Folder of the run, or its file, `NAME.mcap`."""
+    """Folder of the run, or the run file `NAME.mcap`."""
     options: "ImportOptions"
     rods: str | None = None
     """Mounted rods; None: as in the rig file."""
@@ -55,9 +55,9 @@ class ImportResult:
 
 
 def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportResult:
-    """Import a table of angles; it never overwrites a run.
+    """Import a table of angles as a run; existing runs are never overwritten.
 
-    Events: `ImportProgress`.
+    Event: `ImportProgress`.
 
     Raises:
         ConfigError: the rig is not valid.
@@ -93,6 +93,6 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Previe
 
 
 def _unused(folder: Path, stem: str) -> Path:
-    """A file name that does not exist yet."""
+    """Path in the folder that does not exist yet."""
     names = (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap" for number in count(1))
     return next(folder / name for name in names if not (folder / name).exists())

@@ -1,4 +1,4 @@
-"""Reproduction of the published experiment: tables, searches and figures, compared with the printed ones."""
+"""Reproduction of the published experiment: tables, searches and figures, compared with the published ones."""
 
 from dataclasses import dataclass
 from itertools import count
@@ -19,10 +19,11 @@ class PaperRequest:
     out: Path
     """Folder of paper.md, paper.json, tables and figures."""
     seeds: int = 5
-    """Number of searches for each interpretation of H, with true values on and off the coding grid."""
+    """Number of searches for each interpretation of H, both with true values on the coding grid and with values off
+    it."""
     generations: int = 1000
     workers: int = 1
-    """Number of searches in parallel."""
+    """Number of searches that run in parallel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +37,9 @@ class PaperResult:
 
 
 def paper(request: PaperRequest, on_event: OnEvent = ignore) -> PaperResult:
-    """Run the published experiment and list the results that do not reproduce.
+    """Repeat the published experiment and list the results that cannot be reproduced.
 
-    Events: `PaperSearchDone`.
+    Event: `PaperSearchDone`.
 
     Raises:
         DprError: the folder or a file cannot be written.

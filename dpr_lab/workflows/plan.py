@@ -16,15 +16,14 @@ if TYPE_CHECKING:
     from dpr_lab.rig import Rig
 
 RECORD = "plan.json"
-"""File in the folder of a plan: the output of `plan --json`."""
+"""Name of the file with the output of `plan --json`, in the folder of a plan."""
 
 RIG_FILE = "rig.toml"
-"""File in the same folder: the rig file with the start poses of the plan, for `capture --pose`. Releases with other
-rods, another mass or another mode of the arm have their own, such as `rig_P2.toml`.
-"""
+"""Name of the rig file with the start poses of a plan, for `capture --pose`. Releases with other rods, another mass or
+another mode of the arm have rig files of their own, such as `rig_P2.toml`."""
 
 UNITS = {"s": 1 / 60, "min": 1.0, "h": 60.0}
-"""Unit of a budget -> minutes."""
+"""Unit of a budget -> its length in minutes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +33,17 @@ class PlanRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     runs: tuple[Path, ...] = ()
-    """Runs so far; empty: a first plan from the rig file alone."""
+    """Runs recorded so far. If it is empty, a first plan is made from the rig file alone."""
     diagnosis: Path | None = None
-    """Diagnosis of these runs; None: they are diagnosed first."""
+    """Diagnosis of these runs; None: the runs are diagnosed first."""
     limits: Path | None = None
     """Limits file."""
     budget: str | None = None
-    """Time at the rig, such as `10min`; None: three releases."""
+    """Time at the rig, for example `10min`; None: three releases."""
     seed: int = 0
     """Seed of the search; the same seed gives the same plan."""
     out: Path | None = None
-    """Folder of `RECORD`, rig files and input signals; None: none are written."""
+    """Folder of `RECORD`, rig files and input signals; None: no files are written."""
     any_clock: bool = False
     """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     torque: str | None = None
@@ -53,7 +52,7 @@ class PlanRequest:
 
 @dataclass(frozen=True, slots=True)
 class PlanResult:
-    """The plan, and the files that were written, by name."""
+    """The plan, and the written files by name."""
 
     plan: "Plan"
     files: dict[str, str]
@@ -66,13 +65,13 @@ class PlanResult:
 def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     """Plan the next recordings of a rig.
 
-    Events: those of a diagnosis, if runs are given without one.
+    The events are those of a diagnosis, if runs are given without one.
 
     Raises:
         ConfigError: the rig, the limits or the budget is not valid, or leaves nothing to record; a diagnosis without
-        its runs.
+            its runs.
         RunError: a run or the diagnosis cannot be used; the diagnosis is of other runs.
-        IdentificationError: the recordings are read with another zero, unit, sign or order than they were written with.
+        IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """
     from dpr_lab.planning.limits import PlanLimits, load_plan_limits
@@ -100,10 +99,10 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
 
 
 def minutes(text: str) -> float:
-    """A time such as `10min`, `90 s` or `1h`; without a unit it is in minutes.
+    """Convert a time such as `10min`, `90 s` or `1h` to minutes; a number without a unit is in minutes.
 
     Raises:
-        ConfigError: not such a time.
+        ConfigError: the text is not such a time.
     """
     parts = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(s|min|h)?\s*", text)
     value = float(parts[1]) * UNITS[parts[2] or "min"] if parts else 0.0

@@ -1,4 +1,4 @@
-"""Rig files that describe the releases of a plan: start poses, mounted rods, added mass and mode of the arm."""
+"""Rig files for the releases of a plan, with start poses, mounted rods, added mass and mode of the arm."""
 
 import re
 from itertools import count
@@ -13,11 +13,14 @@ if TYPE_CHECKING:
     from dpr_lab.rig import Rig
 
 ARM_MODES = {"held": "clamped", "free": "free", "driven": "driven"}
-"""Arm of a planned release -> mode in the rig file."""
+"""State of the arm in a planned release -> mode in the rig file."""
 
 
 def planned_poses(made: "Plan", rig: "Rig") -> "dict[str, PlannedRelease]":
-    """Releases of a plan by the names of their poses, P1, P2, ..., without names that the rig file already uses."""
+    """Name of a pose -> planned release.
+
+    The names are P1, P2, ...; names that the rig file already uses are left out.
+    """
     free = (name for number in count(1) if (name := f"P{number}") not in rig.poses)
     return dict(zip(free, made.releases, strict=False))
 
@@ -26,15 +29,9 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
     """Write a rig file for each setup of a plan: rods, added mass and mode of the arm.
 
     Args:
-        poses: releases by the name of their pose
+        poses: name of a pose -> release
         rig: the rig file of the plan
-        to: the file for releases with its own setup; another setup adds the name of its first pose
-
-    Returns:
-        pose -> the file that describes it
-
-    Raises:
-        ConfigError: a file cannot be written, or the rig file has a form in which its tables cannot be replaced.
+        to: file for the releases with the setup of `rig`; for another setup, the name of its first pose is appended
     """
     assert rig.path is not None
     text = rig.path.read_text(encoding="utf-8").rstrip() + "\n"
@@ -49,7 +46,7 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
 
 
 RigSetup = tuple[str, str, str, str]
-"""Mounted rods, elbow, added mass as a TOML table, and mode of the arm."""
+"""Setup of a rig: mounted rods, elbow, added mass as a TOML table, and mode of the arm."""
 
 
 def _setup_of(rig: "Rig") -> RigSetup:
@@ -69,7 +66,7 @@ def _mass_table(mass: dict[str, object]) -> str:
 
 
 def _with_setup(text: str, setup: RigSetup, rig: "Rig") -> str:
-    """A rig file with another setup; comments outside the replaced tables are kept."""
+    """Text of a rig file with another setup; comments outside the replaced tables are kept."""
     from dpr_lab.rig import parse_rig
 
     mounted, elbow, mass, mode = setup

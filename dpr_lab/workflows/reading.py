@@ -1,4 +1,4 @@
-"""Reading of the runs of a request, with an event for each, and of their diagnosis."""
+"""Reading of the runs of a request and of their diagnosis, with an event for each run."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ def read_runs(
     torque: str | None = None,
     moving: bool = False,
 ) -> "list[Run]":
-    """The runs of a rig, in the order of their files.
+    """Read runs, in the order of their files.
 
     Args:
         files: run files
@@ -33,9 +33,9 @@ def read_runs(
         moving: whether the arm may have been free or driven
 
     Raises:
-        RunError: a file that is not a run, or of another rig; two files with the same recording; a table with several
-        swings between which the rods are held; only torques of the other kind; or, unless `any_clock`, a device with a
-        clock rate error larger than that of a crystal.
+        RunError: a file is not a run, or of another rig; two files contain the same recording; a table contains several
+            swings between which the rods are held; it contains only torques of the other kind; or, unless `any_clock`,
+            the clock rate error of a device is larger than that of a crystal.
     """
     from dpr_lab.estimation.held_rods import refuse_held
     from dpr_lab.run import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks
@@ -58,10 +58,10 @@ def read_runs(
 
 
 def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
-    """Read the diagnosis of some runs, its JSON file or folder.
+    """Read the diagnosis of some runs from its JSON file or folder.
 
     Raises:
-        ConfigError: not a diagnosis.
+        ConfigError: the file is not a diagnosis.
         RunError: the diagnosis is of other runs.
     """
     from dpr_lab.gap.result.diagnosis import load_diagnosis
@@ -72,7 +72,10 @@ def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
 
 
 def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
-    """Refuse a diagnosis of other runs, because its causes would be combined with the information of these runs."""
+    """Refuse a diagnosis of other runs.
+
+    Otherwise its causes would be combined with the information of these runs.
+    """
     from dpr_lab.gap.screen.pieces import whole
 
     instead = "give its runs, or omit --diagnosis and these runs are diagnosed first"

@@ -16,7 +16,7 @@ class MotorMeasures:
     """Constants of the motor at the arm."""
 
     input: Literal["torque", "current", "voltage", "acceleration"]
-    """Quantity in the input column of a recording."""
+    """Quantity of the drive's input that recordings contain."""
     kt: Measure | None = None
     """Torque constant, N m/A."""
     ke: Measure | None = None
@@ -29,31 +29,34 @@ class MotorMeasures:
 
 @dataclass(frozen=True, slots=True)
 class DriveBounds:
-    """Bounds around values that were not measured."""
+    """Bounds for values that were not measured."""
 
     inertia: tuple[float, float, float] = (1.0, 2.0, 30.0)
-    """Lower bound, guess and upper bound of the arm's inertia, in units of m L0^2 of the rods at its end."""
+    """Lower bound, nominal value and upper bound of the arm's inertia, in units of m L0^2 of the rods at its end."""
     factor: float = 3.0
-    """Factor between a value from a data sheet or a model and its bounds."""
+    """Ratio between the bounds and the nominal value of a quantity from a data sheet or a model."""
 
 
 BOUNDS = DriveBounds()
 
 
 def about(value: float) -> Bounds:
-    """Bounds about a value from a data sheet or a model."""
+    """Bounds and nominal value for a value from a data sheet or a model."""
     return value / BOUNDS.factor, value, BOUNDS.factor * value
 
 
 def arm_table(mode: "ArmMode", values: Mapping[str, Bounds], digits: int = 4) -> str:
-    """Table `[arm]`: its mode, and bounds of A (inertia with the rods at its end), c0, k0 and f0, as far as given."""
+    """Text of the table `[arm]`: the mode, and the given bounds of A, c0, k0 and f0.
+
+    A is the inertia with the rods at the end of the arm.
+    """
     lines = [f"{key} = {inline_table(bounds, digits=digits)}" for key, bounds in values.items()]
     meaning = "  # A: inertia about its axis with the rods at its end, kg m^2" if "A" in values else ""
     return "\n".join([f'[arm]{meaning}\nmode = "{mode}"', *lines, "", ""])
 
 
 def motor_table(motor: MotorMeasures, digits: int = 4) -> str:
-    """Table `[motor]`."""
+    """Text of the table `[motor]`."""
     constants = {"kt": motor.kt, "ke": motor.ke, "R": motor.R}
     lines = [f'[motor]\ninput = "{motor.input}"  # quantity of the input column']
     lines += [f"{key} = {inline_table(about(m.value), m.std)}" for key, m in constants.items() if m is not None]
@@ -63,16 +66,17 @@ def motor_table(motor: MotorMeasures, digits: int = 4) -> str:
 
 
 def drive_tables(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> str:
-    """Both tables from a few measurements; empty for a clamped arm.
+    """Text of both tables from a few measurements; empty for a clamped arm.
 
     Args:
         mode: motion of the arm
-        length: of the arm, m
-        carried: mass at its end, kg
-        motor: its motor
+        length: length of the arm, m
+        carried: mass at the end of the arm, kg
+        motor: motor of the arm
 
     Raises:
-        ConfigError: an arm that moves without its length, a driven arm without its input, or an input of another arm.
+        ConfigError: a moving arm without its length, a driven arm without its input, or an input for an arm without a
+            drive.
     """
     if motor is not None and mode != "driven":
         raise ConfigError(f"--input {motor.input} needs --arm driven: a {mode} arm has no input")

@@ -42,43 +42,48 @@ class RigMeasures:
     L0_std: float | None = None
     """Standard uncertainty of L0, m; None: L0 is not fitted."""
     L1_std: float | None = None
-    """Standard uncertainty of L1, m; None: that of a ruler."""
+    """Standard uncertainty of L1, m; None: the uncertainty of a ruler."""
     geared: tuple[int, ...] = ()
     """Joints (1, 2) with a geared motor."""
     rezeroed: bool = False
     """Whether the encoders of joints 1 and 2 are zeroed before each recording."""
     mounted: Literal["both", "inner", "outer"] = "both"
-    """Mounted rods."""
+    """Which rods are mounted."""
     elbow: Literal["free", "clamped"] = "free"
     """Whether joint 2 is free or clamped."""
     inner: "InnerMode" = "free"
     """Whether the inner rod swings freely, or its motion is prescribed by its encoder."""
     arm: "ArmMode" = "clamped"
-    """Motion of the arm."""
+    """Mode of the arm."""
     motor: MotorMeasures | None = None
     """Motor at the arm; None: none."""
     arm_counts_per_rev: int | None = None
-    """Counts per turn of the arm's encoder; None: as many as of the others."""
+    """Counts per turn of the arm's encoder; None: as for the other encoders."""
 
 
 @dataclass(frozen=True, slots=True)
 class DraftSettings:
-    """Width of the bounds around measured values; except for masses, they are derived from a uniform rod."""
+    """Width of the bounds around measured values.
+
+    Except for masses, the bounds are relative to a uniform rod.
+    """
 
     mass: tuple[float, float] = (0.7, 1.4)
-    """Relative bounds of an estimated mass."""
+    """Bounds of an estimated mass, relative to the estimate."""
     centre: tuple[float, float] = (0.15, 0.95)
-    """Bounds of a centre of mass in units of the rod's length: from a motor at one end to a motor at the other."""
+    """Bounds of the distance of a centre of mass from the joint, in units of the rod's length. At the bounds, a motor
+    is at one end of the rod."""
     inertia: tuple[float, float] = (0.01, 0.26)
-    """Bounds of J in units of m L^2: from all mass in the middle (0) to half of it at each end (1/4)."""
+    """Bounds of J in units of m L^2. J is 0 if all mass is in the middle, and 1/4 with half of the mass at each end."""
     elbow: tuple[float, float, float] = (0.002, 0.2, 3.0)
-    """Lower bound, guess and upper bound of an unknown mass at the elbow, in units of the mass of both rods."""
+    """Lower bound, nominal value and upper bound of an unknown mass at the elbow, in units of the mass of both rods."""
     damping: tuple[float, float, float] = (1e-5, 3e-3, 0.1)
-    """Lower bound, guess and upper bound of the damping ratio of a small swing; some thousandths for ball bearings."""
+    """Lower bound, nominal value and upper bound of the damping ratio of a small swing. Ball bearings have some
+    thousandths."""
     poses: tuple[tuple[float, float], ...] = ((math.pi, 0.1), (0.1, 0.1), (0.1, math.pi))
-    """Poses of the publication, rad."""
+    """Default poses theta1, theta2 for two rods, rad: those of the publication."""
     poses_as_one: tuple[tuple[float, float], ...] = ((0.1, 0.1), (1.2, 1.2), (2.2, 2.2))
-    """Poses of one rod, or of both with the elbow clamped, rad: a large, a medium and a small swing."""
+    """Default poses for one rod, or two rods with a clamped elbow, rad: a large, a medium and a small swing."""
 
 
 DRAFT = DraftSettings()
@@ -87,11 +92,11 @@ DRAFT = DraftSettings()
 def draft_rig(measures: RigMeasures) -> str:
     """Text of a rig file with comments.
 
-    The bounds of the friction follow from bounds of the damping ratio z of a small swing: c = 2 z sqrt(I k), with the
-    inertia I and the stiffness k = (moment of mass) g of the parts on the joint.
+    The bounds of the friction follow from the bounds of the damping ratio z of a small swing: c = 2 z sqrt(I k). I is
+    the inertia and k = (first moment of mass) g the stiffness of the parts on the joint.
 
     Raises:
-        ConfigError: values that a rig file cannot contain.
+        ConfigError: a rig file cannot contain these values.
     """
     from dpr_lab.rig import parse_rig
 
@@ -106,7 +111,7 @@ def draft_rig(measures: RigMeasures) -> str:
 
 
 def _one_rod(m: RigMeasures) -> list[str]:
-    """Tables in `[parameters]` of a rig with one rod.
+    """Text of the tables in `[parameters]` for a rig with one rod.
 
     Raises:
         ConfigError: one rod although two are mounted.
@@ -123,7 +128,7 @@ def _one_rod(m: RigMeasures) -> list[str]:
 
 
 def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> list[str]:
-    """The nine tables in `[parameters]`."""
+    """Text of the nine tables in `[parameters]` for a rig with two rods."""
     s, rods = DRAFT, m.m1.value + m2.value
     mass = {"m1": _mass(m.m1), "m2": _mass(m2), "mb": _mass(mb)}
     if m.mb is None:
@@ -149,7 +154,7 @@ def new_rig(measures: RigMeasures, file: Path) -> Path:
     """Write the rig file of `draft_rig`.
 
     Raises:
-        ConfigError: values that a rig file cannot contain, or a file that exists already or cannot be written.
+        ConfigError: a rig file cannot contain these values, or the file exists already or cannot be written.
     """
     if file.suffix != ".toml":
         raise ConfigError(f"{file}: give the file a name that ends in .toml")
@@ -227,7 +232,7 @@ def _turn_as_one(m: RigMeasures) -> bool:
 
 
 def _poses(m: RigMeasures) -> str:
-    """Three poses: those of the publication, or poses for rods that turn as one body."""
+    """Text of three poses: those of the publication, or poses for rods that turn as one body."""
     poses = DRAFT.poses_as_one if _turn_as_one(m) else DRAFT.poses
     return "\n".join(
         f"[poses.X{number}]\ntheta1 = {theta1!r}\n" + (f"theta2 = {theta2!r}\n" if m.m2 else "")
@@ -237,10 +242,11 @@ def _poses(m: RigMeasures) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RigFinding:
-    """One remark on a rig file."""
+    """Remark on a rig file."""
 
     state: Literal["wrong", "missing", "odd"]
-    """`wrong`: the file cannot be used; `missing`: a function is not available; `odd`: a possible mistake."""
+    """Kind of the remark. `wrong`: the file cannot be used; `missing`: a function is not available; `odd`: possibly a
+    mistake."""
     key: str
     """Key of the rig file; empty if the remark is about several."""
     text: str
@@ -248,22 +254,22 @@ class RigFinding:
 
 @dataclass(frozen=True, slots=True)
 class Usual:
-    """Usual ranges of a rig; values outside are reported."""
+    """Usual ranges of the values of a rig. Values outside are reported."""
 
     length: tuple[float, float] = (0.03, 2.0)
-    """Length, m."""
+    """Range of lengths, m."""
     mass: tuple[float, float] = (1e-3, 50.0)
-    """Mass, kg."""
+    """Range of masses, kg."""
     kg_per_m: float = 100.0
-    """Maximum mass of a rod per length, kg/m: twice that of a steel rod of 80 mm diameter."""
+    """Maximum mass per length of a rod, kg/m: twice the value of a steel rod of 80 mm diameter."""
     rate_hz: int = 100
-    """Minimum sample rate, Hz: a rod makes up to three turns per second."""
+    """Minimum sample rate, Hz. A rod makes up to three turns per second."""
     relative_std: float = 0.1
-    """Maximum standard uncertainty of a measured value, relative."""
+    """Maximum relative standard uncertainty of a measured value."""
     tolerance: float = 0.3
     """Maximum tolerance of a pose, rad."""
     span: float = 1e4
-    """Maximum ratio of upper to lower bound, except for friction: a larger ratio indicates mixed units."""
+    """Maximum ratio of upper to lower bound, except for friction. A larger ratio indicates mixed units."""
 
 
 USUAL = Usual()
@@ -340,7 +346,7 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
 
 
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
-    """Errors of a rod: mass per length, centre of mass beyond its end, or an inertia above the maximum m l (L - l)."""
+    """Remarks on a rod: mass per length, centre of mass beyond its end, or inertia above the maximum m l (L - l)."""
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
     centroid, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
     if length is None:

@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RigFromModel:
-    """Imported values, and parts of the model that a rig file cannot contain."""
+    """Rig file made from a simulator model, with the parts of the model that a rig file cannot contain."""
 
     file: Path
     model: str
     format: str
     joints: tuple[str, ...]
-    """Names of the joints of inner rod, outer rod and arm, as far as the model has them."""
+    """Names of the joints of inner rod, outer rod and arm that the model has."""
     nominal: dict[str, float]
-    """Nominal value of each kinetic parameter, and L1, L2, L0 and g; SI."""
+    """Nominal value of each kinetic parameter and of L1, L2, L0 and g, SI units."""
     arm: dict[str, float]
-    """Nominal values of the arm by their key of the rig file; empty for a clamped arm."""
+    """Nominal values of the arm by key of the rig file; empty for a clamped arm."""
     terms: "tuple[JointTerm, ...]"
-    """Terms of the joints that are effects in dpr-lab: a diagnosis estimates their sizes."""
+    """Terms of the joints that are effects in dpr-lab. A diagnosis estimates their sizes."""
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
@@ -41,18 +41,15 @@ class RigFromModel:
 def rig_from_model(
     model: Path, file: Path, joints: Sequence[str] = (), name: str | None = None, g: float | None = None
 ) -> RigFromModel:
-    """Write the rig file of a double pendulum, or of one rod on an arm, in MJCF, URDF or SDFormat.
+    """Write a rig file for a double pendulum, or for one rod on an arm, in MJCF, URDF or SDFormat.
 
     Args:
-        model: the file
+        model: the file of the model
         file: the rig file to write, with the suffix .toml
         joints: names of the joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm;
             empty: detected
-        name: name of the rig; None: that of the model
-        g: gravity, m/s^2, instead of that of the model
-
-    Raises:
-        ConfigError: the model cannot be read, contains no such rods, or the rig file exists or cannot be written.
+        name: name of the rig; None: the name of the model
+        g: gravity, m/s^2; None: the value of the model
     """
     from dpr_lab.rig import parse_rig
     from dpr_lab.simulator_models import read_model
@@ -110,11 +107,14 @@ MEANING = {
     "k0": "spring of the arm, N m/rad",
     "f0": "Coulomb friction of the arm, N m",
 }
-"""Keys of a rig file in words, with the unit last."""
+"""Key of a rig file -> its meaning, with the unit at the end."""
 
 
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
-    """Bounds as in `rig new`, extended if the value of the model is outside; the minimum if it is missing."""
+    """Bounds of the parameters as in `rig new`.
+
+    They are extended if the value of the model is outside; a missing value is set to its lower bound.
+    """
     d = DRAFT
     lengths = [rod.length or 2 * rod.centroid for rod in chain.rods]
     Z = {name: values.get(name, 0.0) for name in ("l1", "l2", "m1", "m2", "mb", "J1", "J2")}
@@ -153,7 +153,10 @@ def _text(
     notes: list[str],
     source: str,
 ) -> str:
-    """Text of the rig file; also completes the notes."""
+    """Text of the rig file.
+
+    Notes on the import are added to `notes`.
+    """
     from dpr_lab.rig_tables import Encoders
 
     bounds = _bounds(chain, values, notes)
@@ -199,9 +202,9 @@ def _text(
 
 
 def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.01) -> list[int]:
-    """Readings of encoders at the joints of the model with the rods hanging, counts.
+    """Encoder readings with the rods hanging, counts, for encoders at the joints of the model.
 
-    An error of the rounding above `noted` counts is added to the notes.
+    If rounding to whole counts changes a reading by more than `noted` counts, a note is added.
     """
     zeros = [0]
     for rod in chain.rods:
@@ -216,7 +219,7 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.
 
 
 def _reversed(chain: "ModelChain") -> list[str]:
-    """Notes on joints with an axis opposite to that of dpr-lab."""
+    """Notes on joints whose positive direction is opposite to that of dpr-lab."""
     return [
         f"joint {part.joint.name!r} turns opposite to the angle of dpr-lab: its direction in [encoders] is -1, so"
         " recordings of the angle in the model can be used unchanged"
@@ -226,7 +229,10 @@ def _reversed(chain: "ModelChain") -> list[str]:
 
 
 def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
-    """Nominal values of the arm by key; A: inertia about its axis with the rods at its end."""
+    """Nominal values of the arm by key.
+
+    A is the inertia about its axis with the rods at its end, kg m^2.
+    """
     mass, joint = sum(bounds[name][1] for name in ("m1", "m2", "mb") if name in bounds), arm.joint
     values = {"A": arm.inertia + mass * arm.length**2, "c0": joint.damping, "k0": joint.stiffness, "f0": joint.friction}
     return {key: value for key, value in values.items() if key == "A" or value > 0}
@@ -242,5 +248,5 @@ def _arm(arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -
 
 
 def _comment(text: str) -> str:
-    """One line of a TOML comment, without characters that TOML does not allow there."""
+    """A line of a TOML comment; characters that TOML does not allow in it are replaced."""
     return "# " + "".join(c if c.isprintable() else " " for c in text)

@@ -3,29 +3,32 @@
 from dataclasses import dataclass
 
 Bounds = tuple[float, float, float]
-"""Lower bound, guess and upper bound."""
+"""Lower bound, nominal value and upper bound."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A value; with its standard uncertainty if it was measured and should not be identified."""
+    """A value, with its standard uncertainty if it was measured and should not be identified."""
 
     value: float
     std: float | None = None
 
 
 def toml_number(value: float, digits: int = 4) -> str:
-    """A TOML number with this number of digits."""
+    """Number in TOML with `digits` significant digits."""
     return repr(float(f"{value:.{digits}g}"))
 
 
 def toml_text(value: str) -> str:
-    """A TOML string."""
+    """String in TOML."""
     return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def parameter_table(name: str, meaning: str, bounds: Bounds, std: float | None = None, digits: int = 4) -> str:
-    """Table in `[parameters]`; `digits` is the number of digits of the nominal value."""
+    """Table in `[parameters]`.
+
+    `digits` is the number of significant digits of the nominal value.
+    """
     return "\n".join([f"[parameters.{name}]  # {meaning}", *_keys(bounds, std, digits), ""])
 
 
@@ -35,7 +38,7 @@ def inline_table(bounds: Bounds, std: float | None = None, digits: int = 4) -> s
 
 
 def _keys(bounds: Bounds, std: float | None, digits: int) -> list[str]:
-    """Nominal value, and bounds, or the measured value with its standard uncertainty."""
+    """Lines with the nominal value and either its bounds or the measured value with its standard uncertainty."""
     lower, guess, upper = bounds
     nominal = f"nominal = {toml_number(guess, digits)}"
     if std is None:

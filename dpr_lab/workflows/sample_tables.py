@@ -11,16 +11,16 @@ from dpr_lab.workflows.checks import refuse_file
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """Settings of the film of a release and of the tracker of its points."""
+    """Settings of the film of a release, and of the tracker of its points."""
 
     every: int = 2
-    """Rows of the table per frame: 100 frames per second."""
+    """Number of table rows per frame: the film has 100 frames per second."""
     scale: float = 900.0
-    """Pixels per metre."""
+    """Scale of the picture, pixels per metre."""
     pivot: tuple[float, float] = (960.0, 540.0)
-    """Place of joint 1 in the picture: pixels from the left, pixels from the top."""
+    """Position of joint 1 in the picture, pixels from the left and from the top."""
     noise: float = 0.5
-    """Standard deviation of each coordinate, pixels."""
+    """Standard deviation of each tracked coordinate, pixels."""
 
 
 FILM = Film()

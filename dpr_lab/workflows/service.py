@@ -1,8 +1,8 @@
-"""JSON-RPC 2.0 over lines: jobs that run one after another in one child process, so that kernels are loaded once.
+"""JSON-RPC 2.0 service: jobs run one after another in one child process, so that kernels are loaded only once.
 
-Each line is one request object. A job is answered when it ends; until then it sends `progress` notifications that name
-the id of its request. `status` and `cancel` are answered at once. To cancel the running job, its process is ended,
-because a fit cannot be interrupted otherwise; the next job starts another process. No method moves or releases a rod.
+Each line is one request object. A job is answered when it ends. Until then it sends `progress` notifications with the
+id of its request. `status` and `cancel` are answered at once. A fit cannot be interrupted; to cancel the running job,
+its process is therefore ended, and the next job starts another process. No method moves or releases a rod.
 
 Source: JSON-RPC 2.0 Specification, https://www.jsonrpc.org/specification; -32800 is the code of the Language Server
 Protocol for a cancelled request.
@@ -38,7 +38,7 @@ class RpcCode(IntEnum):
     INVALID_PARAMS = -32602
     INTERNAL = -32603
     FAILED = -32000
-    """The job failed with a message for the operator."""
+    """Code of a job that failed with a message for the operator."""
     CANCELLED = -32800
 
 
@@ -47,7 +47,7 @@ Send: TypeAlias = Callable[[Mapping[str, Any]], None]
 
 
 class RpcError(Exception):
-    """An error response."""
+    """Error response to a request."""
 
     def __init__(self, code: int, message: str, data: Mapping[str, Any] | None = None) -> None:
         super().__init__(message)
@@ -56,14 +56,14 @@ class RpcError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One kind of job."""
+    """Method of the service: a kind of job."""
 
     request: str
-    """`module:class` of its request, whose fields are the parameters."""
+    """Location of the request class, `module:class`. Its fields are the parameters of the method."""
     job: str
-    """`module:function`: (request, on_event) -> result."""
+    """Location of the job, `module:function`."""
     result: Callable[[Any], Mapping[str, Any]]
-    """Content of the response."""
+    """Function that converts the result of the job to the content of the response."""
 
 
 METHODS: dict[str, Method] = {
@@ -79,7 +79,7 @@ METHODS: dict[str, Method] = {
     ),
     "plan": Method("dpr_lab.workflows.plan:PlanRequest", "dpr_lab.workflows.plan:plan", lambda done: done.to_json()),
 }
-"""Name of a method -> job; results are those of the command of the same name with --json."""
+"""Name of a method -> job. Its results are those of the command with the same name and --json."""
 
 NAMES = [*METHODS, "status", "cancel"]
 """Names of all methods."""
@@ -89,18 +89,18 @@ NAMES = [*METHODS, "status", "cancel"]
 class _Job:
     id: Id
     answered: bool
-    """Whether a response is expected: a notification has none."""
+    """Whether the client expects a response; a notification has none."""
     method: str
-    """Its name in `METHODS`."""
+    """Name of the method in `METHODS`."""
     request: Any
     cancelled: bool = False
 
 
 class Service:
-    """Requests in, responses and notifications out.
+    """Service that receives requests and sends responses and notifications.
 
     Args:
-        send: called with each outgoing object, from any thread, one at a time
+        send: called with each outgoing object; the calls come from any thread, one at a time
     """
 
     def __init__(self, send: Send) -> None:
@@ -114,7 +114,7 @@ class Service:
         self._worker.start()
 
     def receive(self, line: bytes) -> None:
-        """Handle one line."""
+        """Handle one line with a request."""
         request: Any = None
         try:
             request = _parsed(line)
@@ -128,7 +128,7 @@ class Service:
                 self._fail(request["id"] if known else None, error)
 
     def close(self, *, cancel: bool = False) -> None:
-        """End: finish all jobs, or cancel them; returns when the last one has ended."""
+        """Finish or cancel all jobs; returns when the last job has ended."""
         with self._changed:
             self._closed = True
             for job in self._all():
@@ -140,7 +140,7 @@ class Service:
             self._process.end()
 
     def _called(self, request: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """The immediate result; None for a job, which is queued."""
+        """Immediate result of a request; None for a job, which is queued."""
         name, params = request["method"], request.get("params", {})
         if name == "status":
             return self._status()
@@ -199,11 +199,11 @@ class Service:
                 self._running = None
 
     def _run(self, job: _Job) -> None:
-        """Run a job in the process, and answer it."""
+        """Run a job in the child process and send its response."""
         with self._changed:
             if not job.cancelled and (self._process is None or not self._process.alive):
                 self._process = ChildFunction(work)
-            process = None if job.cancelled else self._process  # the process of a cancelled job is not used again
+            process = None if job.cancelled else self._process  # the process of a cancelled job is not used any more
         message = self._last_message(job, process)
         if not job.answered:
             return
@@ -215,7 +215,7 @@ class Service:
             self._out({"id": job.id, "result": message})
 
     def _last_message(self, job: _Job, process: ChildFunction | None) -> Mapping[str, Any] | RpcError:
-        """Result or error of a job in its process; progress is sent to the client meanwhile."""
+        """Result or error of a job in the child process; its progress is sent to the client in the meantime."""
         if process is None:  # cancelled before its start
             return {}
         try:
@@ -247,9 +247,10 @@ class Service:
 
 
 def work(connection: Connection) -> None:
-    """Main function of the process of the jobs: run each (method, request) that arrives until the pipe closes.
+    """Main function of the child process: run each (method, request) that arrives until the pipe closes.
 
-    Sends `compiling`, (`progress`, parameters) and finally (`done`, result) or (`failed`, arguments of `RpcError`).
+    For each job it sends `compiling`, (`progress`, parameters) and finally (`done`, result) or (`failed`, arguments of
+    `RpcError`).
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service handles Ctrl-C and ends this process
     requests: SimpleQueue[tuple[str, Any]] = SimpleQueue()
@@ -272,7 +273,7 @@ def work(connection: Connection) -> None:
 
 
 def _done(name: str, request: Any, send: Callable[[Any], None]) -> tuple[Any, ...]:
-    """The last message of a job."""
+    """Run a job; returns its final message."""
 
     def on_event(event: events.Event) -> None:
         if progress := _progress(event):
@@ -288,10 +289,10 @@ def _done(name: str, request: Any, send: Callable[[Any], None]) -> tuple[Any, ..
 
 
 def _parsed(line: bytes) -> Any:
-    """The object of a line.
+    """Parse a line as JSON.
 
     Raises:
-        RpcError: no JSON, or numbers that JSON does not have.
+        RpcError: the line is not JSON, or contains numbers that JSON does not have.
     """
 
     def refuse(constant: str) -> None:
@@ -304,7 +305,11 @@ def _parsed(line: bytes) -> Any:
 
 
 def _refuse_invalid(request: Any) -> None:
-    """Raises: RpcError: no request object of JSON-RPC 2.0."""
+    """Refuse a value that is not a request object of JSON-RPC 2.0.
+
+    Raises:
+        RpcError: the value is not valid.
+    """
     if isinstance(request, list):
         raise RpcError(RpcCode.INVALID_REQUEST, "batches are not supported: send one object on each line")
     if not isinstance(request, dict) or request.get("jsonrpc") != "2.0":
@@ -322,7 +327,7 @@ def _is_id(value: Any) -> bool:
 
 
 def _request(method: Method, params: Mapping[str, Any]) -> Any:
-    """The request of a job.
+    """Request of a job from its parameters.
 
     Raises:
         RpcError: unknown, missing or wrong parameters.
@@ -351,7 +356,7 @@ def _imported(name: str) -> Any:
 
 
 def _progress(event: events.Event) -> dict[str, Any] | None:
-    """An event as parameters of a notification; None for events that are not reported."""
+    """Parameters of the notification for an event; None for an event that is not reported."""
     match event:
         case events.StageBegan():
             return {"event": "stage", "number": event.number, "of": event.of, "name": event.name}

@@ -22,7 +22,7 @@ class TrialRequest:
 
     plant: "PlantRequest"
     folder: Path
-    """New folder."""
+    """Folder for the trial; it must not contain one already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,19 +31,19 @@ class DiagnoseTrialRequest:
 
     folder: Path
     model: Path | None = None
-    """Identified model as initial values; None: values of the rig file."""
+    """Identified model that provides initial values; None: values of the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
 class DiagnoseTrialResult:
-    """The diagnosis of a trial, and its files by name."""
+    """Diagnosis of a trial, and its files by name."""
 
     diagnosis: "Diagnosis"
     files: dict[str, str]
 
 
 def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
-    """Draw and seal a plant, and record it through the protocol, one release per pose.
+    """Draw and seal a plant, and record one release per pose through the protocol.
 
     Events: `TrialSealed`, then `CaptureDone` for each recording.
 
@@ -77,7 +77,7 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
 def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseTrialResult:
     """Diagnose a sealed trial and write the diagnosis.
 
-    Events: those of `diagnose`.
+    The events are those of `diagnose`.
 
     Raises:
         RunError: the folder contains no trial, or the trial is already open.

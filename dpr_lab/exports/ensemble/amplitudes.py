@@ -1,4 +1,4 @@
-"""Amplitudes of swings, and whether a recording is beyond those to which the models of an ensemble were fitted.
+"""Swing amplitudes, and the share of a recording outside the amplitudes to which an ensemble was fitted.
 
 The amplitude of a moving double pendulum is the angle alpha from hanging at which its straight rods have the same
 energy E at rest:
@@ -24,19 +24,19 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class FittedAmplitudes:
-    """Range of the amplitudes of the fitted recordings, rad."""
+    """Range of the swing amplitudes in the fitted recordings, rad."""
 
     low: float
     high: float
 
     def beyond(self, amplitudes: Array, tolerance: float = 0.05) -> float:
-        """Share of some amplitudes that are outside by more than a relative tolerance."""
+        """Share of the given amplitudes that lie outside the range by more than a relative tolerance."""
         within = (amplitudes >= self.low * (1 - tolerance)) & (amplitudes <= self.high * (1 + tolerance))
         return float(np.mean(~within)) if len(within) else 0.0
 
 
 def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmplitudes | None:
-    """Range over the fitted recordings of a model; None without a recording."""
+    """Range of the amplitudes in the recordings to which a model was fitted; None without a recording."""
     if not runs:
         return None
     fitted = np.concatenate([amplitudes(model, run, rig)[1] for run in runs])
@@ -44,7 +44,7 @@ def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmpl
 
 
 def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, run: Run, rig: Rig) -> float:
-    """Share of the compared part of a recording that swings beyond the fitted amplitudes."""
+    """Share of the compared part of a recording whose amplitudes are outside the fitted range."""
     begins, angles = amplitudes(model, run, rig)
     return fitted.beyond(
         angles[(begins >= begins[0] + band.delay_s + BANDS.start_s - 1e-9) & (begins < band.horizon_s)]
@@ -52,7 +52,7 @@ def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, 
 
 
 def amplitudes(model: Model, run: Run, rig: Rig) -> tuple[Array, Array]:
-    """Starts of the segments of a recording, s since the release, and the amplitudes of the swing at them, rad."""
+    """Start of each segment of a recording, s since the release, and the swing amplitude at it, rad."""
     bare = follow(run, rig, model).bare
     problem, estimate = bare.problem, bare.fit.estimate
     upright = energies(problem, estimate.changed(initial=np.zeros((1, 4))))

@@ -1,10 +1,11 @@
-"""Predictive bands of an ensemble of models for recordings, and the share of readings that they cover.
+"""Predictive bands of an ensemble of models for recordings, and the share of readings inside the bands.
 
 Each model starts from a random initial state, drawn from its distribution given the first readings. The model then runs
-freely, under the known torques of driven joints with a random noise of their measurement, and the noise of the encoders
-is added. The band at an instant lies between quantiles over the models. Readings that were used for the initial states,
-and readings beyond the predictability horizon, are not compared. If the model does not follow the first half second as
-it follows the others, a hand may still have moved the rods: the band starts at the first half second that it follows.
+freely; noise of the torque measurement is added to the known torques of driven joints, and encoder noise to the
+readings. The band at an instant lies between two quantiles over the models. Readings that were used for the initial
+states, and readings beyond the predictability horizon, are not compared. At first a hand may still have moved the rods.
+If the model therefore follows the first half second much worse than the later ones, the band starts at the first half
+second that the model follows.
 """
 
 from collections.abc import Sequence
@@ -26,25 +27,24 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class BandSettings:
-    """Settings of the comparison."""
+    """Settings of the predictive bands."""
 
     level: float = 0.9
     """Share of the readings that a band should cover."""
     start_s: float = 0.5
-    """Time to which the initial states are fitted, from the first reading."""
+    """Length of the interval of first readings to which an initial state is fitted, s."""
     starts: int = 4
-    """Maximum number of starts that are tried, at intervals of `start_s`."""
+    """Maximum number of instants, `start_s` apart, that are tried as the start of the band."""
     length_s: float = 10.0
-    """Maximum duration of the comparison."""
+    """Maximum duration of the comparison, s."""
     rate_hz: float = 200.0
-    """Rate of the compared readings."""
+    """Rate of the compared readings, Hz."""
     unlike: float = 10.0
-    """Limits of the misfit of the first readings. A model follows the readings below the first limit, in standard
-    deviations of their noise. It does not follow them above the second limit, relative to the median over all half
-    seconds.
-    """
+    """Limits on the misfit of the first readings. A model follows the readings if the misfit is below the first limit,
+    in standard deviations of the noise. It does not follow them if the misfit exceeds the second limit, relative to the
+    median over all half seconds."""
     unexplained: float = 0.5
-    """Maximum share of the variance of the first readings that may remain unexplained by a model that follows them."""
+    """Maximum share of the variance of the first readings that a model which follows them leaves unexplained."""
 
 
 BANDS = BandSettings()
@@ -52,23 +52,22 @@ BANDS = BandSettings()
 
 @dataclass(frozen=True, slots=True)
 class PredictiveBand:
-    """The band of one recording."""
+    """Predictive band for one recording."""
 
     run: str
     horizon_s: float
-    """End of the comparison, s since the release; for a moving arm, the end of the last window."""
+    """End of the comparison, s since the release. For a moving arm it is the end of the last window."""
     t: Array
-    """(n,) s since the release."""
+    """(n,) times since the release, s."""
     measured: Array
     """(n, 2) readings, rad; (n, 3) for a moving arm, nan for joints without an encoder."""
     low: Array
     """Lower end of the band, in the shape of `measured`, rad."""
     high: Array
-    """Upper end of the band, rad."""
+    """Upper end of the band, in the shape of `measured`, rad."""
     delay_s: float = 0.0
-    """Time from the first reading to the first reading that determines the initial states, s, because the model does
-    not follow the earlier readings.
-    """
+    """Time from the first reading to the first reading that is used for the initial states, s. The model does not
+    follow the readings before it."""
 
     @property
     def readings(self) -> int:
@@ -77,19 +76,19 @@ class PredictiveBand:
 
     @property
     def covered(self) -> float:
-        """Share of the readings within the band; nan without a reading."""
+        """Share of the readings inside the band; nan without a reading."""
         inside = (self.measured >= self.low) & (self.measured <= self.high)
         return float(inside.sum()) / self.readings if self.readings else float("nan")
 
     @property
     def width_rad(self) -> float:
-        """Mean width of the band."""
+        """Mean width of the band, rad."""
         read = np.isfinite(self.measured)
         return float((self.high - self.low)[read].mean()) if read.any() else float("nan")
 
 
 def predictive_band(model: Model, members: Sequence[Model], run: Run, rig: Rig, seed: int) -> PredictiveBand:
-    """The band of an ensemble for one recording.
+    """Predictive band of an ensemble for one recording.
 
     Args:
         model: the corrected model, for the horizon
@@ -111,7 +110,7 @@ def predictive_band(model: Model, members: Sequence[Model], run: Run, rig: Rig, 
     instants = swing.t[(swing.t >= begin) & (swing.t <= started)]
     of_start = (run.t < started + 1e-9) & ((run.t >= begin) | (begin == first))  # includes the rest before the release
     head = preprocess(run.only(of_start), rig)
-    # torques act by their means between instants; those of `head` end with its last instant
+    # Between instants the mean torques act; those of `head` end with its last instant.
     onward = segments([np.concatenate([instants, t])], setups=[swing.setup])
     noise_Nm = torque_noise(swing.setup.torques) if swing.setup.torques else np.zeros(2)
     drawn = []
@@ -151,11 +150,11 @@ def _first_followed(followed: Followed) -> float:
 
 
 def quantiles_of(drawn: Array) -> tuple[Array, Array]:
-    """Lower and upper bound (n, joints) of readings (models, n, joints); models that fail are ignored.
+    """Lower and upper bound (n, joints) of the readings (models, n, joints); failed models are ignored.
 
     The k-th smallest value of m models is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
-    Gumbel 1958, Statistics of Extremes). The usual rule, interpolation between the smallest and the largest, would give
-    86 % instead of 90 % with 50 models.
+    Gumbel 1958, Statistics of Extremes). The usual rule interpolates between the smallest and the largest value; with
+    50 models it would give 86 % instead of 90 %.
     """
     tail = (1 - BANDS.level) / 2
     finite = np.where(np.isfinite(drawn), drawn, np.nan)
@@ -164,10 +163,10 @@ def quantiles_of(drawn: Array) -> tuple[Array, Array]:
 
 
 def level_of(models: int) -> float:
-    """Share of readings that the band of some models is expected to cover.
+    """Share of readings that a band of m models is expected to cover.
 
-    It is at most (m - 1) / (m + 1), which the smallest and the largest of m values cover: 67 % for five models, 90 %
-    from 19 on.
+    It is at most (m - 1) / (m + 1), the share between the smallest and the largest of m values: 67 % for five models,
+    90 % for 19.
     """
     return min(BANDS.level, (models - 1) / (models + 1))
 
@@ -178,13 +177,13 @@ def fewest_models() -> int:
 
 
 def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run:
-    """The run with torques that may have acted: as measured, minus a noise of the measurement."""
+    """The run with a random realisation of its true torques: the measured torques minus random measurement noise."""
     assert run.torques is not None
     return replace(run, torques=run.torques - std_Nm * rng.standard_normal(run.torques.shape))
 
 
 def _swing(followed: Followed, onward: Segments, rng: np.random.Generator) -> Array:
-    """(n, 2) readings of one model at the instants of a free run, from a drawn initial state, with noise, rad."""
+    """Readings (n, 2) of one model in a free run from a random initial state, with noise, rad."""
     problem = followed.fitted.problem
     started = drawn_starts(problem, followed.fitted.fit, rng)
     freely = replace(problem, segments=replace(onward, step=np.array([followed.step])))

@@ -1,7 +1,8 @@
-"""Calibration of the width of an ensemble by recordings: the error of an incomplete model exceeds the noise.
+"""Calibration of the width of an ensemble on recordings.
 
-The standard deviations of the posterior are multiplied by the smallest factor for which the predictive bands cover the
-required share of the readings of calibration runs.
+The errors of an incomplete model exceed the noise, so its bands are too narrow. The standard deviations of the
+posterior are multiplied by the smallest factor for which the predictive bands cover the required share of the readings
+of calibration runs.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,16 +18,15 @@ M = TypeVar("M")
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
-    """Settings of the search for the factor."""
+    """Settings of the search for the width factor."""
 
     factors: tuple[float, ...] = (2.0, 4.0, 8.0, 16.0)
-    """Factors on the standard deviations, in the order in which they are tried if 1 is too small."""
+    """Factors on the standard deviations, in the order in which they are tried if the factor 1 is too small."""
     halvings: int = 2
-    """Steps of bisection between the last factor that is too small and the first that is not, on a logarithmic
-    scale.
-    """
+    """Number of bisection steps, on a logarithmic scale, between the last factor that is too small and the first that
+    is sufficient."""
     members: int = 39
-    """Number of models in each trial; the band lies between the second values from both ends."""
+    """Number of models in each trial. The band lies between their second smallest and second largest values."""
 
 
 CALIBRATED = CalibrationSettings()
@@ -34,7 +34,7 @@ CALIBRATED = CalibrationSettings()
 
 @dataclass(frozen=True, slots=True)
 class EnsembleWidth:
-    """Result of a calibration: the factor, and the coverage of the bands with it."""
+    """Result of a calibration: the factor, and the coverage of the bands with this factor."""
 
     factor: float
     """Factor on the standard deviations."""
@@ -45,15 +45,12 @@ class EnsembleWidth:
 def calibrated(
     drawn: Callable[[float, int], Sequence[M]], band: Callable[[Sequence[M], Run], PredictiveBand], runs: Sequence[Run]
 ) -> EnsembleWidth:
-    """Find the factor.
+    """Find the width factor.
 
     Args:
-        drawn: models, from the factor on the standard deviations of the posterior and their number
-        band: band of models for a run
+        drawn: function of a factor on the standard deviations and of a number that returns so many random models
+        band: function that returns the band of models for a run
         runs: the calibration runs
-
-    Raises:
-        RunError: the model cannot follow a run.
     """
 
     def tried(factor: float) -> EnsembleWidth:
@@ -84,7 +81,7 @@ def widened(components: Sequence[PosteriorComponent], factor: float) -> list[Pos
 
 
 def pooled(bands: Sequence[PredictiveBand]) -> float:
-    """Share of all readings that the bands cover; nan without a reading."""
+    """Share of the readings of all bands that lie inside; nan without a reading."""
     counts = [band.readings for band in bands]
     covered = sum(band.covered * count for band, count in zip(bands, counts, strict=True) if count)
     return covered / sum(counts) if sum(counts) else float("nan")

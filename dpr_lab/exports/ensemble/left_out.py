@@ -1,20 +1,21 @@
-"""Width of an ensemble from the recordings of its fit, each predicted by models that were fitted without it.
+"""Width of an ensemble, estimated by leave-one-out cross-validation over the recordings of its fit.
 
-Models fitted to a recording predict it better than the next one: its residuals cannot show that a model is incomplete.
-For each recording r, models are drawn about the values fitted without it (`PosteriorComponent.left_out`). Errors of
-models fitted to R - 1 of R recordings have R / (R - 1) times the variance of those fitted to all (the jackknife), so
-their covariance is larger by this factor. With m and w the middle and the half width of their 90 % band, y the
-readings, and z the normal quantile of the band,
+Models fitted to a recording predict it better than the next recording, so its residuals cannot show that the models are
+incomplete. For each recording r, models are therefore drawn about the values fitted without r
+(`PosteriorComponent.left_out`). Errors of models fitted to R - 1 of R recordings have R / (R - 1) times the variance of
+models fitted to all (the jackknife), so their covariance is increased by this factor. With m and w the middle and the
+half width of their 90 % band, y the readings, and z the normal quantile of the band,
 
     s_r = mean (z (y - m) / w)^2,    v = median(s_r) / median(chi2_q / q)
 
-is the ratio of the variance of the errors to that of the band; it is 1 if the posterior is right. A recording has about
-q independent errors. The median is not affected by a recording far from the others, for which the values of the others
-are extrapolated. A posterior is kept if v is as expected by chance. Otherwise the standard deviations are multiplied by
+is the ratio of the variance of the errors to the variance of the band. It is 1 if the posterior is correct. A recording
+has about q independent errors. The median is insensitive to a recording far from the others, for which the values of
+the others are extrapolated. If v is within its scatter by chance, the posterior is kept. Otherwise the standard
+deviations are multiplied by
 
-    t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom,
+    t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom.
 
-because R recordings are few observations of a variance. n is the weight of the
+Student's distribution is used because R recordings are few observations of a variance. n is the weight of the
 expectation v = 1, as a number of recordings.
 
 Source: Student (1908), The probable error of a mean, Biometrika 6, 1-25; M. Stone (1974), Cross-validatory choice and
@@ -41,22 +42,20 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class LeftOutSettings:
-    """Settings of the estimate."""
+    """Settings of the estimate of the width."""
 
     members: int = 39
-    """Number of models for each recording; the band lies between the second values from both ends."""
+    """Number of models for each recording. The band lies between their second smallest and second largest values."""
     expected: float = 1.0
-    """Weight of the expectation that the posterior is right, as a number of recordings."""
+    """Weight of the expectation that the posterior is correct, as a number of recordings: n."""
     independent: int = 3
-    """Number of independent errors of a recording, q: between 1, an error of one parameter, and 11, by the scatter of s
-    of 21 recordings of simulated rigs.
-    """
+    """Number of independent errors of a recording: q. It is between 1 (an error of one parameter) and 11, the estimate
+    from the scatter of s over 21 recordings of simulated rigs."""
     fewest: int = 3
-    """Minimum number of recordings."""
+    """Minimum number of recordings for an estimate."""
     chance: float = 1.5
-    """Maximum v at which the posterior is kept: 1, plus the standard deviation sqrt(2 / 9) of v for three recordings
-    with three independent errors each.
-    """
+    """Maximum v for which the posterior is kept: 1 plus the standard deviation sqrt(2 / 9) of v for three recordings
+    with three independent errors each."""
 
 
 LEFT_OUT = LeftOutSettings()
@@ -65,7 +64,9 @@ LEFT_OUT = LeftOutSettings()
 def factor_without(
     model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
 ) -> float:
-    """Factor on the standard deviations of the posterior; 1 for few runs, or if there are no values without each.
+    """Width factor on the standard deviations of the posterior.
+
+    It is 1 for too few runs, or if the posterior has no values fitted without each run.
 
     Args:
         model: the corrected model
@@ -87,12 +88,12 @@ def factor_without(
 
 
 def without(components: Sequence[PosteriorComponent], place: int) -> list[PosteriorComponent]:
-    """The posterior without one of its R recordings, with R / (R - 1) times its covariances."""
+    """The posterior of a fit without one of R recordings; its covariances are multiplied by R / (R - 1)."""
     return [_without(component, place) for component in components]
 
 
 def widening(errors: Sequence[float]) -> float:
-    """Factor on the standard deviations, from the squared normalised error s of each recording."""
+    """Width factor on the standard deviations, from the value s of each recording."""
     if not errors:
         return 1.0
     variance = float(np.median(errors) * LEFT_OUT.independent / chi2.median(LEFT_OUT.independent))
@@ -123,7 +124,7 @@ def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
 
 
 def _squared_errors(band: PredictiveBand) -> float:
-    """Mean of the squared errors in standard deviations of the band; nan without a reading."""
+    """Mean squared error in standard deviations of the band: s of a recording; nan without a reading."""
     middle, half = (band.low + band.high) / 2, (band.high - band.low) / 2
     errors = (NORMAL_Q90 * (band.measured - middle) / half)[np.isfinite(band.measured)]
     return float(np.mean(errors**2)) if len(errors) else float("nan")

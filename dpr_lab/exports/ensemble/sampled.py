@@ -1,12 +1,13 @@
 """Corrected models sampled from the posterior of parameters and causes, for domain randomisation.
 
-A set of effects is drawn by its probability, then its values from their joint normal distribution for another
-recording: the covariance of the fit, and that between recordings (`dpr_lab.gap.conclusion.scatter`). Draws with a
-negative value of a quantity that cannot be negative, and with physically impossible inertias, are drawn again: the
-distribution is truncated. If negative values were set to zero instead, their correlation would be lost: a friction that
-was drawn together with a negative damping would brake too much without it. The scale b is one of these values if the
-recordings determine it: under a known torque tau a swing depends on tau / b. A free swing does not determine it. It is
-then drawn log-normally within its interval, and all masses, inertias and torques are proportional to it.
+First a set of effects is drawn by its probability, then its values from their joint normal distribution for another
+recording. This distribution has the covariance of the fit plus the covariance between recordings
+(`dpr_lab.gap.conclusion.scatter`). It is truncated: a draw is repeated if a quantity that cannot be negative is
+negative, or if the inertias are physically impossible. Setting negative values to zero instead would lose their
+correlations. For example, a friction drawn together with a negative damping would brake too much without this damping.
+If the recordings determine the scale b, it is drawn with the other values: under a known torque tau a swing depends on
+tau / b. A free swing does not determine b. It is then drawn log-normally within its interval, and all masses, inertias
+and torques are proportional to it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,15 +47,12 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 def posterior_of(
     model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
-    """The posterior of a diagnosis; for a model without a diagnosis, the covariance of its ratios.
+    """Posterior of a diagnosis; for a model without one, the covariance of its ratios.
 
     Args:
         model: the model
         diagnosis: its diagnosis, if there is one
         scatter: scatter of the ratios between recordings, for a model without a diagnosis
-
-    Raises:
-        RunError: a diagnosis of an older version, without a posterior.
     """
     if diagnosis is not None:
         return diagnosed_posterior(diagnosis)
@@ -85,10 +83,10 @@ def posterior_of(
 
 
 def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
-    """The posterior of a diagnosis.
+    """Posterior of a diagnosis.
 
     Raises:
-        RunError: it is of an older version, without a posterior.
+        RunError: the diagnosis was written by an older version, without a posterior.
     """
     if not diagnosis.posterior:
         raise RunError("the diagnosis has no joint covariance of its parameters: diagnose the recordings again")
@@ -96,11 +94,14 @@ def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
 
 
 def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> dict[str, float]:
-    """Values of one set of effects: ratios, and `effect.parameter`; zero for values that are negative in all draws."""
+    """Random values of the ratios and of the parameters (`effect.parameter`) of one set of effects.
+
+    A value that is negative in all draws is zero.
+    """
     values = dict(component.ratios) | {
         f"{name}.{key}": value for name, parameters in component.effects.items() for key, value in parameters.items()
     }
-    mean = np.array([values.get(name, 0.0) for name in component.free])  # an effect of size zero is not listed
+    mean = np.array([values.get(name, 0.0) for name in component.free])  # effects of size zero are not listed
     positive = np.array([name in _positive() for name in component.free], dtype=np.bool_)
     steps = rng.standard_normal((tries, len(mean))) @ square_root(component.predictive).T
     allowed = (mean + steps >= 0.0) | ~positive
@@ -110,7 +111,7 @@ def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries:
 
 @cache
 def _positive() -> frozenset[str]:
-    """Values that cannot be negative."""
+    """Names of the values that cannot be negative."""
     effects = (
         f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"
     )
@@ -128,19 +129,19 @@ def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator
 
 
 def square_root(covariance: Array) -> Array:
-    """A square root of a covariance, which may be singular."""
+    """Matrix square root of a covariance, which may be singular."""
     scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
     eigen, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     return scale[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
 
 
 def signed(values: Mapping[str, float]) -> dict[str, float]:
-    """Values; negative values of parameters that cannot be negative are replaced by zero."""
+    """Values with zero in place of negative values that must not be negative."""
     return {name: max(value, 0.0) if name in _positive() else value for name, value in values.items()}
 
 
 def _possible(values: Mapping[str, float]) -> bool:
-    """Whether bodies with these inertias and first moments exist."""
+    """Whether rigid bodies with these ratios exist."""
     a, d = values["a/b"], values["d/b"]
     return a > d * d and d > 0 and values["e1/b"] > 0
 
@@ -148,12 +149,12 @@ def _possible(values: Mapping[str, float]) -> bool:
 def scaled_effects(
     component: PosteriorComponent, values: Mapping[str, float], interval: tuple[float, float], rng: np.random.Generator
 ) -> tuple[float, dict[str, dict[str, float]]]:
-    """Ratio of the drawn scale to the scale of the posterior, and the drawn effects at this scale.
+    """Ratio of a random scale to the scale of the posterior, and the random effects at this scale.
 
     Args:
         component: the drawn set of effects
         values: its drawn values
-        interval: ends of the 90 % interval of the scale, relative to its value, for a scale outside the posterior
+        interval: 90 % interval of the scale, relative to its value, if the scale is not in the posterior
         rng: random numbers
     """
     if "b" in component.free:

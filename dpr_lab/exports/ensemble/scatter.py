@@ -1,4 +1,4 @@
-"""Scatter of the ratios of an identification between its recordings, which a model file does not contain."""
+"""Scatter of the identified ratios between recordings, which a model file does not contain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,22 +17,22 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class RatioScatter:
-    """Differences of the fitted ratios between recordings."""
+    """Scatter of the fitted ratios between recordings."""
 
     names: tuple[str, ...]
-    """Fitted ratios, and the scale b if the recordings determine it."""
+    """Names of the fitted ratios, and of the scale b if the recordings determine it."""
     between: Array
-    """(n, n) covariance of their values in another recording about the common ones."""
+    """(n, n) covariance of the values of a further recording about the common values."""
     left_out: Array
-    """(recordings, n) values fitted without each recording."""
+    """(recordings, n) values fitted without one recording each."""
 
 
 def scatter_of_ratios(model: Model, runs: Sequence[Run], rig: Rig, segment_s: float = 0.5) -> RatioScatter:
-    """Scatter of the ratios of a model.
+    """Estimate the scatter of the ratios of a model between recordings.
 
     Args:
         model: an identified model without effects
-        runs: the runs that it was fitted to
+        runs: the runs to which the model was fitted
         rig: its rig
         segment_s: length of a segment, s
     """

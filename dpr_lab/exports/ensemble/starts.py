@@ -1,16 +1,16 @@
 """Random initial states of segments, drawn from their distribution given readings and model.
 
-With V the covariance of the zeros of the encoders of one recording, J_x and J_z the weighted derivatives of the
-readings with respect to initial state and zeros, W the weak prior of `dpr_lab.fitting.linearise`, and f the variance
-inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`), a draw is
+Let V be the covariance of the encoder zeros of one recording, J_x and J_z the weighted derivatives of the readings with
+respect to initial state and zeros, W the weak prior of `dpr_lab.fitting.linearise`, and f the variance inflation n /
+n_eff (`dpr_lab.gap.hypothesis.residuals`). A draw is then
 
     z ~ N(0, V),    x = x0 - P^-1 J_x^T J_z z / f + n,    n ~ N(0, P^-1),    P = J_x^T J_x / f + W.
 
-f is computed with the model with its effects: the misfit of the same rods without effects contains no information about
-its initial states. The factor f does not widen the prior. Only the prior limits the initial speed of a joint that dry
-friction stops at once. For such a joint the readings are not a linear function of the state: a draw that fits the
-readings worse than the tail of this distribution allows is moved towards the fit. The zeros are fixed unless the
-encoders are set to zero before each recording (`rezeroed`).
+f is computed for the model with effects, because the misfit of the same rods without effects contains no information
+about its initial states. The prior W is not divided by f. For a joint that dry friction stops at once, only the prior
+limits the initial speed. The readings of such a joint are not a linear function of the state. A draw that fits the
+readings worse than the tail of this distribution allows is therefore moved towards the fit. The zeros are fixed unless
+the encoders are zeroed before each recording (`rezeroed`).
 """
 
 from dataclasses import dataclass
@@ -29,23 +29,25 @@ from dpr_lab.gap.hypothesis.residuals import residual_statistics
 
 @dataclass(frozen=True, slots=True)
 class StartSettings:
-    """Settings of the draws."""
+    """Settings of the random initial states."""
 
     tail: float = 1e-3
-    """Share of the draws of a linear problem whose misfit would exceed the accepted one."""
+    """Share of the draws of a linear problem with a larger misfit than the accepted one."""
     halvings: int = 10
-    """Maximum number of times that a draw is moved to half its distance from the fit."""
+    """Maximum number of halvings of the distance between a draw and the fit."""
 
 
 STARTS = StartSettings()
 
 
 def drawn_starts(problem: Problem, fit: Fit, rng: np.random.Generator) -> Estimate:
-    """The fitted estimate with random initial states and zeros; not finite if the model cannot follow the readings.
+    """The fitted estimate with random initial states and zeros.
+
+    The values are not finite if the model cannot follow the readings.
 
     Args:
-        problem: readings from which the states were fitted
-        fit: fit of initial states, and of the zeros that are free
+        problem: readings to which the states were fitted
+        fit: fit of the initial states, and of the zeros that are free
         rng: random numbers
     """
     inflation, linear, states = residual_statistics(problem, fit).inflation, fit.linear, problem.segments.states

@@ -1,4 +1,7 @@
-"""Write the corrected model into the user's own MJCF, URDF or SDFormat file; only numbers of rods and arm change."""
+"""Writing of the corrected model into the user's own MJCF, URDF or SDFormat file.
+
+Only numbers of the rods and the arm are changed.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -24,7 +27,7 @@ WRITERS: dict[str, Writer] = {
     "robot": partial(into_description, name="URDF", read=read_urdf, editor=UrdfEditor()),
     "sdf": partial(into_description, name="SDFormat", read=read_sdf, editor=SdfEditor()),
 }
-"""Root element of a file -> function that changes the file."""
+"""Root element of a file -> function that writes the corrected model into such a file."""
 
 
 WORDS: dict[str, frozenset[str]] = {"MJCF": MJCF_WORDS, "URDF": UrdfEditor.words, "SDFormat": SdfEditor.words}
@@ -32,17 +35,15 @@ WORDS: dict[str, frozenset[str]] = {"MJCF": MJCF_WORDS, "URDF": UrdfEditor.words
 
 
 def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
-    """The file with the numbers of the corrected model; its root element determines the format.
+    """The user's file with the numbers of the corrected model.
+
+    The root element of the file determines its format.
 
     Args:
         model: the corrected or identified model
         rig: its rig, as `dpr-lab rig from` wrote it from this file
         path: the file
-        joints: of inner rod, outer rod and optionally the arm; none: detected
-
-    Raises:
-        ConfigError: the file cannot be read or changed, is of none of these formats, or its L1 or g is not that of the
-            rig.
+        joints: names of the joints of inner rod, outer rod and optionally the arm; empty: detected
     """
     tag = read_xml(path).tag
     if tag not in WRITERS:

@@ -1,9 +1,8 @@
-"""Write the corrected model into the user's URDF or SDFormat file.
+"""Writing of the corrected model into the user's URDF or SDFormat file.
 
-`dpr_lab.exports.into.target` lists the changed quantities.
-
-The coordinates of an element can refer to any frame. The influence of a coordinate is therefore determined numerically:
-the file is read again with this coordinate changed, and positions are linear in it.
+`dpr_lab.exports.into.target` lists the changed quantities. The coordinates of an element can refer to any frame. The
+influence of a coordinate is therefore determined numerically: the file is read again with a changed coordinate, and
+positions are linear in each coordinate.
 """
 
 from collections.abc import Callable, Sequence
@@ -44,7 +43,7 @@ Read = Callable[[Path, bytes | None], SimulatorModel]
 
 
 class Editor(Protocol):
-    """A description format: its names of quantities, and functions that read and write its numbers."""
+    """Interface of a description format: its names of quantities, and functions that read and write its numbers."""
 
     words: frozenset[str]
     """Elements of effects that it supports."""
@@ -56,11 +55,11 @@ class Editor(Protocol):
         ...
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """Set the coordinates."""
+        """Set the coordinates of an element."""
         ...
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """Multiply the inertia."""
+        """Multiply the inertia of an element by a factor."""
         ...
 
     def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
@@ -68,7 +67,7 @@ class Editor(Protocol):
         ...
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """The element whose position is the position of the outer joint."""
+        """Index of the element whose position determines the position of the outer joint."""
         ...
 
 
@@ -81,7 +80,7 @@ class _File:
     editor: Editor
     joints: tuple[str, ...]
     gravity: float | None
-    """Default gravity, m/s^2, if the format does not contain it."""
+    """Gravity for a format that does not contain it, m/s^2; None if it does."""
 
     def model(self, edit: XmlEdit) -> SimulatorModel:
         return self.read(self.path, edit.text())
@@ -107,7 +106,7 @@ class _File:
         return index
 
     def link(self, edit: XmlEdit, part: Part) -> int:
-        """Index of the element of a link; errors as of `joint`."""
+        """Index of the element of a link; errors are those of `joint`."""
         index = edit.find("link", name=part.name)
         if index is None:
             raise ConfigError(f"{self.path}: no <link name={part.name!r}> is in the file itself")
@@ -117,20 +116,20 @@ class _File:
 def into_description(
     model: AnyModel, rig: Rig, path: Path, joints: Sequence[str], name: str, read: Read, editor: Editor
 ) -> PatchedModel:
-    """The file with the numbers of the corrected model.
+    """The user's file with the numbers of the corrected model.
 
     Args:
         model: the corrected or identified model
         rig: its rig, as `dpr-lab rig from` wrote it from this file
         path: the file
-        joints: joints of the rods and of an arm, as for `double_pendulum`; none: detected
+        joints: joints of the rods and of an arm, as for `double_pendulum`; empty: detected
         name: name of the format
         read: function that reads the file
         editor: functions that read and write its numbers
 
     Raises:
-        ConfigError: the file cannot be read or changed, its L1, g or L0 is not that of the rig, a rod has a rotor, or
-            it has other rods or no arm although that of the model moves.
+        ConfigError: the file cannot be read or changed; its L1, g or L0 differs from that of the rig; a rod has a
+            rotor; it has other rods; or it has no arm although the arm of the model moves.
     """
     file = _File(path, name, read, editor, tuple(joints), model.rig.g)
     edit = file.editable(path.read_bytes())
@@ -187,7 +186,7 @@ def _part(model: SimulatorModel, joint: str) -> Part:
 
 
 def _with_moved_joint(file: _File, edit: XmlEdit, joint: str, shift: Vector) -> XmlEdit:
-    """Shift a joint on its parent part by a vector, (3,) in the world, m."""
+    """Shift a joint relative to its parent part by a vector (3,) in the world frame, m."""
     model = file.model(edit)
     owner = file.editor.elbow_owner(file.joint(edit, joint), file.link(edit, _part(model, joint)))
 
@@ -201,7 +200,7 @@ def _with_moved_joint(file: _File, edit: XmlEdit, joint: str, shift: Vector) -> 
 
 
 def _change(file: _File, edit: XmlEdit, joint: str, target: RodTarget | ArmTarget) -> BodyChange:
-    """Change of the body at a joint that gives it the values of the target."""
+    """Change of the body at a joint after which it has the target values."""
     model = file.model(edit)
     chain = file.chain(model)
     if isinstance(target, ArmTarget):
@@ -212,7 +211,7 @@ def _change(file: _File, edit: XmlEdit, joint: str, target: RodTarget | ArmTarge
 
 
 def _with_body(file: _File, edit: XmlEdit, joint: str, change: BodyChange) -> XmlEdit:
-    """Move the centre of mass of the link of a joint and scale its inertia."""
+    """Change the body of a joint: move its centre of mass and scale its inertia."""
     model = file.model(edit)
     if not change.moves and not change.scales:
         return edit
@@ -230,7 +229,7 @@ def _with_body(file: _File, edit: XmlEdit, joint: str, change: BodyChange) -> Xm
 def _moved(
     file: _File, edit: XmlEdit, owner: int, label: str, measure: Callable[[SimulatorModel], Vector], shift: Vector
 ) -> XmlEdit:
-    """Move an element so that a position derived from it moves by a shift, (3,) in the world, m."""
+    """Move an element so that a position derived from it shifts by a vector (3,) in the world frame, m."""
     place = file.editor.place(edit, owner)
 
     def measured(point: Vector) -> Vector:

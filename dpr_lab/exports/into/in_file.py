@@ -17,20 +17,17 @@ Effects = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class ChangeSettings:
-    """Tolerances within which a number of the file is unchanged."""
+    """Tolerances within which a number of the file counts as unchanged."""
 
     same: float = 0.01
-    """Relative difference that never counts as a change; the softened friction of an engine affects other parameters
-    by this amount.
-    """
+    """Relative difference up to which a number always counts as unchanged. The softened friction of an engine changes
+    other parameters by this amount."""
     stds: float = 3.0
-    """Standard deviations of a ratio within which it counts as unchanged."""
+    """Difference of a ratio, in its standard deviations, up to which it counts as unchanged."""
     idle: float = 1e-6
-    """Damping below this fraction of the typical damping counts as zero."""
+    """Damping, as a fraction of the typical damping, below which it counts as zero."""
     felt: float = 0.01
-    """An effect keeps its value of the file if, without its change, the mean square error over segments grows by less
-    than this fraction.
-    """
+    """Relative growth of the mean square error over segments below which an effect keeps its value of the file."""
 
 
 CHANGE = ChangeSettings()
@@ -38,12 +35,12 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """One number of the file that differs from the rig, with the names of the file."""
+    """A number of the file that differs from the rig, in the terms of the file."""
 
     joint: str
     """Name of the joint in the file."""
     quantity: str
-    """Name of the quantity: `Coulomb friction`, `centre of mass of the body`."""
+    """Name of the quantity, for example `Coulomb friction` or `centre of mass of the body`."""
     before: float
     """Value in the file, SI."""
     after: float
@@ -51,11 +48,11 @@ class ModelCause:
     unit: str
     """Unit of both values."""
     effect: str = ""
-    """Named effect that it represents; empty for a base parameter."""
+    """Named effect that the number represents; empty for a base parameter."""
     share: float = 0.0
-    """Growth of the mean square error over segments if this cause alone is not corrected in the file, relative to the
-    growth if no cause is corrected. It is the same for all numbers of one body. The first cause has the largest share.
-    """
+    """Growth of the mean square error over segments if only this cause stays uncorrected, relative to the growth if all
+    causes stay uncorrected. All numbers of one body have the same share. The cause with the largest share comes
+    first."""
 
 
 TERMS = {
@@ -67,7 +64,7 @@ TERMS = {
 
 
 def hinge(chain: ModelChain, joint: int) -> ChainRod | ChainArm:
-    """The rod of a joint, 0 or 1, or the arm, -1."""
+    """The rod of joint 0 or 1, or the arm for joint -1."""
     if joint != ARM:
         return chain.rods[joint]
     assert chain.arm is not None
@@ -79,7 +76,7 @@ def _term(name: str) -> tuple[str, str, str, str] | None:
 
 
 def _joint(name: str) -> int:
-    """The joint at which the causes of an effect are listed: its own, or joint 1."""
+    """Joint at which an effect is listed: its own joint, or joint 1 if it has several."""
     joints = EFFECTS[name].joints
     return joints[0] if len(joints) == 1 else 0
 
@@ -99,7 +96,10 @@ def in_file(chain: ModelChain, name: str) -> dict[str, float]:
 def unseen(
     diagnosis: Diagnosis, chain: ModelChain, named: Collection[str], joints: Collection[int]
 ) -> dict[str, dict[str, float]]:
-    """Effects of some joints of the file that are not named and below the minimum detectable size; they are kept."""
+    """Effects in the file at some joints that are not named and are below the minimum detectable size.
+
+    They keep their values of the file.
+    """
     undetectable = {}
     for name in _at(joints):
         term = _term(name)
@@ -111,12 +111,12 @@ def unseen(
 
 
 def _at(joints: Collection[int]) -> Iterator[str]:
-    """Effects that an attribute of a joint represents."""
+    """Names of the effects of some joints that an attribute of a joint can represent."""
     return (name for name, effect in EFFECTS.items() if _term(name) and set(effect.joints) <= set(joints))
 
 
 def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
-    """Values of an effect, with the value of the file if it is in the interval."""
+    """Values of an effect; a value of the file replaces the estimate if it lies within the interval."""
     sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
     for key, of_file in in_file(chain, name).items():
         half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0
@@ -126,7 +126,7 @@ def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[
 
 
 def scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, float]:
-    """Values of an effect at another scale of all torques."""
+    """Values of an effect after all torques are multiplied by a factor."""
     powers = {p.name: p.scale_power for p in EFFECTS[name].parameters}
     return {key: value * factor ** powers.get(key, 0) for key, value in values.items()}
 
@@ -134,14 +134,14 @@ def scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, f
 def cause(
     chain: ModelChain, joint: int, quantity: str, before: float, after: float, unit: str, effect: str = ""
 ) -> ModelCause:
-    """One changed number at a joint: 0 or 1, or -1 of the arm."""
+    """Difference of one number at joint 0, 1 or, for the arm, -1."""
     return ModelCause(hinge(chain, joint).joint.name, quantity, float(before), float(after), unit, effect)
 
 
 def effect_rows(
     chain: ModelChain, name: str, values: Mapping[str, float], file: Mapping[str, float]
 ) -> list[ModelCause]:
-    """Differences of an effect from the file."""
+    """Numbers of the file that an effect changes."""
     joint, term = _joint(name), _term(name)
     gain, gear = words_of({name: values}).get(name, {}).get("gear"), hinge(chain, joint).gear
     if gain is not None and gear is not None:
@@ -157,12 +157,14 @@ def effect_rows(
 
 
 def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> Effects:
-    """Effects that the recordings require; other effects keep their value of the file, and are omitted if it is zero.
+    """Effects that the recordings require.
+
+    The other effects keep their value of the file, and are omitted if it is zero.
 
     Args:
         effects: identified sizes by name
         file: sizes of the same effects in the file
-        error: mean square error of the model with some effects
+        error: function of a set of effects that returns the mean square error of the model with them
     """
     for name in effects:
         without = {**effects, name: file[name]}
@@ -174,12 +176,12 @@ def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> 
 def ranked(
     causes: Sequence[tuple[Sequence[ModelCause], float]], least: float, nothing: float
 ) -> tuple[ModelCause, ...]:
-    """Changed numbers with their shares, the cause of the largest error first.
+    """Changed numbers with their shares, sorted by decreasing share.
 
     Args:
-        causes: numbers of each cause, and the mean square error if it keeps its value of the file
-        least: error if all causes are corrected
-        nothing: error if no cause is corrected
+        causes: numbers of each cause, and the mean square error if they keep their values of the file
+        least: mean square error if all causes are corrected
+        nothing: mean square error if no cause is corrected
     """
     growths = [max(error - least, 0.0) for _, error in causes]
     whole = max(nothing - least, *growths, 1e-30)

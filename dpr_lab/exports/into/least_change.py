@@ -1,9 +1,9 @@
-"""Smallest set of changes in a simulator's model after which it moves like the corrected model.
+"""Smallest set of changes after which a simulator's model moves like the corrected model.
 
-A free swing determines only ratios of the base parameters. The common scale s of all masses, inertias and torques is
-therefore free unless recordings or measured values determine it, and is chosen such that as many base parameters of the
-file as possible are unchanged: with u the estimated base parameters at b = 1 and x those of the file, x_i is unchanged
-if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
+A free swing determines only ratios of the base parameters. Unless recordings or measured values determine it, the
+common scale s of all masses, inertias and torques is therefore free. It is chosen such that as many base parameters of
+the file as possible are unchanged. Let u be the estimated base parameters at b = 1 and x those of the file. x_i is
+unchanged if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
 
 If only known torques determine the scale, these torques were computed with the gears of the file. Multiplying all
 torques by s / b is then equivalent to dividing all masses, inertias and frictions by s / b. Each gear changes by the
@@ -41,21 +41,21 @@ from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ModelChain
 
 BODY_TERMS = (("a", "e1"), ("b", "d"))
-"""Base parameters that the inertia and the centre of mass of each rod's body determine."""
+"""For each rod, the base parameters that the inertia and the centre of mass of its body determine."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeastChange:
-    """The corrected model with all numbers of the file that are compatible, and the causes in order."""
+    """Corrected model that keeps all compatible numbers of the file, with its causes, sorted by share."""
 
     model: AnyModel
     causes: tuple[ModelCause, ...]
     unnamed: tuple[str, ...]
-    """Named effects that no attribute of a body or joint represents."""
+    """Named effects that no attribute of a body or joint can represent."""
 
 
 def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain, runs: Sequence[Run]) -> LeastChange:
-    """Change as few numbers as the recordings require.
+    """Find the smallest set of changed numbers that the recordings require.
 
     Args:
         diagnosis: the diagnosis, for the intervals of its effects
@@ -100,7 +100,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
 
 
 def _base_of(chain: ModelChain, longer: float) -> Array:
-    """(6,) base parameters of the file with its rod longer by this length, m."""
+    """Base parameters (6,) of the file, with its rod longer by `longer`, m."""
     values, length = chain.parameters, (chain.rods[0].length or 0.0) + longer
     return base_parameters([values[name] for name in PARAMETERS], length, chain.gravity)
 
@@ -110,7 +110,7 @@ def _gear_factors(
 ) -> dict[str, float]:
     """Error of the torque constant of each driven joint -> acting torque over known torque at the estimated b.
 
-    Empty if the scale is not determined by the torques.
+    Empty unless the torques determine the scale.
     """
     driven = [run.torques for run in runs if run.torques is not None]
     weighed = any(run.added_mass is not None for run in runs)
@@ -121,25 +121,25 @@ def _gear_factors(
 
 
 def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
-    """Errors of the torque constants in the file if all masses change by a common factor; without negligible ones."""
+    """Errors of the torque constants in the file, without negligible ones, if all masses change by a common factor."""
     excess = {name: float(factor * gain - 1) for name, gain in gears.items()}
     return {name: {"excess": x} for name, x in excess.items() if abs(x) >= _same_gear(diagnosis)}
 
 
 def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
-    """(6,) base parameters: values of the file if compatible, otherwise the estimated values, at one scale.
+    """Base parameters (6,) at one scale: values of the file if compatible, otherwise estimates.
 
     Args:
-        of_file: (6,) of the file, without rotors
+        of_file: (6,) base parameters of the file, without rotors
         rotor: (6,) contribution of the rotors of the file, which the estimates contain
         model: the corrected model
         diagnosis: the diagnosis
-        gears: `_gear_factors`
+        gears: result of `_gear_factors`
     """
     u = np.insert(model.ratio_values, 1, 1.0)
     std = np.insert(np.sqrt(np.diag(np.array(diagnosis.ratio_covariance))), 1, 0.0)
     tolerance = np.maximum(CHANGE.same, CHANGE.stds * std / u)
-    floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # for a file without damping; both in N m s
+    floor = CHANGE.idle * np.sqrt(of_file[1] * of_file[3])  # for a file without damping; both terms are in N m s
     x = np.where(of_file > 0, of_file, floor) + rotor
     b, scale = model.base["b"].value, diagnosis.scale
     scales: list[float] = [] if scale is not None and scale.known and not len(gears) else (x / u)[:4].tolist()
@@ -156,13 +156,13 @@ def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gear
 
 
 def _same_gear(diagnosis: Diagnosis) -> float:
-    """Relative difference within which a gear is unchanged."""
+    """Relative difference up to which a gear counts as unchanged."""
     low, high = diagnosis.scale.interval90 if diagnosis.scale else (1.0, 1.0)
     return max(CHANGE.same, CHANGE.stds * float(np.log(high / low)) / (2 * NORMAL_Q90))
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """(6,) base parameters that keep every centre of mass or inertia that hardly differs from the file."""
+    """Base parameters (6,) that keep each centre of mass or inertia of the file which hardly differs."""
     length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
@@ -212,7 +212,7 @@ def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
 
 
 def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
-    """Centre of mass and inertia of the body on a joint, with the masses of the file."""
+    """Differences in centre of mass and inertia of the body on a joint, with the masses of the file."""
     before, after = (_bodies(chain, values, longer)[number] for values in (of_file, base))
     names = (
         ("centre of mass of the body along the rod", "m"),
@@ -226,7 +226,7 @@ def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longe
 
 
 def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, float]]:
-    """Centre of mass and inertia of each rod from (6,) base parameters."""
+    """Centre of mass and inertia of each rod, from base parameters (6,)."""
     inner, *outer = chain.rods
     a, b, d, e1 = base[:4]
     length, carried = (inner.length or 0.0) + longer, sum(rod.mass for rod in outer) + chain.elbow_mass

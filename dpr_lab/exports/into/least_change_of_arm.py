@@ -1,9 +1,10 @@
-"""Smallest set of changes in a simulator's model with a moving arm; `least_change` does the same for a clamped one.
+"""Smallest set of changes in a simulator's model with a moving arm.
 
-All inertias, frictions, gravity torques and the torque per input of the drive may have a common factor s. With u the
-estimated `SWING_PARAMETERS` over the scale and x those of the file, x_i is unchanged if |s u_i / x_i - 1| is within its
-tolerance, and s is one of x_i / u_i. If the torque per input is unchanged, s is the scale that known torques determine;
-if most others are, the gear of the motor changes.
+`least_change` does the same for a clamped arm. All inertias, frictions, gravity torques and the torque per input of the
+drive may have a common factor s. Let u be the estimated `SWING_PARAMETERS` over the scale and x those of the file. x_i
+is unchanged if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i. If the torque per input is
+unchanged, s is the scale that known torques determine. If most other parameters are unchanged, the gear of the motor
+changes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -45,12 +46,12 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True)
 class RankSettings:
-    """Comparison of models with recordings, to rank causes."""
+    """Settings of the simulation that ranks the causes."""
 
     segment_s: float = 0.5
     """Length of segments, s."""
     lost_rad: float = 3.0
-    """Error of a model that cannot follow a recording, rad: about the difference of unrelated angles."""
+    """Error assigned to a model that cannot follow a recording, rad: about the difference of unrelated angles."""
 
 
 RANK = RankSettings()
@@ -58,7 +59,7 @@ RANK = RankSettings()
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """Numbers of the file that one cause changes."""
+    """Numbers of the file that change together, because of one cause."""
 
     parameters: tuple[str, ...]
     rows: list[ModelCause]
@@ -67,7 +68,7 @@ class _Group:
 def least_change_of_arm(
     diagnosis: Diagnosis, model: MovingArmModel, rig: Rig, chain: ModelChain, runs: Sequence[Run]
 ) -> LeastChange:
-    """Change as few numbers as the recordings require.
+    """Find the smallest set of changed numbers that the recordings require.
 
     Args:
         diagnosis: the diagnosis, for the intervals of its effects
@@ -100,7 +101,10 @@ def least_change_of_arm(
 
 
 def _of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
-    """`SWING_PARAMETERS` of the file, without spring and dry friction of the arm, which are effects."""
+    """`SWING_PARAMETERS` of the file.
+
+    Spring and dry friction of the arm are not included, because they are effects.
+    """
     numbers = {name: 0.0 for name in PARAMETERS} | chain.parameters
     values = base_parameters([numbers[name] for name in PARAMETERS], chain.rods[0].length or 1.0, chain.gravity)
     of_rods = dict(zip(BASE, values.tolist(), strict=True))
@@ -116,7 +120,7 @@ def _carried(chain: ModelChain) -> float:
 
 
 def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[str, float]:
-    """Values of the file if compatible, otherwise estimates, at one scale."""
+    """`SWING_PARAMETERS` at one scale: values of the file if compatible, otherwise estimates."""
     u: dict[str, float] = dict(zip(SWING_PARAMETERS, model.swing, strict=True))
     tolerance = _tolerances(model)
     floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # for a file without damping
@@ -142,7 +146,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
-    """Determined parameter -> relative difference up to which the number of the file is not changed."""
+    """Determined parameter -> relative difference up to which the number of the file is kept."""
     gain, scale = GAINS.get(model.input, "").format(model.scale), model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
     if model.input and scale.fixed_by == "data":  # the scale over the known torque per input
@@ -155,7 +159,7 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
 
 
 def _changed(chain: ModelChain, arm: ChainArm, values: Values, of_file: Values) -> Iterator[_Group]:
-    """Numbers that differ from the file."""
+    """Groups of numbers that differ from the file."""
     base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
         if any(values[name] != of_file[name] for name in terms):
@@ -184,7 +188,7 @@ def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmM
 
 
 def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:
-    """Mean square error in short segments, rad^2."""
+    """Mean square error over segments, rad^2."""
     try:
         followed = [follow_with_arm(run, rig, model, RANK.segment_s) for run in runs]
     except RunError:

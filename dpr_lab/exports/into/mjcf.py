@@ -1,4 +1,7 @@
-"""Write the corrected model into the user's MJCF file; `dpr_lab.exports.into.target` lists the changed quantities."""
+"""Writing of the corrected model into the user's MJCF file.
+
+`dpr_lab.exports.into.target` lists the changed quantities.
+"""
 
 import math
 from collections.abc import Sequence
@@ -39,15 +42,15 @@ from dpr_lab.simulator_models.xml_edit import XmlEdit
 from dpr_lab.simulator_models.xml_file import with_includes
 
 WORDS = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
-"""Elements of effects that attributes of joints, bodies and motors represent."""
+"""Elements of effects that attributes of joints, bodies and motors can represent."""
 
 ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
-"""Quantity of a joint -> its attribute, if the names differ."""
+"""Quantity of a joint -> its attribute in MJCF, where the names differ."""
 
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """The file as read."""
+    """The user's file as it was read."""
 
     path: Path
     compiled: CompiledMjcf
@@ -83,7 +86,7 @@ def _read(path: Path, joints: Sequence[str], text: bytes | None = None) -> _File
 
 
 def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
-    """The file with the numbers of the corrected model.
+    """The user's file with the numbers of the corrected model.
 
     Args:
         model: the corrected or identified model
@@ -92,8 +95,8 @@ def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
         joints: joints of the rods and of an arm, as for `double_pendulum`; empty: detected
 
     Raises:
-        ConfigError: the file cannot be read or changed, its L1, g or L0 differs from that of the rig, or it has other
-            rods or no arm although that of the model moves.
+        ConfigError: the file cannot be read or changed; its L1, g or L0 differs from that of the rig; it has other
+            rods; or it has no arm although the arm of the model moves.
     """
     file = _read(path, joints)
     arm = arm_to_change(model, file.chain, rig, path)
@@ -133,7 +136,7 @@ def into_mjcf(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
 
 
 def _overriding(path: Path) -> str:
-    """Settings of a file that override the changed numbers, and the remedy, as a message."""
+    """Message on settings of the file that override the changed numbers, with a remedy."""
     root, switches = with_includes(path), {flag for flags in SWITCHES.values() for flag in flags}
     off = [
         f'<flag {name}="disable">'
@@ -155,7 +158,7 @@ def _overriding(path: Path) -> str:
 
 
 def _geared(file: _File, effect: str) -> bool:
-    """Whether the joint of a torque constant has a motor whose gear can change."""
+    """Whether the joint of a torque constant has a motor with a gear that can be changed."""
     (joint,) = EFFECTS[effect].joints
     part = file.chain.arm if joint == ARM else file.chain.rods[joint]
     return part is not None and part.gear is not None
@@ -196,7 +199,7 @@ def _set_joint(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, target: Ro
 
 
 def _set_gear(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, gear: float | None) -> None:
-    """Set the gear of the motor of a joint; the other five numbers of the attribute do not change.
+    """Set the gear of the motor of a joint; the other five numbers of the attribute remain.
 
     Raises:
         ConfigError: the motor is not in the file itself.
@@ -213,7 +216,7 @@ def _set_gear(edit: XmlEdit, file: _File, part: ChainRod | ChainArm, gear: float
 
 
 def _move(edit: XmlEdit, file: _File, joints: tuple[str, str], shift: Vector) -> None:
-    """Move the body of the second joint, which is on the body of the first, by a shift, (3,) in the world, m.
+    """Shift the body of the second joint, a child of the body of the first, by a vector (3,) in the world frame, m.
 
     Raises:
         ConfigError: the second body is not a child of the first.

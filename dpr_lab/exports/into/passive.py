@@ -1,8 +1,9 @@
 """Passive forces in MuJoCo for the effects that the user's MJCF or URDF file cannot contain.
 
-The module is that of `export --to mjcf` (`dpr_lab.exports.mjcf`), at the joints of the user's file. It adds torques, so
-effects that change inertias, and compliant arms, are not part of it. Coulomb friction at rest is left to the engine:
-the joints of the file get the friction of the added effects, and the module subtracts it while a joint moves.
+The module of passive forces is that of `export --to mjcf` (`dpr_lab.exports.mjcf`), applied to the joints of the user's
+file. It adds torques, so it does not contain effects that change inertias, or compliant arms. The engine holds joints
+at rest: the joints of the file receive the Coulomb friction of the added effects, and the module subtracts this
+friction while a joint moves.
 """
 
 import math
@@ -26,11 +27,11 @@ STAGES = ("torque", "load", "timing", "encoder", "play", "play1")
 
 @dataclass(frozen=True, slots=True)
 class PassiveForces:
-    """Effects that are added to a file, and the module that adds them."""
+    """Effects that are added to a file as passive forces, and the module that applies them."""
 
     effects: tuple[str, ...] = ()
     friction: tuple[float, float] = (0.0, 0.0)
-    """Coulomb friction at rest of these effects, N m."""
+    """Coulomb friction of these effects at rest, at joints 1 and 2, N m."""
     module: str = field(default="", repr=False)
     """Source of the module; empty without effects."""
 
@@ -38,7 +39,7 @@ class PassiveForces:
 def passive_forces(
     model: Model, rig: Rig, expressed: Collection[str], chain: ModelChain, file: str, gravity: float | None = None
 ) -> PassiveForces:
-    """Effects of a model that are not expressed in a file, as passive forces.
+    """Passive forces for the effects of a model that a file does not contain.
 
     Args:
         model: the corrected model
@@ -46,7 +47,7 @@ def passive_forces(
         expressed: effects that the file contains
         chain: the double pendulum of the file
         file: name of the file
-        gravity: m/s^2, for a file that contains none
+        gravity: gravity for a file that contains none, m/s^2
     """
     known = {name: values for name, values in known_effects(model.effects).items() if name not in expressed}
     added = {n: v for n, v in known.items() if EFFECTS[n].stage in STAGES and not _adds_inertia(n, v, model, rig)}

@@ -1,10 +1,10 @@
 """Replay of recordings in MuJoCo with the numbers of the user's file.
 
 An MJCF file whose only joints are those of the rods is simulated itself, with its own integrator. Its time step is at
-most 0.5 ms, so that the error of the model dominates that of the step. Other files are simulated as bodies with the
-numbers that were read, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
+most 0.5 ms, so that the error of the model dominates the error of the integration. For other files, bodies with the
+numbers that were read are simulated, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
 
-Recordings of a moving arm are replayed by segments of 1 s, with the recorded input of the drive as a torque on the arm.
+Recordings of a moving arm are replayed in segments of 1 s. The recorded input of the drive acts as a torque on the arm.
 """
 
 import runpy
@@ -37,44 +37,40 @@ from dpr_lab.simulator_models.mjcf import compile_mjcf
 
 @dataclass(frozen=True, slots=True)
 class FileReplay:
-    """Errors on one recording, root mean square over both rods up to the predictability horizon, rad.
+    """Errors of replays of one recording, rad: root mean square over both rods up to the predictability horizon.
 
-    For a moving arm: over arm and rods, in segments of 1 s with fitted initial states.
+    For a moving arm, it is the root mean square over arm and rods, in segments of 1 s with fitted initial states.
     """
 
     run: str
     """Name of the recording."""
     until_s: float
-    """Predictability horizon, or end of the last segment, s since the release."""
+    """Predictability horizon, s since the release; for a moving arm, the end of the last segment."""
     before_rad: float
     """Error with the user's file, rad."""
     after_rad: float
-    """Error with the changed file, rad; the difference from `lab_rad` is due to the format."""
+    """Error with the changed file, rad. Its difference from `lab_rad` is caused by the format."""
     lab_rad: float
     """Error of the corrected model in dpr-lab, rad."""
     passive_rad: float | None = None
-    """Error with the changed file and the module of passive forces, rad; null without such a module."""
+    """Error with the changed file and the module of passive forces, rad; null without this module."""
 
 
 def replay_files(
     before: Path, after: PatchedModel, joints: Sequence[str], model: AnyModel, rig: Rig, runs: Sequence[Run]
 ) -> list[FileReplay]:
-    """Replay recordings with the user's file and with the changed one.
+    """Replay recordings with the user's file and with the changed file.
 
     Args:
         before: the user's file
         after: the changed file
-        joints: of the rods, and of a moving arm
+        joints: joints of the rods, and of a moving arm
         model: the corrected model, which determines initial states and horizons
         rig: its rig
         runs: the recordings
-
-    Raises:
-        ConfigError: MuJoCo is not installed, or cannot simulate a file.
-        RunError: the model cannot follow a recording.
     """
     moving = isinstance(model, MovingArmModel)
-    unit = drive_gain(rig).value if moving else 1.0  # torque per recorded input according to the user's file
+    unit = drive_gain(rig).value if moving else 1.0  # torque per recorded input in the user's file
     file, patched = (Simulation.of(before, text, joints, rig.g, moving) for text in (None, after.text))
     gain = unit * patched.gear / file.gear  # the known torques are those of the user's file
     forced = patched.with_module(after.passive.module, rig, gain) if after.passive.module else None
@@ -105,18 +101,18 @@ class Simulation:
 
     model: Any
     joints: tuple[str, ...]
-    """Names of the joints of the rods, preceded by the joint of a moving arm."""
+    """Names of the joints: first that of a moving arm, then those of the rods."""
     zero: Array
     """(n,) angles of these joints with the rods hanging and the arm at zero, rad."""
     direction: Array
     """(n,) signs of the joints, 1 or -1."""
     gear: Array
-    """Gear ratios of the motors, 1 without a motor: (2,) of the rods, or (1,) of a moving arm."""
+    """Gear ratios of the motors, 1 without a motor: (2,) for the rods, or (1,) for a moving arm."""
     longest_step_s: float = 5e-4
 
     @classmethod
     def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float, moving: bool = False) -> "Simulation":
-        """Load the user's file or its changed text, including an arm that moves.
+        """Load the user's file or its changed text.
 
         Raises:
             ConfigError: MuJoCo is not installed, or the file cannot be read.
@@ -143,9 +139,9 @@ class Simulation:
         )
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
-        """(n, 2) angles of the rods, or (n, 3) of arm and rods, at the instants of a replay, rad.
+        """Angles of the rods (n, 2), or of arm and rods (n, 3), at the instants of a replay, rad.
 
-        `gain` multiplies the known torques, or is the torque per input of the arm's drive.
+        `gain` multiplies the known torques. For a moving arm it is the torque per input of the drive.
         """
         mujoco = import_module("mujoco")
         data = mujoco.MjData(self.model)
@@ -174,7 +170,7 @@ class Simulation:
         return np.column_stack([*angles, *(angles[-1:] if count == 1 + moving else [])])  # no rod on joint 2
 
     def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
-        """Function that simulates like `angles`, with a module of passive forces."""
+        """Function that simulates like `angles`, with the passive forces of a module."""
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / CALLBACK).write_text(module, encoding="utf-8")
             names = runpy.run_path(str(Path(folder) / CALLBACK))
@@ -203,12 +199,12 @@ def _compiled(text: str) -> Any:
 
 
 def _on_arm(chain: ModelChain) -> str:
-    """The rods of a file on its arm, whose joint is about the vertical; its inertia includes the rotor."""
+    """MJCF text of an arm that turns about the vertical and carries the rods; its inertia includes the rotor."""
     arm = chain.arm
     assert arm is not None
     joint = _joint(0, replace(arm, joint=replace(arm.joint, armature=0.0)), 0.0, "0 0 1")
     inertia = f'<inertial pos="0 0 0" mass="1" diaginertia="{arm.inertia!r} {arm.inertia!r} {arm.inertia!r}"/>'
-    turned = "0 0 1.5707963267948966"  # the axis of the rods points to that of the arm
+    turned = "0 0 1.5707963267948966"  # in the frame of the rods, the axis points to the arm
     rods = f'<body pos="{arm.length!r} 0 0" euler="{turned}">{_rods(chain)}</body>'
     return _scene(f"<body>{joint}{inertia}{rods}</body>", chain.gravity)
 
@@ -221,7 +217,10 @@ def _scene(bodies: str, gravity: float) -> str:
 
 
 def _rods(chain: ModelChain) -> str:
-    """The rods as bodies that turn about y, x across and z along the upright rod."""
+    """MJCF text of the rods.
+
+    The rods turn about y, with x across and z along the upright rod.
+    """
     length, inner = chain.rods[0].length or 0.0, ""
     for number, rod in reversed(list(enumerate(chain.rods, 1))):
         inertial = (
@@ -238,7 +237,7 @@ def _rods(chain: ModelChain) -> str:
 
 
 def _joint(number: int, part: ChainRod | ChainArm, hanging: float, axis: str) -> str:
-    """Joint of a part; its angle with the rods hanging, rad."""
+    """MJCF text of the joint of a part; `hanging` is its angle with the rods hanging, rad."""
     joint = part.joint
     return (
         f'<joint name="joint{number}" axis="{axis}" damping="{joint.damping!r}" frictionloss="{joint.friction!r}"'

@@ -9,7 +9,7 @@ from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 
 class SdfEditor:
-    """See `Editor`."""
+    """Editor of SDFormat files; see `Editor`."""
 
     words = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_length"})
     joint_names = {  # noqa: RUF012
@@ -33,7 +33,10 @@ class SdfEditor:
             edit.set_text(pose, label, text)
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """See `Editor`. Without the element, the inertia is the default of the format, 1 kg m^2 about each axis."""
+        """See `Editor`.
+
+        An element without inertia has the default of the format, 1 kg m^2 about each axis.
+        """
         inertia = edit.child(inertial, "inertia")
         if inertia is None:
             moments = dict.fromkeys(("ixx", "iyy", "izz"), numbers([factor]))
@@ -68,12 +71,12 @@ class SdfEditor:
             edit.insert_texts(dynamics, f"{label}, dynamics", **missing)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """See `Editor`: the outer link, because the position of its joint is given in its frame."""
+        """See `Editor`: index of the outer link, because its frame contains the position of the joint."""
         return link
 
 
 def _pose(edit: XmlEdit, owner: int) -> list[str]:
-    """Position and rotation of an element as written in the file."""
+    """Position and rotation of an element as texts of the file."""
     pose = edit.child(owner, "pose")
     values = edit.tags[pose].text.split() if pose is not None else []
     return values or ["0", "0", "0", "0", "0", "0"]

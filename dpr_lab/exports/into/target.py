@@ -1,8 +1,8 @@
-"""Target values of rods and arm in the user's file, and the change of a body that reaches them.
+"""Target values of rods and arm in the user's file, and the change of a body that achieves them.
 
-The swing determines inertias, first moments and friction of the rods, but not their masses. Therefore the masses of the
-file are kept, and centre of mass, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that
-the corrected model does not contain are set to zero, so that the file has the motion of the corrected model.
+The swing determines inertias, first moments and friction of the rods, but not their masses. The masses of the file are
+therefore kept. Centre of mass, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
+corrected model does not contain are set to zero, so that the file moves like the corrected model.
 """
 
 import math
@@ -32,13 +32,13 @@ class PatchSettings:
     same: float = 1e-6
     """Maximum relative difference of L1 and g between the rig file and the model."""
     digits: int = 9
-    """Significant digits of a written number."""
+    """Number of significant digits of a written number."""
     rounding: float = 1e-12
-    """Numbers of a vector below this fraction of its largest number count as zero."""
+    """Size of a number of a vector, relative to its largest number, below which it is written as zero."""
     negligible: float = 1e-9
-    """Relative change, or shift in m, that is ignored."""
+    """Relative change, or shift in m, below which a value is not changed."""
     reached: float = 1e-5
-    """Maximum relative error of the changed file when it is read again."""
+    """Maximum relative difference between the target values and the changed file when it is read again."""
 
 
 PATCH = PatchSettings()
@@ -46,14 +46,14 @@ PATCH = PatchSettings()
 
 @dataclass(frozen=True, slots=True)
 class RodTarget:
-    """Target values of a rod in the changed file; SI."""
+    """Target values of a rod in the changed file, SI units."""
 
     centroid: float
-    """Distance of the centre of mass along the rod."""
+    """Distance of the centre of mass from the joint along the rod, m."""
     offset: float
-    """Distance of the centre of mass across the rod."""
+    """Distance of the centre of mass from the axis of the rod, m."""
     inertia: float
-    """Inertia about the centre of mass."""
+    """Inertia about the centre of mass, kg m^2."""
     damping: float
     words: Words
     gear: float | None
@@ -62,12 +62,12 @@ class RodTarget:
 
 @dataclass(frozen=True, slots=True)
 class ArmTarget:
-    """Target values of the arm in the changed file; SI."""
+    """Target values of the arm in the changed file, SI units."""
 
     length: float
-    """Distance of the rods' plane from the axis of the arm."""
+    """Distance of the rods' plane from the axis of the arm, m."""
     inertia: float
-    """Inertia about the axis of the arm with the rotor, without the rods."""
+    """Inertia of arm and rotor about the axis of the arm, without the rods, kg m^2."""
     damping: float
     words: Words
     gear: float | None
@@ -76,27 +76,27 @@ class ArmTarget:
 
 @dataclass(frozen=True, slots=True)
 class PatchedModel:
-    """The changed file."""
+    """The changed file, with the effects that it lacks."""
 
     text: bytes
     changes: tuple[ChangedAttribute, ...]
     lost: dict[str, str]
     """Effect -> reason why neither the file nor the module of passive forces can contain it."""
     passive: PassiveForces
-    """Effects that only the module of passive forces contains."""
+    """Effects that are not in the file but in the module of passive forces."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyChange:
-    """Change of the body on a joint."""
+    """Change of the body of a joint."""
 
     name: str
     mass: float
-    """Mass, kg; unchanged."""
+    """Mass of the body, kg; it is not changed."""
     shift: Vector
-    """(3,) shift of its centre of mass in the world, m."""
+    """(3,) shift of the centre of mass in the world frame, m."""
     factor: float
-    """Factor of its inertia about its centre of mass."""
+    """Factor on the inertia about the centre of mass."""
 
     @property
     def moves(self) -> bool:
@@ -110,7 +110,7 @@ class BodyChange:
 
 
 def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
-    """Compare the rods of a file with L1, m, and g, m/s^2, of a rig. The length of a single rod does not matter.
+    """Check that a file has the L1, m, and g, m/s^2, of a rig; the length of a single rod is not compared.
 
     Raises:
         ConfigError: the rods or g differ.
@@ -125,11 +125,11 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
 
 
 def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> ChainArm | None:
-    """The arm of a file if the arm of the model moves; None if only the rods change.
+    """Arm of the file if the arm of the model moves; None if only the rods are changed.
 
     Raises:
-        ConfigError: the arm of the model moves, but the file has no arm, a different number of rods on it, or a
-            different L0; or the arm is clamped, but the file has a single rod.
+        ConfigError: the arm of the model moves, but the file has no arm, another number of rods, or another L0; or the
+            arm of the model is clamped, but the file has a single rod.
     """
     if isinstance(model, Model):
         if len(chain.rods) == 1:
@@ -156,12 +156,12 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
 
 
 def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
-    """Centres of mass and inertias that give the moments of the corrected model with the masses of the file.
+    """Target values of the rods: with the masses of the file they give the moments of the corrected model.
 
     Args:
         chain: the rods of the file
         made: bodies of the corrected model
-        friction: Coulomb friction at rest of passive forces, which the joints also get, N m
+        friction: Coulomb friction at rest of the passive forces, which is added to the joints, N m
     """
     rods, length = made.rods, made.rods[0].length
     outer, outer_in_file = sum(rod.mass for rod in rods[1:]), sum(rod.mass for rod in chain.rods[1:])
@@ -179,13 +179,13 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
 
 
 def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
-    """Inertia of the arm in a file: with the masses of the file, it gives the total inertia of the corrected model.
+    """Target values of the arm: with the masses of the file they give the total inertia of the corrected model.
 
     Args:
         chain: the rods of the file
         in_file: its arm
         made: bodies of the corrected model, with an arm
-        nominal_gain: torque per input in the rig file; the gear of the motor changes by the ratio of both gains
+        nominal_gain: torque per input in the rig file; the gear of the motor is multiplied by the ratio of the gains
     """
     arm = made.arm
     assert arm is not None
@@ -197,7 +197,7 @@ def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain:
 
 
 def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path: Path) -> BodyChange:
-    """Scale the inertia of the body of the arm's joint to reach the target of the whole arm.
+    """Change of the arm's body after which the whole arm has the target inertia.
 
     Raises:
         ConfigError: no positive inertia gives the target.
@@ -217,9 +217,9 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path:
 def body_change(
     read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: RodTarget, path: Path
 ) -> BodyChange:
-    """Move the centre of mass of the body of a joint and scale its inertia to reach the target of the whole rod.
+    """Change of the body of a joint after which the whole rod has the target values.
 
-    The common centre of mass is shifted by moving this body alone.
+    Only this body is moved to shift the common centre of mass of the rod.
 
     Raises:
         ConfigError: the body has no mass, or no positive inertia gives the target.
@@ -247,7 +247,7 @@ def body_change(
 
 
 def joint_values(part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> dict[str, tuple[float, float]]:
-    """Quantity of a joint -> its values in the file and in the target, if they differ; SI."""
+    """Quantity of a joint -> values in the file and in the target, SI units, for quantities that differ."""
     joint, words = part.joint, target.words
     values = {
         "damping": (joint.damping, target.damping),
@@ -272,18 +272,18 @@ def refuse_overridden(
     reason: str,
     of_arm: ArmTarget | None = None,
 ) -> None:
-    """Compare the changed file, read again, with the target values.
+    """Check that the changed file, read again, has the target values.
 
     Args:
-        chain: of the changed file
+        chain: rods and arm of the changed file
         targets: target values of its rods
         length: length of the inner rod, m
-        words: elements of the format
-        reason: the message if they differ
+        words: elements of effects that the format supports
+        reason: error message for a difference
         of_arm: target values of its arm, if it moves
 
     Raises:
-        ConfigError: something in the file overrides the numbers.
+        ConfigError: other settings of the file override the numbers.
     """
     pairs = [(chain.rods[0].length or 0.0, length)] if len(targets) == 2 else []
     for rod, target in zip(chain.rods, targets, strict=True):
@@ -302,7 +302,10 @@ def refuse_overridden(
 
 
 def numbers(values: Vector | Sequence[float]) -> str:
-    """Numbers as text for a file, without rounding errors of a rotation next to larger numbers."""
+    """Numbers as text for a file.
+
+    Next to larger numbers, the rounding errors of a rotation are written as zero.
+    """
     exact = np.asarray(values, dtype=np.float64)
     rounded = np.where(np.abs(exact) < PATCH.rounding * np.max(np.abs(exact)), 0.0, exact)
     return " ".join(f"{value:.{PATCH.digits}g}" for value in rounded.tolist())

@@ -10,7 +10,7 @@ INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class UrdfEditor:
-    """See `Editor`."""
+    """Editor of URDF files; see `Editor`."""
 
     words = frozenset({"friction", "offset", "added_length"})
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
@@ -46,5 +46,5 @@ class UrdfEditor:
             edit.set(dynamics, f"{label}, dynamics", **values)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """See `Editor`: the joint."""
+        """See `Editor`: index of the joint."""
         return joint

@@ -1,8 +1,8 @@
 """Predictive bands of an ensemble of models with a moving arm.
 
-As for rods on a clamped arm (`dpr_lab.exports.ensemble.bands`), but by windows: an arm under rods soon moves
-chaotically. In each window every model starts from an initial state drawn from its distribution given the first
-readings; the readings after them are compared.
+They are computed as for a clamped arm (`dpr_lab.exports.ensemble.bands`), but in windows, because an arm with rods soon
+moves chaotically. In each window every model starts from a random initial state, drawn from its distribution given the
+first readings of the window. The later readings are compared.
 """
 
 from collections.abc import Sequence
@@ -27,19 +27,19 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ArmBandSettings:
-    """Settings of the comparison, in addition to the settings for a clamped arm."""
+    """Settings of the predictive bands, in addition to those for a clamped arm."""
 
     start_s: float = 0.5
-    """Part of a window to which its initial states are fitted."""
+    """Length of the first part of a window, to which the initial states are fitted, s."""
     window_s: float = 1.5
-    """Duration of a window."""
+    """Duration of a window, s."""
 
 
 ARM_BANDS = ArmBandSettings()
 
 
 def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, seed: int) -> PredictiveBand:
-    """The band of an ensemble for one recording.
+    """Predictive band of an ensemble for one recording.
 
     Args:
         members: the ensemble
@@ -48,7 +48,7 @@ def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, s
         seed: seed of initial states and noise
 
     Raises:
-        RunError: the arm of the run does not move like that of the models, or no model can follow the readings.
+        RunError: the mode of the arm differs between run and models, or no model can follow the readings.
     """
     rng = np.random.default_rng(seed)
     problem, initial = run_problem(run, rig, members[0], ARM_BANDS.window_s)
@@ -78,7 +78,7 @@ def _readings(
     compared: Flags,
     rng: np.random.Generator,
 ) -> Array:
-    """(n, 3) readings of one model from drawn initial states, without noise, rad."""
+    """Readings (n, 3) of one model from random initial states, without noise, rad."""
     problem = replace(started, model=RodsWithEffects(engine_constants(member, rig)))
     unknown, params = engine_values(member, rig)
     followed = fit(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations)

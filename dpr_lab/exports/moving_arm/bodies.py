@@ -1,8 +1,8 @@
 """The identified rig with a moving arm as rigid bodies on hinges.
 
-Masses follow from those of the rig file, because a swing depends on the base parameters alone. With S = d / L1, the
-moment of the outer rod, any m2 > S^2 / b gives l2 = S / m2 and J2 = b - S^2 / m2; likewise for the inner rod. The arm's
-own inertia is A - (m1 + m2) L0^2.
+A swing depends on the base parameters alone, so the masses can be derived from those of the rig file. With S = d / L1,
+the first moment of the outer rod, any m2 > S^2 / b gives l2 = S / m2 and J2 = b - S^2 / m2. The same holds for the
+inner rod. The own inertia of the arm is A - (m1 + m2) L0^2.
 """
 
 from collections.abc import Mapping
@@ -16,16 +16,13 @@ from dpr_lab.rig import Rig
 
 
 def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], margin: float = 1.05) -> Bodies:
-    """Bodies with the motion of the model, and the effects that a format expresses.
+    """Bodies that move like the model, with the effects that a format expresses.
 
     Args:
         model: the model
         rig: its rig
         expressed: effect -> its elements
-        margin: smallest mass of a rod, relative to the smallest that its moment and inertia allow
-
-    Raises:
-        ConfigError: the recordings determine no inertia of the arm, or no bodies with positive masses have this motion.
+        margin: minimum mass of a rod, relative to the smallest mass that its first moment and inertia allow
     """
     if "A" not in {name.split("/")[0] for name in model.ratios}:
         raise ConfigError(

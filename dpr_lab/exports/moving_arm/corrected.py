@@ -24,7 +24,7 @@ from dpr_lab.version import __version__
 
 
 def has_moving_arm(diagnosis: Diagnosis) -> bool:
-    """Whether the arm of its recordings was free, or driven by a torque, current or voltage."""
+    """Whether the arm in the diagnosed recordings was free, or driven by a torque, current or voltage."""
     return FREE_ARM.name in diagnosis.model_effects
 
 
@@ -35,12 +35,12 @@ def corrected_arm_model(
     runs: Sequence[Run],
     rig: Rig,
 ) -> MovingArmModel:
-    """The diagnosed model as `model.json`, with its effects in the table `effects`.
+    """Diagnosed model in the form of `model.json`, with its effects in the table `effects`.
 
     Args:
         diagnosis: ratios with their intervals
         unknown: (7,) ratios to b, b and p/b
-        effects: all effects, and the arm
+        effects: all effects, including the arm
         runs: the diagnosed runs
         rig: their rig
     """
@@ -86,14 +86,14 @@ def corrected_arm_model(
 
 
 def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig: Rig) -> MovingArmModel:
-    """The model with other values (7,) of the unknowns of the fitting engine, and other effects (SIZE,)."""
+    """The model with other unknowns (7,) of the fitting engine, and other effects (SIZE,)."""
     swing, inertia = swing_of(unknown, params, model.mounted, bool(model.input), rig)
     changed = with_swing(model, swing, inertia)
     return changed.model_copy(update={"effects": _named(named_params(params))})
 
 
 def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) -> MovingArmModel:
-    """The model with other values (12,) of `SWING_PARAMETERS` over the scale, and another scale, kg m^2."""
+    """The model with other `SWING_PARAMETERS` (12,) over the scale, and another scale, kg m^2."""
     assumed = model.absolute[model.scale]
     absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update={"value": inertia})}
     ratios = _with_values(model.ratios, swing, model.input, model.scale)
@@ -118,12 +118,12 @@ def _mounted(rig: Rig) -> Literal["both", "inner"]:
 
 
 def _joint(name: str) -> str:
-    """`joint 0` from `joint0`, the notation of other models with a moving arm."""
+    """Name of a joint in other models with a moving arm, for example `joint 0` for `joint0`."""
     return name.replace("joint", "joint ")
 
 
 def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """The effects without the arm itself and without events, which happened once."""
+    """Effects without the arm itself and without events, because an event happened only once."""
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
 
 
@@ -133,7 +133,10 @@ def _estimated(interval: Interval) -> EstimatedValue:
 
 
 def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:
-    """Absolute values of the determined ratios and of the scale; their errors include the error of a known scale."""
+    """Absolute values of the determined ratios and of the scale.
+
+    Their standard deviations include that of a known scale.
+    """
     low, high = scale.interval90 if scale.known else (scale.b, scale.b)
     of_scale, gain = (high - low) / (2 * NORMAL_Q90 * scale.b), GAINS.get(kind, "").format(scale.inertia)
     values = {scale.inertia: (1.0, 0.0)}

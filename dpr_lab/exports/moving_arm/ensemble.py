@@ -1,9 +1,9 @@
-"""Models with a moving arm sampled from the posterior of a diagnosis, or from the covariance of an identification.
+"""Models with a moving arm, sampled from the posterior of a diagnosis or the covariance of an identification.
 
-As for rods on a clamped arm (`dpr_lab.exports.ensemble.sampled`), impossible values of a posterior are drawn again; a
-negative loss drawn from a covariance is set to zero. If torque or current determine the scale, the gain of the drive
-is known, and the scale is drawn together with the other values; an error of a measured kt changes the scale, but not
-the swing. Otherwise the scale is drawn log-normally within its interval.
+As for a clamped arm (`dpr_lab.exports.ensemble.sampled`), a draw from a posterior with impossible values is repeated. A
+negative friction drawn from a covariance is set to zero. If torque or current determine the scale, the gain of the
+drive is known, and the scale is drawn together with the other values. An error of a measured kt changes this scale, but
+not the swing. Otherwise the scale is drawn log-normally within its interval.
 """
 
 from collections.abc import Sequence
@@ -34,14 +34,11 @@ def sampled_arm_models(
 
     Args:
         model: the model, of `identify` or of a diagnosis
-        components: the posterior of the diagnosis; empty: the covariance of the model
+        components: the posterior of the diagnosis; empty: the covariance of the model is used
         rig: its rig
         n: number of models
         seed: seed of the random numbers
-        tries: number of draws of one model until bodies with its values exist
-
-    Raises:
-        RunError: almost no random model is physically possible.
+        tries: maximum number of draws per model until bodies with its values exist
     """
     rng = np.random.default_rng(seed)
     models = list[MovingArmModel]()
@@ -67,7 +64,7 @@ def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
 
 
 def _possible(model: MovingArmModel, rig: Rig) -> bool:
-    """Whether rigid bodies can have the values of a model; always if the inertia of the arm is not determined."""
+    """Whether rigid bodies can have the values of a model; always True if the arm's inertia is not determined."""
     if "A" not in {name.split("/")[0] for name in model.ratios}:
         return True
     try:

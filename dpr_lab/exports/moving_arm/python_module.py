@@ -1,4 +1,4 @@
-"""A rig with a moving arm as a Python module without dependencies but numpy, from dpr-lab's own functions."""
+"""Python module of a rig with a moving arm, made of functions of dpr-lab; it depends only on numpy."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -144,7 +144,7 @@ def step(x, u, h):
 
 
 def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], rewritten: Mapping[str, Rewrite]) -> str:
-    """The module with additional functions of dpr-lab; arguments as for `sources`."""
+    """Source of the module, with additional functions of dpr-lab; arguments are those of `sources`."""
     model = model.with_arm_effects()
     sizes, outer = model.sizes, model.mounted == "both"
     effects = {name: values for name, values in model.effects.items() if EFFECTS[name].stage != "drive"}

@@ -1,4 +1,7 @@
-"""Swings of a model with a moving arm along a recording: segments with fitted initial states, for other programs."""
+"""Swings of a model with a moving arm along a recording, in segments with fitted initial states.
+
+Other programs replay these segments.
+"""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -24,10 +27,11 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ArmReplaySettings:
-    """Replay of recordings in other programs."""
+    """Settings of the replay by segments."""
 
     segment_s: float = 1.0
-    """Duration of a segment, which starts from its own fitted state: an arm under two rods soon moves chaotically."""
+    """Duration of a segment, s. Each segment starts from its own fitted state, because an arm with two rods soon moves
+    chaotically."""
     segments: int = 10
     """Maximum number of segments of each run."""
     iterations: int = 30
@@ -39,28 +43,30 @@ ARM_REPLAY = ArmReplaySettings()
 
 @dataclass(frozen=True, slots=True)
 class FollowedSegments:
-    """A run and the simulation of a model by segments with fitted initial states."""
+    """Run and simulation of a model, in segments with fitted initial states."""
 
     run: str
     t: Array
     """(n,) instants of all segments in sequence, s since the release."""
     measured: Array
-    """(n, 3) readings of joints 0, 1 and 2, rad; nan where nothing is read."""
+    """(n, 3) readings of joints 0, 1 and 2, rad; nan without a reading."""
     simulated: Array
     """(n, 3) simulated joint angles, rad."""
     offsets: Integers
-    """(segments + 1,) first sample of each segment."""
+    """(segments + 1,) index of the first sample of each segment, and of the end."""
     initial: Array
     """(segments, 6) states theta0, theta1, theta2 and their speeds at the start of each segment."""
     noise: Array
-    """(3,) noise of a reading, rad; nan where nothing is read."""
+    """(3,) noise of the readings of each joint, rad; nan without readings."""
 
 
 def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> tuple[Problem, Array]:
-    """A run in segments with the constants of a model, and (segments, 6) initial states from the readings.
+    """Fitting problem of a run in segments with the constants of a model, and initial states (segments, 6).
+
+    The initial states are estimated from the readings.
 
     Raises:
-        RunError: the arm of the run does not move like that of the model.
+        RunError: the mode of the arm differs between run and model.
     """
     name = str(run.file or run.name)
     if run.arm_mode not in ("free", "driven"):
@@ -74,10 +80,10 @@ def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> 
 
 
 def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> FollowedSegments:
-    """Simulate a run by segments; only initial states are fitted.
+    """Simulate a run by segments; only the initial states are fitted.
 
     Raises:
-        RunError: the arm of the run does not move like that of the model, or the model cannot follow the readings.
+        RunError: the mode of the arm differs between run and model, or the model cannot follow the readings.
     """
     problem, initial = run_problem(run, rig, model, segment_s)
     unknown, params = engine_values(model, rig)
@@ -99,7 +105,7 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
 
 
 def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
-    """Segments of a recording and their initial states in a model; errors as of `follow_with_arm`."""
+    """Segments of a recording with the initial states of a model; errors are those of `follow_with_arm`."""
     followed = follow_with_arm(run, rig, model, ARM_REPLAY.segment_s)
     to_rods = rig.encoders.joint_angles.to_rods
     swings = []

@@ -1,1 +1,1 @@
-"""The report of a diagnosis: its tables, figures and page."""
+"""Report of a diagnosis: tables, figures and HTML page."""

@@ -1,4 +1,4 @@
-"""The result of `dpr-lab accept` as tables and sentences, for the terminal and the report of the diagnosis."""
+"""Results of `dpr-lab accept` as tables and sentences, for the terminal and the report."""
 
 import math
 
@@ -14,13 +14,13 @@ RULE = (
 
 
 def answer_sentence(acceptance: Acceptance) -> str:
-    """The overall result and the number of limits that pass."""
+    """Sentence with the overall result and the number of limits that pass."""
     passed = sum(limit.answer == "pass" for limit in acceptance.limits)
     return f"{acceptance.answer}: {passed} of {len(acceptance.limits)} limits pass"
 
 
 def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
-    """Rows of `LIMIT_COLUMNS`, in the order of the limits file."""
+    """One row per limit, in the columns `LIMIT_COLUMNS` and the order of the limits file."""
     return [
         (
             limit.quantity,
@@ -35,7 +35,7 @@ def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
 
 
 def deciding_sentence(acceptance: Acceptance) -> str:
-    """Introduction of the releases that are expected to decide limits; empty without any."""
+    """Introductory sentence for the releases that are expected to decide limits; empty without such releases."""
     if not acceptance.would_decide:
         return ""
     return f"These releases are expected to decide {listed(acceptance.would_decide)}:"

@@ -1,4 +1,4 @@
-"""Rows of tables on recommended checks and their results."""
+"""Rows of the tables on recommended checks and their results."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,7 @@ EXPECTED_NOTE = "Expected result: size and 90 % interval if the measured effect 
 
 
 def how_to_record(diagnosis: Diagnosis, file: str) -> str:
-    """The command that records the result of a check, with the options of each kind that is recommended.
+    """Command that records the result of a check, with the options for each kind of recommended check.
 
     Args:
         diagnosis: a diagnosis that recommends checks
@@ -32,7 +32,7 @@ def how_to_record(diagnosis: Diagnosis, file: str) -> str:
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
-    """Probabilities before and after a check, the most probable cause first, in the columns `MOVED_COLUMNS`."""
+    """Probabilities before and after a check in the columns `MOVED_COLUMNS`, the most probable cause first."""
     ranked = sorted(done.after, key=lambda name: -done.after[name])
     return [
         (
@@ -46,12 +46,12 @@ def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
 
 
 def informative(checks: Sequence[AdvisedCheck]) -> bool:
-    """Whether any check is expected to give at least 0.05 bits: the entropy at probabilities of 0.994 and 0.006."""
+    """Whether any check is expected to give at least 0.05 bits, the entropy of the probabilities 0.994 and 0.006."""
     return any(check.expected_bits >= 0.05 for check in checks)
 
 
 def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """The recommended checks, in the columns `CHECK_COLUMNS`."""
+    """Rows of the recommended checks, in the columns `CHECK_COLUMNS`."""
     return [
         (
             check.id,

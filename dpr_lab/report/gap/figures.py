@@ -19,7 +19,7 @@ from dpr_lab.shown import percent
 
 
 def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
-    """Residual maps of the places with the largest share of the excess, with 90 % intervals."""
+    """Residual maps of the places with the largest share of the excess chi-square, with 90 % intervals."""
     with style.house_style():
         shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
         if not shown:
@@ -54,7 +54,7 @@ def _draw_place(axes: Axes, place: Where) -> None:
 
 
 def waterfall_figure(diagnosis: Diagnosis) -> Figure:
-    """Gap after each named effect is added, with the noise floor."""
+    """Gap after each added effect, with the noise floor."""
     with style.house_style():
         names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
         heights = 1e3 * np.array(gaps)
@@ -71,7 +71,7 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def horizon_figure(diagnosis: Diagnosis) -> Figure:
-    """Gap of the bare and of the corrected model over the length of segments with free initial states."""
+    """Gap of the bare and of the corrected model against the length of segments with fitted initial states."""
     with style.house_style():
         lengths = [float(length) for length in diagnosis.gap.by_horizon]
         if not lengths:

@@ -1,4 +1,4 @@
-"""The HTML report of a diagnosis: verdict, gap budget and causes first, all details folded below."""
+"""HTML report of a diagnosis: verdict, gap budget and causes first; the details below are folded."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -56,11 +56,8 @@ def write_gap_report(
         diagnosis: the result
         title: heading of the page
         out_dir: folder of the page
-        figures: what `save_gap_figures` returned
-        acceptance: test of limits, shown first; None without one
-
-    Raises:
-        DprError: the page cannot be written.
+        figures: figures by name, from `save_gap_figures`
+        acceptance: results of limits, shown first; None without limits
     """
     drawn = pictures(figures, FIGURES | {s.name: (s.alternative, s.caption) for s in SECTIONS})
     evidence = {
@@ -90,7 +87,7 @@ def write_gap_report(
 
 
 def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
-    """The one-look summary below the verdict."""
+    """Blocks below the verdict: budget of the gap, its reproducible part, and the causes."""
     if bar := budget_bar(diagnosis):
         yield bar
     if bar := repeatability_bar(diagnosis):
@@ -103,7 +100,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
-    """The result of each limit, and the releases that would decide the undecided limits."""
+    """Results of the limits, and the releases that are expected to decide the undecided ones."""
     yield f"{answer_sentence(acceptance)}."
     yield PageTable(LIMIT_COLUMNS, limit_rows(acceptance), RULE, "prose")
     if sentence := deciding_sentence(acceptance):
@@ -140,7 +137,7 @@ def _checks(diagnosis: Diagnosis) -> Iterator[Block]:
 
 def _gap_reduction(diagnosis: Diagnosis) -> Iterator[Block]:
     rows = tables.closed_rows(diagnosis)
-    # the budget contains the errors of free runs
+    # the budget contains the errors of the free runs
     width = len(tables.CLOSED_COLUMNS) if diagnosis.evidence is None else 2
     note = tables.CLOSED_NOTE if diagnosis.evidence is None else ""
     yield PageTable(tables.CLOSED_COLUMNS[:width], [row[:width] for row in rows], note, "prose")

@@ -1,4 +1,4 @@
-"""A section of the report that shows evidence: sentences, a figure with its folded table, and the equations."""
+"""Section of the report with evidence: sentences, a figure with its folded table, and equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,22 +14,22 @@ Rows = Sequence[Sequence[str]]
 
 @dataclass(frozen=True, slots=True)
 class PageSettings:
-    """Sizes of figures and tables, and thresholds of statements."""
+    """Sizes of figures and tables of the evidence, and thresholds for its sentences."""
 
     most_runs: int = 4
-    """Maximum number of runs in the figure of curves; the table of the budget lists all."""
+    """Maximum number of runs in the figure of curves. The table of the budget contains all runs."""
     every: int = 5
-    """Interval of the points of a curve in its table."""
+    """Only every n-th point of a curve is in its table."""
     rows_of: int = 2
-    """Cells of a map, 15 degrees each, per row of its table."""
+    """Number of cells of a map, 15 degrees each, per row of its table."""
     sharp: int = 8
-    """Points along the edge of a map cell, so that its outline has corners."""
+    """Number of points along the edge of a map cell; enough for sharp corners of its outline."""
     least_mrad: float = 1e-4
-    """Upper limit of the lower end of the budget's logarithmic scale, mrad."""
+    """Upper limit for the lower end of the budget's logarithmic axis, mrad."""
     coverage_factor: float = 2.0
     """Coverage factor of an expanded uncertainty of about 95 % (GUM, 6.2)."""
     white95: float = 1.96
-    """Standard deviations that contain 95 % of a normal distribution."""
+    """Half width of the interval with 95 % of a normal distribution, in standard deviations."""
 
 
 PAGE = PageSettings()
@@ -37,7 +37,7 @@ PAGE = PageSettings()
 
 @dataclass(frozen=True, slots=True)
 class FoldedTable:
-    """Values of a figure, as a folded table."""
+    """Folded table with the values of a figure."""
 
     title: str
     columns: tuple[str, ...]
@@ -48,18 +48,21 @@ class FoldedTable:
 
 @dataclass(frozen=True, slots=True)
 class EvidenceSection:
-    """One topic of a diagnosis; all functions require a diagnosis with evidence."""
+    """Section on one topic of a diagnosis.
+
+    All functions require a diagnosis with evidence.
+    """
 
     name: str
-    """Name of its figure."""
+    """Name of the section and of its figure."""
     title: str
     """Heading of the section."""
     words: Callable[[Diagnosis], Sequence[str]]
     """Sentences of the section."""
     tables: tuple[FoldedTable, ...]
-    """Folded tables."""
+    """Folded tables of the section."""
     figure: Callable[[Diagnosis], Figure | None] | None = None
-    """Draws the figure; None: the section has none."""
+    """Function that draws the figure; None without a figure."""
     alternative: str = ""
     """Text alternative of the figure."""
     caption: str = ""
@@ -69,10 +72,10 @@ class EvidenceSection:
 
 
 def evidence_of(diagnosis: Diagnosis) -> Evidence:
-    """Return the evidence of a diagnosis.
+    """Evidence of a diagnosis.
 
     Raises:
-        ValueError: the diagnosis is of an older version, without evidence.
+        ValueError: the diagnosis was written by an older version, without evidence.
     """
     if diagnosis.evidence is None:
         raise ValueError("this diagnosis contains no evidence")

@@ -1,4 +1,7 @@
-"""Sizes of named effects: the ratio to b first if only ratios are identified, then the absolute value."""
+"""Sizes of named effects as text.
+
+If only ratios are identified, the ratio to b precedes the absolute value.
+"""
 
 from collections.abc import Mapping
 
@@ -10,28 +13,29 @@ from dpr_lab.report.digits import NONE, superscripts, three, with_interval, with
 from dpr_lab.report.words import negative_words, parameter_words, size_words
 
 RUN = "run"
-"""Parameter that is the index of a recording, not a size; the remedy names the release."""
+"""Name of a parameter that is the index of a recording and not a size. The remedy names this recording."""
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
-    """Whether only prior bounds determine the scale, so that only ratios to b are identified."""
+    """Whether only ratios to b are identified, because only prior bounds determine the scale."""
     return diagnosis.scale is not None and not diagnosis.scale.known
 
 
 def assumed(diagnosis: Diagnosis) -> str:
-    """`assuming b = 0.00534 kg m² (not measured)`; empty if the scale is known."""
+    """Assumption on the scale, for example `assuming b = 0.00534 kg m² (not measured)`; empty if the scale is known."""
     return superscripts(diagnosis.scale.assumption) if diagnosis.scale and not diagnosis.scale.known else ""
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
-    """The assumption behind all absolute sizes of a diagnosis; empty in a diagnosis of an older version."""
+    """Sentence on the assumption behind all absolute sizes; empty in a diagnosis of an older version."""
     return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
-    """Parameters of an effect with intervals; ratios first if only these are identified, those held at zero last.
+    """Parameters of an effect with intervals, as one cell.
 
-    With `brief`, amplitudes whose interval contains zero are only named, unless this applies to all of them.
+    Ratios come first if only ratios are identified; parameters held at zero come last. With `brief`, amplitudes whose
+    interval contains zero are listed by name only, unless this applies to all of them.
     """
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}
@@ -62,7 +66,10 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
-    """True sizes of an effect at the b of the diagnosis; ratios first if only these are identified."""
+    """True sizes of an effect at the b of the diagnosis, as one cell.
+
+    Ratios come first if only ratios are identified.
+    """
     words = {name: size_words(effect, name, RADIANS, value) for name, value in sizes.items()}
     scaled = {p.name: p for p in EFFECTS[effect].parameters if p.name in sizes and p.scale_power}
     assumed_b = diagnosis.scale.b if diagnosis.scale else diagnosis.scale_b
@@ -74,7 +81,10 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
 
 
 def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
-    """Ratios by parameter if only these are identified, the sizes with them at the assumed b, and the other sizes."""
+    """Texts of ratios, of the corresponding sizes at the assumed b, and of the other sizes.
+
+    Ratios are left out if the scale is known.
+    """
     ratios = ratios if only_ratios(diagnosis) else {}
     labelled = {name: f"{parameter_words(effect, name)} {words}" for name, words in sizes.items()}
     scaled = [words for name, words in labelled.items() if name in ratios]
@@ -87,13 +97,13 @@ def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], r
 
 
 def _inertia(diagnosis: Diagnosis) -> str:
-    """Inertia to which sizes are ratios: b, or a of an inner rod alone."""
+    """Symbol of the inertia to which the ratios refer: b, or a for an inner rod alone."""
     return diagnosis.scale.inertia if diagnosis.scale else "b"
 
 
 def _ratio(unit: str, inertia: str, ratio: float, *interval90: float) -> str:
-    """`/ b = 0.1472 1/s² (0.1467 to 0.1476)`, or without the interval."""
-    operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg falls as the scale rises
+    """Text of a ratio, for example `/ b = 0.1472 1/s² (0.1467 to 0.1476)`, also without its interval."""
+    operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg decreases as the scale increases
     shown = "" if unit == "1" else superscripts(unit)
     size = with_unit(with_interval(ratio, *interval90) if interval90 else three(ratio), shown)
     return f"{operator} = {size}"

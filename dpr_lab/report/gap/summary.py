@@ -1,4 +1,4 @@
-"""Summary of a diagnosis at a glance: gap budget, its reproducible part, and causes."""
+"""Summary of a diagnosis: gap budget, its reproducible part, and causes."""
 
 from itertools import pairwise
 
@@ -16,7 +16,7 @@ from dpr_lab.shown import listed, percent
 
 
 def basis_words(diagnosis: Diagnosis) -> str:
-    """The data on which the gap reduction is measured, in words."""
+    """Description of the data on which the gap reduction is measured."""
     if diagnosis.basis == "one release":
         return "cross-validation between the quarters of one run"
     if diagnosis.basis == "releases left out":
@@ -25,16 +25,16 @@ def basis_words(diagnosis: Diagnosis) -> str:
 
 
 def held_out_words(diagnosis: Diagnosis) -> str:
-    """The held-out data: whole runs, or pieces of the only recording."""
+    """Description of the held-out data: whole runs, or pieces of a single recording."""
     pieces = are_pieces(diagnosis.gap.closed_held_out.held_out)
     return "held-out pieces of the recording" if pieces else "held-out runs"
 
 
 def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """The gap of the bare model, split into the part that each effect removes and the remainder.
+    """The gap of the bare model, split into the reduction by each effect and the remainder.
 
-    Parts are differences of rms values (rad) as effects are added one at a time. Each probable cause has its own part;
-    the terms of improbable causes share one part. None if there is no gap to split.
+    A part is the difference of rms values, rad, when an effect is added to the previous ones. Each probable cause has
+    its own part, and the terms of improbable causes share one part. The result is None if there is no gap.
     """
     if diagnosis.evidence is not None and diagnosis.evidence.closing:
         gaps = [(step.effect or "", step.left_rad) for step in diagnosis.evidence.closing]
@@ -63,7 +63,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and share of each part of the mean squared residual; empty if there is no gap."""
+    """Label and share of each part of the mean squared residual; empty without a gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -79,7 +79,7 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """Bar of the mean squared residual by reproducibility; None without a gap."""
+    """Bar of the mean squared residual, split by reproducibility; None without a gap."""
     parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
     budget = diagnosis.gap.budget
     pieces = (budget is not None and budget.basis != "recordings") or are_pieces(diagnosis.gap.closed_held_out.held_out)
@@ -89,7 +89,7 @@ def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
-    """Explained share of the reproducible gap, and parameters that vary; empty without a gap."""
+    """Sentences on the explained share of the reproducible gap and on parameters that vary; empty without a gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -108,7 +108,7 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
 
 
 def _varying(parameter: VaryingParameter) -> str:
-    """Spread of a parameter, and its smallest and largest value with 90 % intervals."""
+    """Sentence on the spread of a parameter, with its smallest and largest value and their 90 % intervals."""
 
     def size(*values: float) -> str:
         return size_words(parameter.effect, parameter.name, RADIANS, *values)
@@ -123,7 +123,7 @@ def _varying(parameter: VaryingParameter) -> str:
 
 
 def summary_note(diagnosis: Diagnosis) -> str:
-    """Name the effects of the corrected model that are improbable as causes; empty if there are none."""
+    """Sentence on effects of the corrected model that are improbable as causes; empty without such effects."""
     improbable = [named(effect.name) for effect in diagnosis.effects if effect.probability < PROBABLE]
     return (
         f"The corrected model also contains {listed(improbable)}, which improve the fit but are improbable as causes"

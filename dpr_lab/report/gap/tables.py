@@ -56,19 +56,20 @@ CLOSED_NOTE = (
 )
 
 ALONE = "none"
-"""Cell of an effect that is distinguishable from all others."""
+"""Cell in place of alternatives, for an effect that is distinguishable from all others."""
 
 SPLIT = "these recordings"
 
 
 @dataclass(frozen=True, slots=True)
 class AlternativeWords:
-    """Thresholds for the explanation of an improbable alternative."""
+    """Thresholds for the table of alternatives."""
 
     improbable: float = 1e-3
-    """Minimum probability that is shown as a number; for a smaller one, only this bound is shown."""
+    """Minimum probability that is printed as a number. A smaller probability is printed as less than this bound."""
     same_shape: float = 0.9995
-    """Cosine similarity that is shown as 1.000: an improbable alternative of this similarity needs a reason."""
+    """Cosine similarity that is printed as 1.000. For an improbable alternative with this similarity a reason is
+    given."""
 
 
 ALTERNATIVE_WORDS = AlternativeWords()
@@ -83,14 +84,14 @@ _COORDINATES = {"time": "time since release (s)", "load": "joint force (N)"}
 
 
 def quantity(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Label with unit of the values of a residual map, and the factor from SI to that unit."""
+    """Label with unit for the values of a residual map, and factor from SI units."""
     if place.unit == "rad":
         return f"encoder error ({angles.small})", angles.small_per_rad
     return _QUANTITIES.get(place.unit, (place.unit, 1.0))
 
 
 def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Label with unit of the coordinate of a residual map, and the factor from SI to that unit."""
+    """Label with unit for the coordinate of a residual map, and factor from SI units."""
     unit = angles.symbol.strip()
     if place.coordinate in ("angle", "speed"):
         return f"joint {place.coordinate} ({unit}{'/s' if place.coordinate == 'speed' else ''})", angles.per_rad
@@ -98,12 +99,12 @@ def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
 
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in words; sizes are in the tables."""
+    """The verdict in words, without sizes."""
     return in_words(diagnosis.sentence)
 
 
 def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
-    """Named effects that are probable enough to be listed as causes, by the words of their class."""
+    """Named effects that are probable causes, by the description of their class."""
     return {
         " or ".join(map(named, effect.members)): effect
         for effect in diagnosis.effects
@@ -140,23 +141,23 @@ def contribution_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A named effect, or the closest effect if none is named, with its alternatives."""
+    """A named effect with its alternatives; if none is named, the effect that fits best."""
 
     name: str
     members: tuple[str, ...]
     probability: float
     alternatives: tuple[RivalEffect, ...]
     outside: float
-    """Probability that a cause outside the library replaces it."""
+    """Probability that a cause outside the library is present instead."""
 
 
 def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> list[tuple[str, ...]]:
-    """Alternatives of each named effect, in the columns `STANDING_COLUMNS`; probabilities add up to 1 per effect.
+    """Alternatives of each named effect in the columns `STANDING_COLUMNS`; the probabilities of an effect add up to 1.
 
     Args:
         diagnosis: the diagnosis
         most: number of alternatives shown per effect
-        open_from: further alternatives of at least this probability are shown too; the others share one row
+        open_from: further alternatives are shown if they are at least this probable; the others share one row
     """
     remainder = f"{percent(1 - diagnosis.gap.explained_share, 1)} of the excess remains"
     checked = {
@@ -210,7 +211,7 @@ def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
 
 
 def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative: RivalEffect) -> str:
-    """The next step that distinguishes two effects, or the reason why these recordings already do."""
+    """Next step that distinguishes two effects, or the reason why the recordings already do so."""
     if step := _next_step(diagnosis, candidate.name, alternative.name):
         return step
     if alternative.probability >= ALTERNATIVE_WORDS.improbable or alternative.cosine < ALTERNATIVE_WORDS.same_shape:
@@ -221,7 +222,7 @@ def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative
 
 
 def _next_step(diagnosis: Diagnosis, *names: str) -> str:
-    """Number of the first next step that mentions all these effects; empty if there is none."""
+    """Number of the first next step that mentions all given effects; empty without one."""
     numbers = (i for i, text in enumerate(diagnosis.advice, 1) if {*names} <= {*re.findall(r"\w+", text)})
     return next((f"next step {i}" for i in numbers), "")
 
@@ -233,7 +234,7 @@ def _percent(probability: float) -> str:
 
 
 def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Gap and cumulative share of the excess explained, from the bare model to the model with all effects."""
+    """Rows with the gap and the cumulative explained share of the excess, from the bare to the full model."""
     gaps, explained = steps(diagnosis), diagnosis.gap.explained_share
     shares = [1 - (gap / gaps[0][1]) ** 2 if gaps[0][1] > 0 else 0.0 for _, gap in gaps[:-1]]
     shares += [explained] if len(gaps) > 1 else [0.0]
@@ -244,7 +245,7 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
 
 
 def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and gap (rad) of each model, from the bare model to the model with all effects."""
+    """Label and gap, rad, of each model, from the bare model to the model with all effects."""
     return [
         ("bare model", per_reading(diagnosis.gap.before_rad)),
         *(
@@ -255,17 +256,17 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def per_reading(by_joint: Mapping[str, float]) -> float:
-    """Gap or noise floor of a reading: rms over both joints, rad."""
+    """Root mean square over both joints of a gap or noise floor, rad."""
     return float(np.sqrt(np.mean(np.square(list(by_joint.values())))))
 
 
 def run_words(name: str, held_out: bool = False) -> str:
-    """Label of a run or of a part of it: pose, time of recording, and whether it was held out."""
+    """Label of a run or of a part of it: pose, time of the recording, and a mark for held-out data."""
     return run_name(Path(f"{whole(name)}.mcap")) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Recommended recordings and checks with their ids, and how to continue after a verdict that is open."""
+    """Recommended recordings and checks with their ids, and advice for an open verdict."""
     partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
@@ -292,7 +293,10 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """` [check 1-47d7, expected information 0.98 bits]`, for advice with the instruction of a check; else empty."""
+    """Ids and expected information of the checks in an advice; empty without a check.
+
+    For example: ` [check 1-47d7, expected information 0.98 bits]`.
+    """
     checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
     ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
     most = max((check.expected_bits for check in checks), default=0.0)
@@ -300,7 +304,7 @@ def _check_words(diagnosis: Diagnosis, advice: str) -> str:
 
 
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
-    """Places with the largest share of the excess, in the columns `PLACE_COLUMNS`."""
+    """Rows of the places with the largest share of the excess chi-square, in the columns `PLACE_COLUMNS`."""
     return [
         (in_words(place.site), place.coordinate, percent(place.share), in_words(place.sentence))
         for place in diagnosis.where[:count]
@@ -308,9 +312,9 @@ def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
 
 
 def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -> tuple[Array, Array, Array]:
-    """Knots of a residual map, its values and the half widths of their 90 % intervals, in displayed units.
+    """Knots of a residual map, its values, and the half widths of their 90 % intervals, in displayed units.
 
-    Value and half width are NaN at a knot outside the recorded range, where the standard deviation exceeds `unknown`
+    At a knot outside the recorded range, value and half width are NaN. There the standard deviation exceeds `unknown`
     times the largest value of the map.
     """
     (_, factor), (_, knot_factor) = quantity(place, angles), coordinate(place, angles)
@@ -326,7 +330,7 @@ def horizon_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
-    """Every knot of the maps with the largest share of the excess, in the columns `MAP_COLUMNS`."""
+    """Rows of all knots of the maps with the largest share of the excess, in the columns `MAP_COLUMNS`."""
     return [
         (in_words(place.site), coordinate(place)[0], three(knot), quantity(place)[0], three(value), three(half_width))
         for place in diagnosis.where[:count]
@@ -340,7 +344,7 @@ def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | N
     Args:
         diagnosis: the diagnosis
         angles: the unit of angles
-        most: number of runs with the smallest reduction, in increasing order; None: all runs
+        most: maximum number of runs; those with the smallest reduction are listed, in increasing order; None: all runs
     """
     gap, closed = diagnosis.gap, diagnosis.gap.closed_held_out
     shares = {name: (run_words(name), share) for name, share in closed.per_run.items()}
@@ -371,7 +375,10 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
 
 
 def findings_sentence(diagnosis: Diagnosis) -> str:
-    """Numbers of sensor faults by kind: `Sensor faults: outlier (236), jitter (2).`; empty without faults."""
+    """Sentence with the number of sensor faults of each kind; empty without faults.
+
+    For example: `Sensor faults: outlier (236), jitter (2).`
+    """
     counts: dict[str, int] = {}
     for finding in diagnosis.sensor_findings:
         fault = named(finding.name) if finding.name in EFFECTS else finding.name.replace("_", " ")
@@ -380,7 +387,10 @@ def findings_sentence(diagnosis: Diagnosis) -> str:
 
 
 def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
-    """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` similar faults of all runs share one row."""
+    """Rows of the sensor faults, in the columns `FINDING_COLUMNS`.
+
+    More than `most` similar faults share one row for all runs.
+    """
     similar: dict[tuple[str, ...], list[SensorFinding]] = {}
     for finding in diagnosis.sensor_findings:
         fault = (named(finding.name).replace("_", " "), in_words(finding.axis or NONE), finding.evidence)

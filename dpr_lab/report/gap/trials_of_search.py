@@ -1,4 +1,4 @@
-"""Table of the trials of a diagnosis's model search."""
+"""Table of the trials in the model search of a diagnosis."""
 
 from collections.abc import Sequence
 
@@ -31,7 +31,7 @@ def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _changed(before: Sequence[str], tried: Sequence[str]) -> str:
-    """Difference between two sets of effects: `+ Coulomb friction, joint 2`."""
+    """Difference between two sets of effects, for example `+ Coulomb friction, joint 2`."""
     removed = [f"− {EFFECTS[name].words}" for name in before if name not in tried]
     added = [f"+ {EFFECTS[name].words}" for name in tried if name not in before]
     return "; ".join([*removed, *added]) or "same effects"

@@ -1,4 +1,7 @@
-"""Blind trials on simulated plants like this rig: sentences and table rows, without the libraries of figures."""
+"""Sentences and table rows on blind trials on plants that resemble this rig.
+
+This module does not import the libraries for figures.
+"""
 
 from collections.abc import Sequence
 
@@ -10,7 +13,7 @@ from dpr_lab.shown import percent
 
 
 def trust_words(diagnosis: Diagnosis) -> list[str]:
-    """Results of the blind trials, and their limits."""
+    """Sentences on the results of the blind trials and their limits."""
     trust = diagnosis.trust
     if trust is None or not trust.trials:
         return ["No blind trials were made on plants like this rig. To run them: `dpr-lab diagnose --trust 40`."]

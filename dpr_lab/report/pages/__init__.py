@@ -1,1 +1,1 @@
-"""HTML pages: their blocks, their template, and the terms that they explain."""
+"""HTML pages: blocks, template, and explanations of terms."""

@@ -1,4 +1,4 @@
-"""Page of a comparison with a model whose arm moves: ratios, and angles of arm and rods with their residuals."""
+"""Page of a comparison with a model whose arm moves: ratios, angles of arm and rods, and residuals."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,6 +1,6 @@
-"""HTML pages: blocks of text, tables and figures, rendered by one Jinja2 template.
+"""HTML pages of text, tables and figures, rendered by one Jinja2 template.
 
-A page is a single file: figures are embedded and nothing is loaded from elsewhere.
+A page is a single file: figures are embedded, and no other file is loaded.
 """
 
 import base64
@@ -47,16 +47,16 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """Table of text with row headers in its first column; an empty table is omitted."""
+    """Table of text whose first column contains row headers; an empty table is omitted."""
 
     kind: ClassVar = "table"
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str = ""
     style: str = ""
-    """Class of the style sheet: `prose` wraps cells, `hash` shows the last column in small monospace."""
+    """Class of the style sheet: `prose` wraps cells, `hash` shows the last column in a small monospace font."""
     title: str = ""
-    """Title under which the table is folded; empty: not folded."""
+    """Title under which the table is folded; empty for a table that is not folded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +93,12 @@ class Formula:
 
 @dataclass(frozen=True, slots=True)
 class ShareBar:
-    """A stacked horizontal bar with a legend."""
+    """Stacked horizontal bar with a legend."""
 
     kind: ClassVar = "bar"
     title: str
     parts: Sequence[tuple[str, float]]
-    """Legend and share of each part; the shares add up to 1 and the last part is the remainder."""
+    """Legend and share of each part. The shares add up to 1, and the last part is the remainder."""
 
 
 Block = Paragraph | Heading | Items | PageTable | Picture | Definitions | Formula | ShareBar | str
@@ -107,12 +107,15 @@ Block = Paragraph | Heading | Items | PageTable | Picture | Definitions | Formul
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A section of a page; its blocks are folded under the heading unless it is open."""
+    """Section of a page.
+
+    Its blocks are folded under the heading unless the section is open.
+    """
 
     title: str
     blocks: Sequence[Block | None]
     name: str = ""
-    """Its `id` on the page."""
+    """The `id` of the section on the page."""
     is_open: bool = False
 
 
@@ -124,8 +127,8 @@ def page_html(
     Args:
         title: heading of the page
         summary: the result in at most three sentences
-        sections: sections in their order; those without blocks are left out
-        lead: blocks below the summary, before the first section
+        sections: sections in their order; sections without blocks are omitted
+        lead: blocks between the summary and the first section
         footer: last line of the page
     """
     shown = [section for section in sections if any(map(_has_content, section.blocks))]
@@ -164,14 +167,17 @@ def _environment() -> "Environment":
 
 
 def _with_code(text: str) -> Any:
-    """Escape a text and set its parts between backticks as code."""
+    """Escape a text; parts between backticks become code."""
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(_printable(text)))))
 
 
 def _printable(value: Any) -> Any:
-    """Spell out control characters of a text that is not markup, and keep "98 %" in one line; Jinja2 escapes later."""
+    """Spell out control characters in plain text and keep, for example, "98 %" on one line.
+
+    Markup is returned unchanged; Jinja2 escapes plain text later.
+    """
     is_text = isinstance(value, str) and not hasattr(value, "__html__")
     return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(value)) if is_text else value
 
@@ -182,7 +188,7 @@ def write_page(page: str, path: Path) -> Path:
     Raises:
         DprError: the folder or the file cannot be written.
     """
-    # A file name may hold bytes that are not text; the page stays valid UTF-8.
+    # A file name may contain bytes that are not text; the page must be valid UTF-8 nevertheless.
     write_whole(path, lambda file: file.write_bytes(page.encode("utf-8", "replace")))
     return path
 

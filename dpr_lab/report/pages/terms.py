@@ -1,4 +1,7 @@
-"""Explanations of the terms in table headers, one line each; `docs/glossary.md` defines them in full."""
+"""Explanations of the terms in table headers, one line each.
+
+`docs/glossary.md` contains the full definitions.
+"""
 
 TERMS = {
     "effect": "physical cause of a difference between model and rig, for example Coulomb friction of joint 2",

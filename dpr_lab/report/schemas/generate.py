@@ -1,4 +1,4 @@
-"""JSON Schemas (2020-12) of the results, generated from their types: the same fields, bounds and texts."""
+"""JSON Schemas (2020-12) of the results, generated from their types with the same fields, bounds and descriptions."""
 
 import ast
 import inspect
@@ -27,7 +27,7 @@ def schema(name: str) -> dict[str, Any]:
 
 
 class _WithTexts(GenerateJsonSchema):
-    """Schema in which properties are described by the strings below the fields, and other keys are refused."""
+    """Generator that describes each property by the docstring of its field and refuses other keys."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         return _described(super().model_schema(schema), schema["cls"])
@@ -47,7 +47,7 @@ def _described(made: dict[str, Any], cls: type) -> dict[str, Any]:
 
 
 def _texts(cls: type) -> dict[str, str]:
-    """Name of a field -> the string below it in the source."""
+    """Name of a field -> its docstring in the source."""
     if not cls.__module__.startswith("dpr_lab."):
         return {}
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body

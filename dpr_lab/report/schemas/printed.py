@@ -18,7 +18,7 @@ from dpr_lab.simulator_models.xml_edit import ChangedAttribute
 
 
 class PrintedSimulator(BaseModel):
-    """Additional content of `diagnose --simulator`."""
+    """Additional content of the output of `diagnose --simulator`."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -27,11 +27,11 @@ class PrintedSimulator(BaseModel):
     format: str
     """`MJCF`, `URDF` or `SDFormat`."""
     joints: list[str]
-    """Names of the joints of inner rod and outer rod in the model."""
+    """Names of the joints of inner and outer rod in the model."""
     causes: list[ModelCause]
     """Recommended changes, the most important cause first."""
     unnamed: list[str]
-    """Named effects that no attribute of a body or joint represents."""
+    """Named effects that no attribute of a body or joint can represent."""
     changes: list[ChangedAttribute]
     """Changed attributes or texts of the file."""
     diff: str
@@ -39,7 +39,7 @@ class PrintedSimulator(BaseModel):
     lost: dict[str, str]
     """Effect -> reason why the file cannot contain it."""
     passive: list[str]
-    """Effects among these that the module of passive forces contains (MuJoCo); this module has its own model file."""
+    """Lost effects that the module of passive forces (MuJoCo) contains. This module has a model file of its own."""
     replays: list[FileReplay]
     """Errors on held-out recordings, or on the fitted ones if none are held out; empty without MuJoCo."""
     refused: str
@@ -52,36 +52,39 @@ class PrintedDiagnosis(Diagnosis):
     files: dict[str, str] = Field(default={})
     """Name of each written file -> its path."""
     simulator: PrintedSimulator | None = None
-    """With `--simulator`: the causes as numbers of the user's model, and its changes."""
+    """With `--simulator`: the causes as numbers of the user's model, and the changes of this model."""
 
 
 class CheckedDiagnosis(Diagnosis):
-    """Output of `dpr-lab check --json`: the diagnosis after a check, which is the last one in `checks_done`."""
+    """Output of `dpr-lab check --json`: the diagnosis after a check.
+
+    The check is the last entry of `checks_done`.
+    """
 
 
 class PrintedPlan(Plan):
     """Output of `dpr-lab plan --json`, and `plan.json` in the folder of a plan."""
 
     files: dict[str, str] = Field(default={})
-    """Name of each file that was written -> its path."""
+    """Name of each written file -> its path."""
 
 
 class PrintedModel(Model):
     """Output of `dpr-lab identify --json`, and `model.json`."""
 
     model: str = ""
-    """Path of the written file; not in the file itself."""
+    """Path of the model file; empty in the file itself."""
 
 
 class PrintedMovingArm(MovingArmModel):
     """Output of `identify --json` for a rig with a free or driven arm."""
 
     model: str = ""
-    """Path of the written file; not in the file itself."""
+    """Path of the model file; empty in the file itself."""
 
 
 class DriftRun(BaseModel):
-    """Estimates of one run: parameter -> value, SI."""
+    """Estimates of one run, SI units, by parameter."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, float]  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -103,7 +106,7 @@ class PrintedDrift(Drift):
     assumed_b: float | None
     """Assumed b of absolute sizes, kg m^2; null if the runs identify b."""
     runs: tuple[DriftRun, ...]
-    """Estimates of each run, in the order of time."""
+    """Runs with their estimates, in the order of time."""
     torques: tuple[str, ...]
     """Kinds of the known torques that drove the runs."""
     files: dict[str, str]
@@ -112,11 +115,14 @@ class PrintedDrift(Drift):
 
 @dataclass(frozen=True, slots=True)
 class PublishedSchema:
-    """A type and the version of its schema, which increases when a reader of the previous version would fail."""
+    """A published type with the version of its schema.
+
+    The version increases when a reader of the previous version would fail.
+    """
 
     type: Any
     printed_by: str
-    """Commands with `--json` that print it."""
+    """Commands that print the type with `--json`."""
     version: int = 1
 
 
@@ -129,4 +135,4 @@ SCHEMAS = {
     "accept": PublishedSchema(Acceptance, "accept"),
     "plan": PublishedSchema(PrintedPlan, "plan"),
 }
-"""Name of a schema for `dpr-lab schema` -> published type."""
+"""Name of a schema in `dpr-lab schema` -> published type."""

@@ -15,7 +15,10 @@ Summary = Mapping[str, Any]
 
 
 def confusion_figure(summary: Summary) -> Figure:
-    """Confusion matrix: hidden effects (rows), first named effect, or the verdict if none is named (columns)."""
+    """Confusion matrix.
+
+    Rows are hidden effects. Columns are the first named effect, or the verdict if no effect is named.
+    """
     with style.house_style():
         table: Mapping[str, Mapping[str, int]] = summary["confusion"]
         if not table:
@@ -37,7 +40,7 @@ def confusion_figure(summary: Summary) -> Figure:
 
 
 def reliability_figure(summary: Summary) -> Figure:
-    """Reliability diagram: observed frequency over stated probability, with the number of claims of each point."""
+    """Reliability diagram: observed frequency against stated probability, with the number of claims per point."""
     with style.house_style():
         rows = summary["reliability"]
         if not rows:
@@ -64,7 +67,7 @@ def reliability_figure(summary: Summary) -> Figure:
 
 
 def size_figure(summary: Summary) -> Figure:
-    """Detection rate of hidden effects by size, relative to the minimum detectable size."""
+    """Detection rate of hidden effects against their size, relative to the minimum detectable size."""
     with style.house_style():
         rows = summary["by_size"]
         if not rows:

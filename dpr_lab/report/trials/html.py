@@ -1,4 +1,4 @@
-"""The HTML report of blind trials: scores, confusion matrix, calibration and detection rates."""
+"""HTML report of blind trials: scores, confusion matrix, calibration and detection rates."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -37,10 +37,7 @@ def write_trials_report(
         setting: description of the campaign, one sentence
         failures: trials that ended with an error, one sentence each
         out_dir: folder of the page
-        figures: what `save_trial_figures` returned
-
-    Raises:
-        DprError: the page cannot be written.
+        figures: figures by name, from `save_trial_figures`
     """
     drawn = pictures(figures, FIGURES)
     sections = [

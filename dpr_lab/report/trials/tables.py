@@ -98,7 +98,7 @@ def effect_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Reliability of probabilities, in the columns `CLAIM_COLUMNS`."""
+    """Rows on the reliability of stated probabilities, in the columns `CLAIM_COLUMNS`."""
     return [
         (
             f"{row['claims']:.0f}",
@@ -131,12 +131,12 @@ def size_range(row: Mapping[str, Any]) -> str:
 
 
 def percent(share: float | None) -> str:
-    """Format a share in per cent; a dash if there is none."""
+    """Format a share in per cent; a missing share is a dash."""
     return NONE if share is None or share != share else f"{100 * share:.3g} %"
 
 
 def number(value: float | None) -> str:
-    """Format a number; a dash if there is none."""
+    """Format a number; a missing number is a dash."""
     return NONE if value is None else three(value)
 
 

@@ -11,28 +11,31 @@ from dpr_lab.errors import RunError
 
 @dataclass(frozen=True, slots=True)
 class CounterSettings:
-    """Common widths of counters, and criteria to detect a wrap."""
+    """Common widths of counters, and the criteria that detect a wrap."""
 
     bits: tuple[int, ...] = (16, 24, 31, 32)
     ticks: tuple[float, ...] = (1.0, 1e3, 1e6)
-    """Widths in units of the column, which contains the counter, or a counter of milli- or microseconds in larger
-    units.
-    """
+    """Counts per unit of the time column: 1 if the column is the counter itself, 1e3 or 1e6 if it is a counter of
+    milli- or microseconds converted to larger units."""
     slack: float = 0.01
-    """Maximum relative difference between a drop and the width: the step from row to row."""
+    """Maximum difference between the drop at a wrap and the width of the counter, relative to the width. They differ by
+    one step from row to row."""
     first: float = 1.5
-    """Largest value after a wrap, in steps from row to row."""
+    """Maximum value after a wrap, in steps from row to row."""
     reach: int = 6
-    """Number of rows before and after a fall whose steps are compared with the step across it."""
+    """Number of rows before and after a drop of the time. The reading's steps in them are compared with its step across
+    the drop."""
     jump: float = 2.0
-    """Maximum step of a reading across a wrap, relative to the largest other step."""
+    """Maximum step of a reading across a wrap, relative to the largest other step nearby."""
 
 
 SETTINGS = CounterSettings()
 
 
 def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
-    """(n,) times with wraps removed, NaN unchanged; `name` is used in messages.
+    """Times (n,) without wraps; NaN is kept.
+
+    `name` is the column's name in error messages.
 
     Raises:
         RunError: times that span more than the given wrap, so the wrap is wrong.
@@ -48,7 +51,7 @@ def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
 
 
 def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool = False) -> float | None:
-    """Width of the counter that wrapped between two values; None if no counter matches.
+    """Width of a counter that wrapped between two values; None if no counter matches.
 
     Args:
         before: last value before the fall
@@ -68,7 +71,7 @@ def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool 
 
 
 def continues_across(row: int, columns: Iterable[Array]) -> bool:
-    """Whether the clock wrapped at a row: moving readings continue across it as in the neighbouring rows.
+    """Whether the clock wrapped at a row, because moving readings continue across it as in the neighbouring rows.
 
     Args:
         row: index of the first row after the fall

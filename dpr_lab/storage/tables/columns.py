@@ -1,4 +1,4 @@
-"""Meaning of the columns of a table: by common names, by options, or by position if the columns have no names."""
+"""Meaning of the columns of a table: from options, from common names, or from the position of unnamed columns."""
 
 import math
 import re
@@ -17,7 +17,7 @@ TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 UNITS = ("rad", "deg", "counts")
 NO_ROD = "joint 2, without a rod"
-"""Name of a substitute column."""
+"""Name of the substitute column for joint 2 of a rig with one rod."""
 
 _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
@@ -32,12 +32,13 @@ _MEASURED_NAME = rf"{_ANGLE_WORD}({{axis}}{_MEASURED}|{_MEASURED}{{axis}}){_ANGL
 _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
 _JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
 _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
-"""Angles of arm and rod as Quanser names them."""
+"""Patterns of the angles of arm and rod in the notation of Quanser."""
 _ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
-"""A position is the angle of the rod only if no other column is an angle; otherwise it is the position of a cart."""
+"""Pattern of a position. It is the angle of the rod if no other column is an angle; otherwise it is the position of a
+cart."""
 _COORDINATE = re.compile("[xy]([cm]?m|px|pixels?)?")
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
 _SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|°|(?<![a-z])gra(us|dos|di)(?![a-z])")
@@ -46,11 +47,11 @@ _ONLY_UNIT = re.compile(
 )
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
-"""Names without a meaning: numbers, elements of an array, and axes of a plot."""
+"""Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
 SPEED_CORRELATION = 0.9
-"""Minimum correlation of the steps of an angle with its speed: at six rows per period it is 0.95 for exact speeds."""
+"""Minimum correlation of the steps of an angle with its speed. With exact speeds it is 0.95 at six rows per period."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
-"""Angles of joints as tables of ROS name them: `/joint_states/position[0]`, `/joint_states/shoulder/position`."""
+"""Patterns of joint angles in tables of ROS: `/joint_states/position[0]`, `/joint_states/shoulder/position`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +59,14 @@ class Columns:
     """Meaning and unit of each column."""
 
     names: Mapping[str, str]
-    """Column name of t and of each axis."""
+    """Quantity -> column name: t and each axis."""
     unit: str
     time_unit: str
     notes: tuple[str, ...] = ()
 
 
 def is_time(name: str) -> bool:
-    """Whether a column has a common name of the time."""
+    """Whether a name is a common name of a time column."""
     return any(re.fullmatch(_TIME_NAME.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
 
 
@@ -79,9 +80,9 @@ def counter(table: Table) -> str:
 
 
 def numbers(table: Table) -> Array:
-    """(n,) number of each row in the recording, from 0; where frames were lost, numbers are missing.
+    """Number of each row in the recording, (n,), from 0.
 
-    A column that counts every k-th frame counts the rows in steps of k.
+    Numbers are missing where frames were lost. If a frame column counts every k-th frame, its numbers are divided by k.
     """
     if table.frames is not None:
         return table.frames
@@ -114,7 +115,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
 
 
 def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
-    """Names that match the first of the patterns that any of them matches."""
+    """Names that match the first pattern with any match."""
     matches = ([name for name in names if re.fullmatch(pattern, bare(name))] for pattern in patterns)
     return next(filter(None, matches), [])
 
@@ -154,10 +155,10 @@ def find_columns(
 
 
 def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
-    """A table of one rod with an additional column of a fixed joint 2 if it has none, and the given columns.
+    """Add a column for a fixed joint 2 to a table of one rod that lacks it; returns the table and the given columns.
 
-    The name of the rod's own column may lack a number, and the only column that varies needs no name. If the column of
-    theta1 is given, one that is named like theta2 is not another rod, but for example another recording.
+    The name of the rod's column may lack a number, and the only column that varies needs no name. If the column of
+    theta1 is given, a column named like theta2 is not another rod, but for example another recording.
     """
     guessed = [guess_columns(table.names, unit) for unit in ("rad", "counts")]
     if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
@@ -185,7 +186,7 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
-    """Name of the angle if only one column apart from the time varies; and the time column of a table without names.
+    """Column of the angle if only one column apart from the time varies, and the time column of an unnamed table.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.
@@ -213,10 +214,10 @@ def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[
 
 
 def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
-    """Name of the angle if one of two columns is the speed of the other, otherwise both names.
+    """The angle, if one of two columns is the speed of the other; otherwise both names.
 
-    The steps of an angle are proportional to the speed times the steps of the time, in any unit; the steps of the speed
-    of a swing have the opposite sign of the angle.
+    The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
+    the opposite sign of the angle.
     """
     steps = np.diff(table.column(clock))
     angles = [
@@ -236,7 +237,7 @@ def _correlation(first: Array, second: Array) -> float:
 
 
 def _never_falls(column: Array) -> bool:
-    """Whether a column increases like a time, which may repeat its value in rows that were written together."""
+    """Whether a column never decreases, as a time; rows that were written together may have the same value."""
     steps = np.diff(column)
     return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
 
@@ -293,9 +294,12 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
 
 
 def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[str]) -> str:
-    """Option that names the missing columns: the remaining columns in their order if there is one for each."""
+    """Example of the option that names the missing columns.
+
+    It lists the remaining columns in their order if their number equals that of the missing quantities.
+    """
     unknown = [name for name in names if name not in named.values() and name != NO_ROD]
-    # without the arm, whose column may only be a guess
+    # Without the arm: its column may be a guess.
     rest = unknown if len(unknown) == len(missing) else [name for name in names if name not in (named.get("t"), NO_ROD)]
     complete = len(rest) == len(missing) and not any(re.search(r"[,=]", name) for name in rest)
     pairs = zip(missing, rest if complete else ["NAME"] * len(missing), strict=True)
@@ -321,7 +325,7 @@ def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
-    """Columns without names by their order: time if present, then both rods, or the arm and both rods."""
+    """Assign columns without names by their order: time if present, then both rods, or the arm and both rods."""
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     others = [name for name in table.names if name != time]
@@ -334,9 +338,9 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
 
 
 def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
-    """Angles of the rods, or of the arm and the rods, in the order of the columns, if ROS names them.
+    """Angles of the rods, or of arm and rods, in a table named by ROS, in the order of the columns.
 
-    Joints with a number in their name are recognised by it.
+    If the names of the joints contain numbers, these decide instead of the order.
     """
     if {"theta0", "theta1"} & set(given):
         return {}
@@ -365,9 +369,9 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
 
 
 def own_name(name: str) -> str:
-    """A column name without the name of its group, as Logger Pro writes it: `X` of `VideoAnalysis: X`."""
+    """Column name without the name of its group, for example `X` of `VideoAnalysis: X` in a table of Logger Pro."""
     rest = name.partition(": ")[2].strip()
-    if not rest and name.endswith("/position"):  # of ROS: topic, joint, quantity
+    if not rest and name.endswith("/position"):  # name in ROS: topic, joint, quantity
         return "/".join(name.split("/")[-2:])
     return name if not rest or _ONLY_UNIT.fullmatch(rest) else rest
 

@@ -1,4 +1,4 @@
-"""Lines of a text file, plain or compressed by gzip, in blocks, so that memory does not grow with the file."""
+"""Lines of a text file, plain or compressed by gzip, read in blocks to bound the memory."""
 
 import codecs
 import gzip
@@ -24,7 +24,10 @@ Line = tuple[int, str]
 
 @dataclass(frozen=True, slots=True)
 class TableLimits:
-    """Limits of a table; a text is read in blocks and stored as numbers."""
+    """Limits of a table file.
+
+    Text is read in blocks and stored as numbers.
+    """
 
     looked_at: int = 50
     """Number of rows used to detect delimiter and decimal sign."""
@@ -37,9 +40,9 @@ class TableLimits:
     """Maximum number of lines before the first row of numbers."""
     block_bytes: int = 1 << 20
     expansion: int = 200
-    """Maximum compression ratio; rows of constant angles compress by a factor of about thirty."""
+    """Maximum ratio of unpacked to compressed size. Rows of constant angles have a ratio of about 30."""
     small_bytes: int = 1 << 24
-    """Size to which even a small compressed file may expand."""
+    """Maximum unpacked size of a small compressed file, bytes."""
 
 
 class Content:
@@ -57,7 +60,7 @@ class Content:
 
     def __init__(self, path: Path, limits: TableLimits, on_progress: OnImport) -> None:
         self.comments: deque[Line] = deque(maxlen=1)
-        """Last line before the current position."""
+        """The last comment before the current position."""
         self._path, self._limits, self._on_progress = path, limits, on_progress
         coding = _coding(path, limits)
         self._packed = path.open("rb")
@@ -84,9 +87,9 @@ class Content:
                 yield cleaned
 
     def blocks(self) -> Iterator[Line]:
-        """Blocks of complete lines of `lines`, with the number of the first line.
+        """Blocks of complete lines, each with the number of its first line.
 
-        Comments and empty lines are included. The last block may lack a line end.
+        Unlike `lines`, blocks include comments and empty lines. The last block may lack a line end.
         """
         while self._at < len(self._text) or self._read_block():
             number, text = self._number, self._text[self._at :]
@@ -173,11 +176,11 @@ def _coding(path: Path, limits: TableLimits) -> str:
         utf8 = utf8 and _decodes(decoder, b"", final=True)
     if not something:
         raise RunError(f"{path}: is empty")
-    return "utf-8-sig" if utf8 else "latin-1"  # affects at most a degree sign in a header
+    return "utf-8-sig" if utf8 else "latin-1"  # only the degree sign in a header can be affected
 
 
 def _no_text(path: Path, *, compressed: bool) -> str:
-    """Why a file is not a text table, and what to do."""
+    """Reason why a file is not a text table, and advice."""
     kind = str(mimetypes.guess_type(path)[0]).partition("/")[0]
     if kind == "video":
         return (

@@ -1,4 +1,4 @@
-"""A table with its interpretation, and the limits for doubts about it."""
+"""A table with its interpretation, and the limits of the plausibility checks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,53 +14,49 @@ from dpr_lab.storage.tables.readings import ReadTable, Values
 
 @dataclass(frozen=True, slots=True)
 class QuestionSettings:
-    """Limits beyond which an import warns or refuses."""
+    """Limits beyond which the import of a table gives a warning or is refused."""
 
     fewest_rows: int = 10
-    """Minimum number of rows of a swing; the noise estimate alone needs seven."""
+    """Minimum number of rows of a swing. The noise estimate alone needs seven."""
     few_rows: int = 100
-    """Minimum number of rows with sufficient information."""
+    """Number of rows below which a warning is given: the swing contains little information."""
     rows_a_period: float = 8.0
-    """Minimum number of rows per period of the faster small oscillation; large swings are faster."""
+    """Minimum number of rows per period of the faster small oscillation, without a warning; large swings may be
+    faster."""
     refused_rows_a_period: float = 2.0
-    """Minimum number of rows per period for which a swing can be followed."""
+    """Minimum number of rows per period, below which the table is refused: the swing cannot be followed."""
     still_share: float = 0.002
-    """Maximum excursion of a rod, relative to the excursion of the other rod, for which its column counts as constant.
-    Coupled rods always move together.
-    """
+    """Maximum excursion of a rod, relative to that of the other rod, for which its column counts as constant. Coupled
+    rods always move together."""
     stiff_rad: float = 0.02
-    """Maximum range of a fixed joint 2: absolute, rad, and relative to the excursion of the rods."""
+    """Maximum range of joint 2 for which it counts as fixed: absolute, rad, and relative to the excursion of the
+    rods."""
     unexplained: tuple[float, float] = (0.3, 0.8)
-    """A warning is given if the residual of the energy of a free or driven swing, in this order, exceeds these values.
-    Geared drives of real rigs dissipate up to half of the exchanged energy by Coulomb friction.
-    """
+    """Maximum residual of the energy balance without a warning, for a free and for a driven swing. Geared drives of
+    real rigs dissipate up to half of the exchanged energy by Coulomb friction."""
     time_scale: float = 1.6
-    """Maximum factor between the time scales of kinetic and potential energy without a warning."""
+    """Maximum factor between the time scales of kinetic and potential energy, without a warning."""
     arm_rad: float = 0.05
-    """Maximum motion of a clamped arm without a warning, rad; a brake and a column yield by less."""
+    """Maximum motion of a clamped arm without a warning, rad. A brake or a column yields by less."""
     other_unit: float = 30.0
-    """The unit of time must be wrong if the factor in `time_scale` exceeds this value."""
+    """Factor between the time scales of kinetic and potential energy above which the unit of time must be wrong."""
     same_rig: float = 0.15
-    """The inertias are compared with the rig file only if the residual of the torque balance with free L1 is below this
-    limit."""
+    """Maximum residual of the torque balance with free L1, for which the inertias are compared with the rig file."""
     other_rig: float = 1.1
-    """Maximum factor between an inertia over gravity and the nearest value that the rig file allows, without a warning.
-    The factor is below 1.05 for free swings of the correct rig, and 1.15 or more for other rigs of this repository.
-    """
+    """Maximum factor, without a warning, between an inertia over gravity and the nearest value that the rig file
+    allows. It is below 1.05 for free swings of the correct rig, and 1.15 or more for other rigs of this repository."""
     torque_step: float = 0.08
-    """Maximum median change of a known torque between rows, relative to its range, without a warning. The change is
-    0.012 for a sine of 1 Hz at 200 Hz, and 0.12 at 20 Hz.
-    """
+    """Maximum median change of a known torque between rows without a warning, relative to its range. The change is
+    0.012 for a sine of 1 Hz at 200 Hz, and 0.12 at 20 Hz."""
     idle: tuple[float, float] = (1.0, 0.75)
-    """Known torques may not act at all if the residual of the torque balance, relative to gravity, exceeds the first
-    value. A warning is given if the ratio of the residual without torques to this residual is below the second value.
-    """
+    """Two limits for known torques that may not act at all. The first is the residual of the torque balance, relative
+    to gravity, above which they are doubted. A warning is then given if the residual without torques, divided by this
+    residual, is below the second."""
     energy_rows: int = 200_000
-    """Maximum number of rows for the energy test; a wrong interpretation is visible from the start."""
+    """Maximum number of rows for the energy test. A wrong interpretation is visible from the start of the swing."""
     pose: tuple[float, float] = (3.0, 10.0)
-    """Maximum distance from the named pose, in units of its tolerance: without a warning, and without refusal of the
-    table.
-    """
+    """Distance of the release from the named pose, in units of its tolerance: maximum without a warning, and maximum
+    without refusal of the table."""
 
 
 SETTINGS = QuestionSettings()
@@ -68,11 +64,11 @@ SETTINGS = QuestionSettings()
 
 @dataclass(frozen=True, slots=True)
 class TableQuestion:
-    """A doubt about a table."""
+    """A doubt about the interpretation of a table."""
 
     sentence: str
     mend: tuple[str, ...] = ()
-    """Command-line options that correct it, if this is certain."""
+    """Command-line options that correct the interpretation; empty if the correction is not certain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +84,14 @@ class InterpretedTable:
     theta: Array
     """(n, 3) absolute angles, rad."""
     values: Values
-    """(n,) values by axis, in the unit of the table."""
+    """(n,) values of each axis, in the unit of the table."""
     part: FreePart
     torques: Array | None
     """(n, 2) known torques, N m; None for a free swing."""
     arm_moves: bool
     """Whether the motion of the arm is prescribed."""
     torque_columns: tuple[str, str]
-    """Names of the columns of the torques."""
+    """Names of the columns that contain the torques of joints 1 and 2."""
     ignored: tuple[str, Array] | None
     """Kind and (n, 2) torques of the table that the options ignore, N m; None if there are none."""
 
@@ -106,7 +102,7 @@ class InterpretedTable:
 
     @property
     def prescribed(self) -> bool:
-        """Whether the arm or the inner rod is moved by an unknown torque."""
+        """Whether the motion of the arm or of the inner rod is prescribed, so that an unknown torque acts."""
         return self.arm_moves or self.options.inner == "prescribed"
 
     @property
@@ -125,7 +121,10 @@ class InterpretedTable:
         return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
 
     def read(self) -> ReadTable:
-        """Samples at the instants of reading: evenly spaced ones, if the time stamps jitter about these."""
+        """The swing as recorded samples.
+
+        If the time stamps jitter about evenly spaced instants, the samples have these instants.
+        """
         rows = self.looked_at
         even = even_instants(self.t[rows], self.theta[rows, 1:])
         values = {axis: column[rows] for axis, column in self.values.items()}

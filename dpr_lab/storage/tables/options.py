@@ -1,4 +1,4 @@
-"""Interpretation of a table, and time of its recording."""
+"""Options of a table import, and the time of its recording."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -60,9 +60,8 @@ class ImportOptions:
     columns: Annotated[
         Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
     ] = field(default_factory=dict)
-    """Column name (or number, without a header) of t, theta0, theta1, theta2, of the torques tau1 and tau2, and of the
-    input of a driven arm, if not recognised by name.
-    """
+    """Quantity -> column name, or column number without a header. The quantities are t, theta0, theta1, theta2, the
+    torques tau1 and tau2, and the input of a driven arm. They are needed only if the names are not recognised."""
     take: Annotated[
         tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
     ] = ()
@@ -70,9 +69,8 @@ class ImportOptions:
     rate_hz: Annotated[
         float | None, Typed("Rows or frames per second, Hz, for a table without times.", positive=True)
     ] = None
-    """Sample rate of a table without times, Hz; a column of times is then ignored. A column of frame or row numbers
-    shows which rows are missing.
-    """
+    """Sample rate of a table without times, Hz. If it is given, a column of times is ignored, and a column of frame or
+    row numbers shows which rows are missing."""
     wrap: Annotated[
         float | None, Typed("Period at which the angles wrap, in their unit, e.g. 360 or 4096.", positive=True)
     ] = None
@@ -86,18 +84,17 @@ class ImportOptions:
         Mapping[str, float],
         Typed("Multiply the angles: -1, or theta1=-1,theta2=0.5; the torques: tau2=-1; the input: input=-1."),
     ] = field(default_factory=dict)
-    """Axis, torque `tau1` or `tau2`, or `input` of a driven arm -> factor of the values of the table."""
+    """Factors that multiply the values of the table, by axis, torque (`tau1`, `tau2`), or `input` of a driven arm."""
     offset: Annotated[
         Mapping[str, float], Typed("Add to the angles after scaling, in their unit: 90, or theta1=90.")
     ] = field(default_factory=dict)
-    """Axis -> value that is then added, in the unit of the table."""
+    """Values that are added after `scale`, by axis, in the unit of the table."""
     torque: Annotated[
         Literal["measured", "commanded", "none"] | None,
         Typed("Torques to use if the table has both kinds; none: treat it as a free swing."),
     ] = None
-    """Kind of torques to keep, and the kind of columns that do not state it; `none`: no torques. None: all torques
-    of the table.
-    """
+    """Kind of torques to use; it is also assumed for columns that do not state their kind. `none`: no torques. None:
+    all torques of the table."""
     input_delay_s: Annotated[
         float,
         Typed(
@@ -106,14 +103,13 @@ class ImportOptions:
             highest=1.0,
         ),
     ] = 0.0
-    """Delay between the logged and the acting torques, s; positive: they act later."""
+    """Delay from the logged to the acting torques, s; positive if they act later than logged."""
     intersample: Annotated[
         Literal["held", "continuous"],
         Typed("Torques and input between rows: held until the next row, or samples of a continuous signal."),
     ] = "held"
-    """Torques, and input of a driven arm, between rows: each value is held until the next row, or the rows are samples
-    of a continuous signal.
-    """
+    """Torques and input of a driven arm between rows: each value is held until the next row, or the rows are samples of
+    a continuous signal."""
     arm: Annotated[
         Literal["clamped", "free", "prescribed", "driven"] | None,
         Typed("Mode of the arm: clamped, free, prescribed by its encoder, or driven; default: as in the rig file."),
@@ -135,7 +131,7 @@ class ImportOptions:
     note: Annotated[str, Typed("A note stored with the run; `drift --by label` groups by it.")] = ""
     """Note of the operator; `drift --by label` groups runs by it."""
     start_s: Annotated[float, Typed("Duration to cut from the beginning, s.", lowest=0)] = 0.0
-    """Rows earlier than this after the first row are omitted, s."""
+    """Duration to omit from the beginning of the table, s."""
     duration_s: Annotated[float | None, Typed("Duration to keep, s.", positive=True)] = None
     """Duration to keep, s; None: all."""
 
@@ -157,23 +153,23 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True)
 class TypedOption:
-    """One option of `import table`."""
+    """Description of one option of `import table`, derived from a field of `ImportOptions`."""
 
     name: str
-    """Field of `ImportOptions`."""
+    """Name of the field of `ImportOptions`."""
     kind: Any
-    """Type without None."""
+    """Type of the value, without None."""
     default: Any
     """Default value; None for a mapping or a tuple."""
     typed: Typed
 
     @property
     def reads_text(self) -> bool:
-        """Whether `read` converts the text to a value."""
+        """Whether `read` must convert the option's text to its value."""
         return get_origin(self.kind) in (Mapping, tuple)
 
     def read(self, text: str) -> Any:
-        """Convert names, `name=column` pairs, or a number for both rods or for each axis.
+        """Convert the text of an option: names, `name=column` pairs, or one number for both rods or for each axis.
 
         Raises:
             ValueError: text of another form.
@@ -211,7 +207,9 @@ def _typed_options() -> Iterator[TypedOption]:
 
 
 def parse_recorded_at(text: str) -> str:
-    """A date unchanged, a date and time converted to UTC; a time without a zone is local time.
+    """Convert a date and time to UTC; a date alone is returned unchanged.
+
+    A time without a zone is local time.
 
     Raises:
         ValueError: the text is neither a date nor a date and time, or is in the future.

@@ -1,4 +1,4 @@
-"""Plausibility of a table: spacing and length, wraps of a logger, outliers, speeds."""
+"""Plausibility of a table: spacing, duration, wraps, outliers, speeds."""
 
 import math
 from collections.abc import Mapping
@@ -17,10 +17,11 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 @dataclass(frozen=True, slots=True)
 class Plausible:
-    """Limits of a plausible table; outside these limits a unit is wrong or the file is not a recording."""
+    """Limits of a plausible table. Beyond them a unit is wrong or the file is not a recording."""
 
     nan_share: float = 0.1
-    """Maximum share of rows without a value, unless they are scattered, for example because a tracker loses a point."""
+    """Maximum share of rows without a value. A larger share is accepted if these rows are scattered, for example
+    because a tracker loses a point."""
     lost_share: float = 0.5
     """Maximum share of scattered rows without a value."""
     lost_rows: int = 10
@@ -34,36 +35,34 @@ class Plausible:
     duration_s: float = 1e6
     """Maximum time from the first row to the last, s."""
     stamps_s: tuple[float, float] = (946_684_800.0, 4_102_444_800.0)
-    """Range of times that are interpreted as seconds since 1970, the years 2000 to 2100: no logger runs for thirty
-    years.
-    """
+    """Range of times that are read as seconds since 1970: the years 2000 to 2100. A logger's own clock does not run for
+    thirty years."""
     angle: float = 1e4
-    """Maximum angle, rad; a larger one would need hours of turning."""
+    """Maximum angle, rad. A larger angle would take hours of turning."""
     jump: float = 1.5 * np.pi
-    """Minimum jump between two rows at a wrap, rad: less than a turn, and more than a rod turns."""
+    """Minimum jump of an angle between two rows that counts as a wrap, rad: less than a turn, but more than a rod
+    turns."""
     outlier_rows: int = 3
-    """Maximum number of consecutive rows that jump away and back and are then treated as outliers."""
+    """Maximum number of consecutive rows that count as outliers because the angle jumps away and back."""
     window_slack: float = 0.2
-    """Tolerance on the range of wrapped angles, rad."""
+    """Excess over one turn that the range of wrapped angles may have, rad."""
     gap_steps: float = 1.5
-    """Steps longer than this many median steps are reported as gaps."""
+    """Minimum step between two rows that is reported as a gap, in median steps."""
     speed: float = 100.0
-    """Speed of the faster rod, rad/s, that is exceeded in nine of ten rows if degrees are interpreted as radians:
-    sixteen turns per second.
-    """
+    """Maximum speed of the faster rod, rad/s: sixteen turns per second. If nine of ten rows exceed it, degrees were
+    probably read as radians."""
     back: float = 1.5
-    """The angles of a single rod cannot be in radians if it makes more turns than this from one turning point to the
-    next.
-    """
+    """Maximum number of turns of a single rod between two turning points. Angles that exceed it cannot be in
+    radians."""
     typical_rows: int = 20_000
-    """Maximum number of examined rows, evenly spaced; sufficient to show typical properties."""
+    """Maximum number of examined rows, evenly spaced over the table."""
 
 
 PLAUSIBLE = Plausible()
 
 
 def check_spacing(path: Path, t: Array) -> None:
-    """Refuse rows that are too far apart, or a table that is too long, for (n,) times in seconds.
+    """Check the times (n,), s: the rows must not be too far apart, and the table not too long.
 
     Raises:
         RunError: the unit of time is probably another one.
@@ -85,7 +84,9 @@ def check_spacing(path: Path, t: Array) -> None:
 
 
 def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
-    """Refuse a table with too many rows without a value; `--start-s` and `--duration-s` of its longest good part help.
+    """Refuse a table with too many rows without a value.
+
+    The message names its longest good part by `--start-s` and `--duration-s`.
 
     Args:
         path: the table
@@ -95,7 +96,7 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
     Raises:
         RunError: more than a tenth of the rows have no value, and these are not scattered.
     """
-    edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # begin and end of intervals without a value
+    edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # start and end of intervals without a value
     intervals = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > PLAUSIBLE.lost_rows]
     missing = float(np.mean(~whole)) if len(whole) else 0.0
     if missing <= (PLAUSIBLE.nan_share if intervals else PLAUSIBLE.lost_share):
@@ -114,9 +115,9 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
 
 
 def unwrapped(angles: Array) -> Array:
-    """Unwrap the angles of a logger that wraps: all within one turn, with jumps of nearly one turn.
+    """Unwrap angles that the logger wrapped.
 
-    Other angles are returned unchanged.
+    Angles count as wrapped if all lie within one turn and jump by nearly one turn. Other angles are returned unchanged.
     """
     if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack or not _jumps(angles):
         return angles
@@ -124,7 +125,7 @@ def unwrapped(angles: Array) -> Array:
 
 
 def turn_of_hanging(angle: Array) -> float:
-    """Whole turns, rad, by which a rod hangs away from pi; 0 if it also hangs at pi, or never.
+    """Whole turns between pi and the angle at which a rod first hangs, rad; 0 if it also hangs at pi, or never hangs.
 
     Args:
         angle: (n,) 0 = upright, rad
@@ -134,12 +135,12 @@ def turn_of_hanging(angle: Array) -> float:
 
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
-    """A note for each axis whose angles, (n,), rad, were wrapped by the logger."""
+    """Notes on the axes whose angles, (n,), rad, were wrapped by the logger."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 
 def outliers(angles: Array) -> Flags:
-    """(n,) mask of angles beyond all turns, or that jump away and back within a few rows without a wrap."""
+    """Mask (n,) of outliers: impossibly large angles, and angles that jump away and back in a few rows."""
     wild = np.abs(angles) > PLAUSIBLE.angle
     if not wild.any() and not _jumps(angles):
         return wild
@@ -152,7 +153,7 @@ def outliers(angles: Array) -> Flags:
 
 
 def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions) -> list[str]:
-    """Replace outliers by NaN and note their number."""
+    """Replace outliers by NaN; returns notes with their number."""
     notes = []
     for axis, column in readings.items():
         counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
@@ -171,8 +172,8 @@ def _jumps(angles: Array) -> bool:
 
 
 def _leaps(angles: Array, rows: int) -> Flags:
-    """(n,) mask of angles in this number of rows that jump away and back, unless caused by a wrap."""
-    # The ends are extended, so that the first and the last row can be outliers.
+    """Mask (n,) of angles that jump away and back within the given number of rows, except for wraps."""
+    # Both ends are extended so that the first and last rows can be outliers too.
     x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
     jump_there, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
     away = (np.abs(jump_there) > PLAUSIBLE.jump) & (np.abs(back) > PLAUSIBLE.jump) & (jump_there * back < 0)
@@ -197,9 +198,10 @@ def gap_notes(t: Array) -> list[str]:
 
 
 def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:
-    """Notes on (n, 3) angles of 1 or 2 rods, rad, that are impossible, or that point upwards most of the time.
+    """Notes on angles (n, 3), rad, of one or two rods: impossible motion, or rods that mostly point upwards.
 
-    A single rod without a drive turns back only below the upright pose: within one turn.
+    A single rod without a drive turns back only below the upright pose, so its motion between turning points is less
+    than one turn.
 
     Args:
         t: (n,) s
@@ -233,7 +235,7 @@ def _between_turning_points(angle: Array) -> float:
 
 
 def recorded_by_stamps(first_s: float) -> str:
-    """Date and time in UTC of a table whose first time is in seconds since 1970; empty otherwise."""
+    """Date and time in UTC of a table's first time, if this is in seconds since 1970; empty otherwise."""
     if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
         return ""
     return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

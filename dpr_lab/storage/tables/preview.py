@@ -1,4 +1,4 @@
-"""Preview: interpretation of a table before the import."""
+"""Preview of a table: its interpretation before the import."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +25,7 @@ class Preview:
     kind: str
     """Kind of the file."""
     columns: dict[str, str]
-    """Column name of t and of each axis."""
+    """Quantity -> column name: t and each axis."""
     angles: str
     zero: str
     unit: str
@@ -34,7 +34,7 @@ class Preview:
     duration_s: float
     rate_hz: float
     steps_s: tuple[float, float]
-    """Shortest and longest step, s."""
+    """Shortest and longest time between two rows, s."""
     gaps: int
     """Number of gaps."""
     notes: tuple[str, ...]
@@ -42,24 +42,25 @@ class Preview:
     questions: tuple[TableQuestion, ...]
     """Doubts about the interpretation."""
     torques: dict[str, tuple[str, str]]
-    """Columns of joint 1 and 2 for each kind of known torques, `measured` first; the kind is empty if not stated."""
+    """Columns of joints 1 and 2 for each kind of known torques, `measured` first. The kind is empty if the columns do
+    not state it."""
     largest_input: float
     """Maximum absolute value of all known torques, or of the input of the arm's drive."""
     input_unit: str
-    """Unit of `largest_input`: N m of torques; N m, A, V or rad/s² of the input of the arm's drive."""
+    """Unit of `largest_input`: N m for joint torques; N m, A, V or rad/s² for the input of the arm's drive."""
     joints: tuple[int, ...]
     """Joints with a recorded angle: 0 of an arm that is not clamped, 1, and 2 if both rods are mounted."""
     rest_s: float
     """Duration of the rest before the release, s."""
     recorded_at: str
-    """ISO 8601 date, or date and time in UTC; empty if unknown."""
+    """Time of the recording: ISO 8601 date, or date and time in UTC; empty if unknown."""
     t: Array
-    """(n,) s since the release; negative in the rest before it."""
+    """(n,) times since the release, s; negative during the rest before it."""
     theta: Array
     """(n, 3) absolute angles of the run, 0 = upright, rad."""
 
     def facts(self) -> dict[str, str]:
-        """Interpretation of the table, one line per property."""
+        """Property -> value, as text: the interpretation of the table."""
         by_rig = self.unit == "counts"
         reading = (
             f"{self.unit}, converted by the encoders of the rig"
@@ -86,7 +87,11 @@ class Preview:
 
     @property
     def _mean_rate_hz(self) -> float:
-        """Rate from the whole duration, which rounded times do not change; from the median step if rows are missing."""
+        """Mean sample rate, Hz.
+
+        It is computed from the total duration, on which rounded times have no effect, or from the median step if rows
+        are missing.
+        """
         return self.rate_hz if self.gaps else (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
@@ -117,7 +122,7 @@ class Preview:
 
 
 def preview(file: Path, rig: Rig, options: ImportOptions, on_progress: OnImport = unwatched) -> Preview:
-    """Read a table as `import_csv` does, without writing.
+    """Interpret a table as `import_csv` does, without writing a run.
 
     Raises:
         RunError: as for `import_csv`.

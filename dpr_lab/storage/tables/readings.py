@@ -1,4 +1,4 @@
-"""Conversion of a table's values to angles with given options, and other interpretations if these fail."""
+"""Conversion of a table's values to angles, and alternative interpretations if the given one is implausible."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -23,45 +23,41 @@ Values = Mapping[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class ReadingSettings:
-    """Limits beyond which another interpretation of a table is proposed."""
+    """Limits for the proposal of another interpretation of a table."""
 
     right: float = 0.15
-    """Maximum residual of the energy of a correct interpretation: 0.01 in simulations, 0.02 to 0.12 on real rigs,
-    above 0.2 with one wrong option.
-    """
+    """Maximum energy residual of a correct interpretation. It is 0.01 in simulations, 0.02 to 0.12 on real rigs, and
+    above 0.2 with one wrong option."""
     better: float = 4.0
-    """Factor by which the residual of another interpretation must be smaller."""
+    """Minimum factor by which another interpretation must reduce the energy residual."""
     sure: float = 0.1
-    """Maximum residual of another interpretation."""
+    """Maximum energy residual of a proposed interpretation."""
     zero_rad: float = 0.02
-    """Minimum difference of a proposed zero, rad; a diagnosis fits a smaller one as an encoder offset."""
+    """Minimum change of a proposed zero, rad. Smaller errors are fitted by a diagnosis as encoder offsets."""
     usual_zero_rad: float = np.pi / 12
-    """A wrong zero is usually wrong by a multiple of this angle, rad."""
+    """Step of usual zero errors, rad: a wrong zero is usually a multiple of it."""
     alike: float = 2.0
-    """Interpretations are equally good if their residuals differ by less than this factor; fewer changes are preferred.
-    """
+    """Maximum ratio of two residuals for which the interpretations are equally good; then the one with fewer changes is
+    preferred."""
     balanced: float = 0.05
-    """No other interpretation is tried if the residual of the torques is below this value. The residual is 0.01 to 0.17
-    for free swings, up to 0.4 for driven geared joints, and 0.1 or more with one wrong option.
-    """
+    """Torque residual below which no other interpretation is tried. It is 0.01 to 0.17 for free swings, up to 0.4 for
+    driven geared joints, and 0.1 or more with one wrong option."""
     near_balance: float = 0.15
-    """Maximum residual of the torques for which only the nearest zeros are searched; distant zeros have a larger one.
-    """
+    """Maximum torque residual for which only zeros near the given ones are tried. Distant zeros have larger
+    residuals."""
     better_balance: float = 2.0
-    """Factor by which the residual of the torques must be smaller in another interpretation. No other interpretation of
-    a correct table reduces it by more than a third.
-    """
+    """Minimum factor by which another interpretation must reduce the torque residual. For a correct table no other
+    interpretation reduces it by more than a third."""
     sure_balance: float = 0.25
-    """Maximum residual of the torques of another interpretation."""
+    """Maximum torque residual of a proposed interpretation."""
     alike_balance: float = 1.1
-    """Same factor as `alike`, for the torques."""
+    """Maximum ratio of two torque residuals for which the interpretations are equally good; see `alike`."""
     wrong_zero_rad: float = 0.15
-    """The stated zero is doubted if the nearest zero that balances the torques is farther away, rad, even if the
-    residual of a noisy record hardly falls. The distance is at most 0.08 for 21 correct recordings of real rigs, and
-    0.17 for a zero that is 10 degrees off.
-    """
+    """Minimum distance, rad, from the given zero to the zero with the smallest torque residual, above which the given
+    zero is doubted, even if noise hides the reduction. It is at most 0.08 for 21 correct recordings of real rigs, and
+    0.17 for a zero that is 10 degrees off."""
     better_zero: float = 1.1
-    """Factor by which the residual of the torques must be smaller with this zero."""
+    """Minimum factor by which such a zero must reduce the torque residual."""
 
 
 READ = ReadingSettings()
@@ -72,20 +68,20 @@ class OtherReading:
     """Another interpretation of a table."""
 
     causes: tuple[str, ...]
-    """Description of the difference."""
+    """Descriptions of its differences from the given interpretation."""
     words: tuple[str, ...]
-    """Command-line options besides `--scale`; empty if the correction is not certain."""
+    """Command-line options that select it, except `--scale`; empty if the correction is not certain."""
     values: Values
     options: ImportOptions
     time_factor: float = 1.0
     scale: tuple[float, float] = (1.0, 1.0)
     """Additional factors of the option `--scale` for the two rods."""
     offset: tuple[float, float] = (0.0, 0.0)
-    """Values that are then added to the two rods, in the unit of the table."""
+    """Offsets added to the two rods after scaling, in the unit of the table."""
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Command-line options; empty if the correction is not certain."""
+        """Command-line options that select this interpretation; empty if the correction is not certain."""
         zeros = {**dict.fromkeys(AXES[1:], 0.0), **self.options.offset}
         scale, offset = dict(self.options.scale), dict(zeros)
         for axis, factor, added in zip(AXES[1:], self.scale, self.offset, strict=True):
@@ -96,12 +92,12 @@ class OtherReading:
 
     @property
     def sentence(self) -> str:
-        """The other interpretation, and the options that select it."""
+        """Description of the interpretation, with the options that select it."""
         return " and ".join(self.causes) + (f" ({' '.join(self.mend)})" if self.mend else "")
 
     @property
     def mirrored(self) -> "OtherReading":
-        """The mirror image of the rods, which has the same energy."""
+        """Interpretation with mirrored rods; its energy is the same."""
         turned = {axis: -self.values[axis] for axis in AXES[1:]}
         signs, offset = (-self.scale[0], -self.scale[1]), (-self.offset[0], -self.offset[1])
         causes = self.causes if signs == (-1.0, 1.0) else (*self.causes, "both angles have the opposite sign")
@@ -146,17 +142,17 @@ class ReadTable:
     """(n, 2) known torques, N m; None for a free swing."""
 
     def rods(self, values: Values, options: ImportOptions) -> Array:
-        """(n, 2) absolute angles of the rods in an interpretation, rad; equal ones for a single rod."""
+        """Absolute angles of the rods in an interpretation, (n, 2), rad; a single rod is given twice."""
         theta, _ = angles(values, options, self.rig, self.path)
         return theta[:, [1, 1]] if self.rig.rods.mounted != "both" else theta[:, 1:]
 
     def others(self) -> Iterator[OtherReading]:
-        """Other interpretations."""
+        """All alternative interpretations that are tried."""
         return other_readings(self.values, self.options, self.columns, self.rig)
 
 
 def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
-    """Interpretations that conserve the energy of a swing clearly better than `fit`, the current one; best first."""
+    """Alternatives with a clearly smaller energy residual than the current `fit`, best first."""
     if fit.residual <= READ.right:
         return []
     tried: list[tuple[float, OtherReading]] = []
@@ -175,7 +171,7 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
 
 
 def _as_counts(read: ReadTable) -> OtherReading | None:
-    """Whole numbers as counts of the encoders, perhaps with other zeros, if a free swing then conserves its energy."""
+    """Whole numbers as encoder counts, perhaps with other zeros; None unless a free swing then conserves energy."""
     whole = all(np.array_equal(column, np.round(column)) for column in read.values.values())
     if read.options.unit == "counts" or read.options.offset or read.options.scale or not whole:
         return None
@@ -189,12 +185,12 @@ def _as_counts(read: ReadTable) -> OtherReading | None:
 
 
 def _conserves(fit: EnergyFit | None) -> bool:
-    """Whether the energy of a free swing shows that an interpretation is right."""
+    """Whether the energy residual of a free swing is small enough for a correct interpretation."""
     return fit is not None and fit.residual <= READ.right / READ.alike
 
 
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
-    """The table with zeros of the rods for which a free swing conserves its energy; None if there are no such zeros."""
+    """Interpretation with other zeros, for which a free swing conserves its energy; None if there is none."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
     if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):
@@ -203,7 +199,7 @@ def _with_other_zeros(read: ReadTable) -> OtherReading | None:
 
 
 def balanced_readings(read: ReadTable) -> list[OtherReading]:
-    """Interpretations with a clearly smaller residual of the torque balance than the given one, best first."""
+    """Alternatives with a clearly smaller residual of the torque balance, best first."""
 
     def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
         return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
@@ -234,10 +230,10 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
 
 
 def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
-    """The zeros that conserve the energy of a single free rod, if they are near the zeros of the torque balance.
+    """Replace zeros from the torque balance by zeros from the energy of a single free rod, if both are near each other.
 
-    If friction stops a rod or changes its sign, the accelerations are wrong and shift the zeros, whereas the energy is
-    right.
+    Friction that stops a rod or changes its sign falsifies the accelerations and shifts their zeros, but not the zeros
+    from the energy.
     """
     if read.rig.rods.mounting == "both" or read.torques is not None:
         return balancing
@@ -249,11 +245,11 @@ def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, 
 
 
 def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
-    """Add two offsets, rad, to the absolute angles of a table, as --offset or zero_counts do."""
+    """Interpretation with two offsets, rad, added to the absolute angles, by --offset or zero_counts."""
     values, options, rig = read.values, read.options, read.rig
     if options.unit != "counts":
         from_pi = np.abs((np.asarray(added) % (2 * np.pi)) - np.pi)
-        # the remaining difference is an error of the zero, which a diagnosis names
+        # The remaining difference is an error of the zero that a diagnosis names.
         if from_pi.max() < READ.wrong_zero_rad:
             return _changed(values, options, read.columns, zero=True)
         return with_zeros(values, options, added)
@@ -261,7 +257,7 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
     counts = np.round(turned / np.asarray(rig.radians_per_count)[1:])
     moved = {axis: values[axis] + count for axis, count in zip(AXES[1:], counts, strict=True)}
     zeros = [round(zero) for zero in np.asarray(rig.encoders.zero_counts)[1:] - counts]
-    if rig.rods.mounting != "both":  # within the turn of the swing
+    if rig.rods.mounting != "both":  # within one turn of the swing
         turn = 2 * np.pi / abs(rig.radians_per_count[1])
         zeros[0] += round(turn * round((float(np.median(values["theta1"])) - zeros[0]) / turn))
     of_joint2 = f" and {zeros[1]} for joint 2" if rig.rods.mounted == "both" else ""
@@ -270,7 +266,7 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
 
 
 def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
-    """Add two offsets, rad, to the absolute angles of a table; small ones are omitted.
+    """Interpretation with two offsets, rad, added to the absolute angles; small offsets are omitted.
 
     Args:
         values: of the table
@@ -291,7 +287,7 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
 
 
 def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[str, str]:
-    """An option with a value for both rods, or for each."""
+    """Option and its text: one value if both rods have the same, otherwise a value for each."""
     if set(value) == set(AXES[1:]) and len(set(value.values())) == 1:
         return option, f"{value['theta1']:g}"
     return option, ",".join(
@@ -302,7 +298,7 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
 def other_readings(
     values: Values, options: ImportOptions, columns: Mapping[str, str], rig: Rig
 ) -> Iterator[OtherReading]:
-    """Other interpretations than given by the options."""
+    """Interpretations that differ from the given options by zero, reference, sign, order or scale."""
     counted, both_rods = options.unit == "counts", rig.rods.mounting == "both"
     zeros = (False,) if counted else (False, True)
     references = (False,) if counted or not both_rods else (False, True)
@@ -327,7 +323,7 @@ def other_readings(
 
 
 def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherReading]:
-    """Interpretations with half or twice the readings of both rods or of one rod."""
+    """Interpretations in which the readings of one or both rods are halved or doubled."""
     counted = options.unit == "counts"
     zeros = rig.encoders.zero_counts[1:] if counted else (0.0, 0.0)
     relative = rig.encoders.joint2 == "relative" if counted else options.angles == "relative"
@@ -348,7 +344,7 @@ def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherR
 
 
 def _slower(values: Values, options: ImportOptions, factor: float) -> OtherReading:
-    """Multiply the times of a table by this factor."""
+    """Interpretation in which the times of the table are multiplied by a factor."""
     if options.rate_hz is not None:
         cause = f"the rate is about {options.rate_hz / factor:.3g} Hz (--rate-hz)"
     else:

@@ -18,14 +18,14 @@ from dpr_lab.run import FilmNoise
 from dpr_lab.storage.tables.clean import NOT_A_VALUE, clean_rows
 from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
-DELIMITERS = (";", "\t", ",")  # the order matters: with a semicolon or tab as delimiter, a comma is the decimal sign
+DELIMITERS = (";", "\t", ",")  # The order matters: in a table with semicolons or tabs, a comma is the decimal sign.
 LIMITS = TableLimits()
 _CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of a table."""
+    """Columns of a table, with their names."""
 
     path: Path
     names: tuple[str, ...]
@@ -33,22 +33,23 @@ class Table:
     values: tuple[Array, ...]
     """Values of each column; NaN if a value is missing or not a number."""
     strange: tuple[str, ...]
-    """First field of each column that is neither a number nor missing, with its line; empty without such a field."""
+    """For each column, its first field that is neither a number nor a missing value, with its line; empty if there is
+    none."""
     lines: Integers
-    """Line number in the file of each row (row number if the file has no lines), from 1."""
+    """Line number of each row in the file, from 1; the row number if the file has no lines."""
     notes: tuple[str, ...] = ()
     kind: str = "text table"
     """Kind of the file."""
     heading: tuple[tuple[str, ...], ...] = ()
     """Rows above the numbers, unchanged."""
     other_lengths: Mapping[str, int] = field(default_factory=dict)
-    """Column -> its number of values, for ignored columns whose number of values differs from the other columns."""
+    """Column -> number of its values, for columns that are ignored because their length differs from the others."""
     settled: bool = False
-    """Whether the angles are absolute, 0 = upright, rad, independent of the options."""
+    """Whether the values are already absolute angles in rad, 0 = upright, so that no option changes them."""
     film_noise: FilmNoise | None = None
-    """Noise of angles from points in a video."""
+    """Noise of the angles, if they were computed from points in a video."""
     frames: Array | None = None
-    """(n,) number of each row in a video of which frames were removed, from 0; None for consecutive rows."""
+    """(n,) original number of each row, from 0, if frames of a video were removed; None for consecutive rows."""
 
     def column(self, name: str) -> Array:
         """(n,) values of one column; NaN for missing values.
@@ -115,7 +116,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
 
 
 class _Columns:
-    """Columns of numbers to which rows are appended."""
+    """Columns of numbers that grow row by row."""
 
     def __init__(self, path: Path, width: int, decimal_comma: bool) -> None:
         self.strange = [""] * width
@@ -134,7 +135,10 @@ class _Columns:
         return np.frombuffer(self._lines, dtype=np.int64)
 
     def take(self, rows: Iterable[tuple[int, list[str]]]) -> None:
-        """Append rows; a row that is too short must be the last one."""
+        """Append rows.
+
+        Only the last row may be too short.
+        """
         for number, row in rows:
             if self._short is not None or len(row) > len(self._values):
                 self._refuse(*(self._short or (number, len(row))))
@@ -148,7 +152,10 @@ class _Columns:
                 self._values[place].append(self._number(cell.strip(), place, number))
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
-        """Append complete lines of numbers from this line number on; returns false, without appending, for others."""
+        """Append a block of lines that contain only numbers, from line `number` on.
+
+        Returns False, and appends nothing, for other lines.
+        """
         if self._short is not None:
             return False
         rows = clean_rows(text, len(self._values), delimiter, self._comma, LIMITS.line_length)
@@ -160,7 +167,10 @@ class _Columns:
         return True
 
     def finish(self) -> None:
-        """Finish after the last row: a short last row was truncated when the logger was switched off."""
+        """End the table.
+
+        A short last row was truncated when the logger was switched off, so it is ignored with a note.
+        """
         if self._short is None:
             return
         if not self._lines:
@@ -176,7 +186,10 @@ class _Columns:
         )
 
     def _number(self, word: str, place: int, line: int) -> float:
-        """A number; for a time such as `14:30:00.123` (with or without a date) or `30:00.1`, its seconds."""
+        """A field as number.
+
+        A time such as `14:30:00.123`, `30:00.1`, or with a date before it, is converted to seconds.
+        """
         try:
             return float(word.replace(",", ".") if self._comma else word)
         except ValueError:
@@ -189,23 +202,23 @@ class _Columns:
 
 
 def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
-    """Names of the columns: from the rows above the numbers, otherwise from the last comment, otherwise numbers."""
+    """Names of the columns: from the rows above the numbers, or from the last comment, or else column numbers."""
     if not early:
         return _commented_header(comments, delimiter, width)
     wide = [row for row in early if len(row) == width] or _otherwise_separated(early, delimiter, width)
-    # There may be names of groups above the names of columns.
+    # Names of groups may precede the names of columns.
     return next((row for row in wide if all(row)), (wide or early[-1:])[0])
 
 
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
-    """Header rows with another delimiter than the numbers, and one name for each column."""
+    """Possible header rows with one name per column, if the header has another delimiter than the numbers."""
     lines = [(delimiter or " ").join(row) for row in early]
     split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
     return [names for names in split if len(names) == width]
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:
-    """A row above the numbers without trailing empty fields."""
+    """Row above the numbers, without empty fields beyond the width of the table."""
     return row[:width] if not any(row[width:]) else row
 
 
@@ -238,6 +251,9 @@ def _is_number(cell: str) -> bool:
 
 
 def _commented_header(comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
-    """Header in the last comment above the numbers, if it has the right number of names; otherwise column numbers."""
+    """Header in the last comment above the numbers.
+
+    Column numbers are returned if the comment does not have one name per column.
+    """
     names = comments[-1][1].lstrip("#%/ ").split(delimiter) if comments else []
     return names if len(names) == width else [str(n + 1) for n in range(width)]

@@ -1,15 +1,15 @@
 """Faults of time stamps: too few digits, stamps on the wrong side of a gap, a full second added at the wrong row.
 
-Too few digits, for example from a spreadsheet that shows three: several rows share one time. If the rows are evenly
-spaced, their number determines the times: t_i = t_0 + i T, and each written time differs from t_i by at most half of
-its resolution, apart from a constant. Rows of an uneven logger, or lost rows, violate this.
+Too few digits: several rows share one time, for example in a spreadsheet that shows three digits. If the rows are
+evenly spaced, their number determines the times t_i = t_0 + i T. Apart from a constant, each written time then differs
+from t_i by at most half of its resolution. Unevenly sampled or lost rows violate this.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
 
-Full second at the wrong row: a stamp composed of two counters that are not read at one instant, such as the second of a
-clock and the milliseconds of the processor, is a second early or late in the rows between their two changes: 24.997,
-24.002, 25.009.
+Full second at the wrong row: a stamp may be composed of two counters that are not read at one instant, such as the
+second of a clock and the milliseconds of the processor. Rows between the changes of the two counters are then a second
+early or late: 24.997, 24.002, 25.009.
 """
 
 from collections.abc import Mapping
@@ -22,46 +22,50 @@ from dpr_lab.arrays import Array, Flags
 
 @dataclass(frozen=True, slots=True)
 class StampSettings:
-    """Limits for the detection of rounded stamps, and of stamps on the wrong side of a gap."""
+    """Limits for the detection of faulty time stamps."""
 
     shared: float = 0.1
-    """Minimum fraction of rows that repeat the time of the previous row but not its readings."""
+    """Minimum share of rows with the time of the previous row but other readings, for times to count as rounded."""
     slack: float = 1.2
-    """Maximum range of the deviations from an even spacing, in units of the resolution; 1 in exact arithmetic."""
+    """Maximum range of the deviations from even spacing, in units of the resolution of the times; 1 in exact
+    arithmetic."""
     times: int = 10
-    """Minimum number of different times."""
+    """Minimum number of different times, for times to count as rounded."""
     digits: int = 6
     """Maximum number of significant digits of a rounded time."""
     gap_steps: float = 3.0
-    """Minimum length of a gap, in median steps; at a shorter gap the instants on both sides are nearly the same."""
+    """Minimum length of a gap, in median steps. At a shorter gap the instants on both sides are nearly equal."""
     fitted: int = 6
-    """Number of rows on one side of a gap to which a parabola is fitted, which predicts the reading next to it."""
+    """Number of rows on one side of a gap to which a parabola is fitted. The parabola predicts the reading next to the
+    gap."""
     usual: float = 0.95
-    """Quantile of the prediction errors elsewhere in the table that is taken as their usual size."""
+    """Quantile of the prediction errors elsewhere in the table that serves as their usual size."""
     elsewhere: int = 1000
-    """Maximum number of rows, evenly spaced over the table, from which the usual size is determined."""
+    """Maximum number of rows, evenly spaced over the table, that determine the usual size of the prediction errors."""
     far: float = 1e3
     """Maximum distance of a predicted instant from the fitted rows, in units of the duration of these rows."""
     misfit: float = 4.0
-    """Minimum prediction error at the recorded stamp, in units of the usual size, in at least one column."""
+    """Minimum prediction error for which a stamp is doubted, in units of the usual size, in at least one column."""
     carries: tuple[float, ...] = (1.0, 60.0)
-    """Units of a clock that are written apart from their fraction, s."""
+    """Units of a clock that may be counted separately from their fraction, s."""
     carried_rows: int = 3
     """Maximum number of successive rows between the changes of the two counters."""
     carried_step: float = 10.0
-    """Maximum step to and from a corrected row, in median steps; a longer one may be a new recording."""
+    """Maximum step before and after a corrected row, in median steps. A longer step may be the start of a new
+    recording."""
     fit: float = 2.0
-    """Maximum prediction error with the stamp on the other side of the gap, in the same units, in all columns."""
+    """Maximum prediction error with the stamp on the other side of the gap, in units of the usual size, in every
+    column."""
 
 
 SETTINGS = StampSettings()
 
 
 def carried_times(t: Array) -> tuple[Array, str]:
-    """Times with rows that are a second or a minute early or late corrected, and a note; others are unchanged.
+    """Correct rows that are a second or a minute early or late; returns the times and a note.
 
     A few rows are shifted by the unit if the time runs backwards without this shift and all steps around them have the
-    usual size with it.
+    usual size with it. Other times are not changed.
 
     Args:
         t: (n,) s, NaN where unknown
@@ -94,13 +98,13 @@ def carried_times(t: Array) -> tuple[Array, str]:
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
-    """(n - 1,) whether a row has the time of the previous row but different readings."""
+    """(n - 1,) whether each row has the same time as the previous row but different readings."""
     changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 
 
 def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Times of evenly spaced rows whose written times are rounded, and a note; other times are returned unchanged.
+    """Evenly spaced times in place of rounded ones, and a note; other times are returned unchanged.
 
     Args:
         t: (n,) s, not decreasing
@@ -125,7 +129,7 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def _of_digits(t: Array) -> Array:
-    """(n,) resolution of times with the fewest significant digits that represent all of them, at most `digits`, s."""
+    """(n,) resolution of times, s, written with the fewest significant digits that represent all of them."""
     size = np.abs(t)
     decade = np.floor(np.log10(np.where(size > 0, size, size[size > 0].min())))
     digits = next(
@@ -140,7 +144,7 @@ def _rounded(t: Array, resolution: Array) -> Array:
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Times with stamps next to gaps moved to the side whose motion the reading continues, and a note.
+    """Move stamps next to gaps to the side whose motion the reading continues; returns the times and a note.
 
     The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
 
@@ -190,7 +194,10 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
 
 
 def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array:
-    """(columns,) absolute error of the parabola through other rows at an instant; infinite far from these rows."""
+    """(columns,) absolute prediction error at an instant, by a parabola through other rows.
+
+    Infinite far from these rows.
+    """
     duration = float(np.ptp(t[fitted]))
     if np.abs(t[fitted] - instant).max() > SETTINGS.far * duration or duration <= 0:
         return np.full(x.shape[1], np.inf)

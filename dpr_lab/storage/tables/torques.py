@@ -22,7 +22,7 @@ KINDS = ("measured", "commanded")
 JOINTS = ("tau1", "tau2")
 """Names of the torques in the options `columns` and `scale`."""
 PASSIVE = "none"
-"""Marks the torque column of a joint without a drive."""
+"""Name in place of the torque column of a joint without a drive."""
 _KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
 _KINDS |= dict(zip(KINDS, KINDS, strict=True))
 _UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
@@ -30,19 +30,19 @@ _NAME = re.compile(
     "(?:tau|torque|trq|effort){kind}([12])?{kind}({unit})?".format(kind=f"({'|'.join(_KINDS)})?", unit="|".join(_UNITS))
 )
 _FACTORS = (1e-3, 1e-2, 1e3)
-"""Factors of other units of a torque: mN m, N cm, kN m."""
+"""Factors of other common units of torque relative to N m: mN m, N cm, kN m."""
 
 Pairs = Mapping[str, tuple[str, str]]
-"""Kind -> columns of joint 1 and 2, `measured` first; the kind is empty if no column states it."""
+"""Kind -> names of the columns of joints 1 and 2, `measured` first. The kind is empty if no column states it."""
 
 
 def find_torques(
     names: Sequence[str], source: str | None, given: Mapping[str, str], path: object, *, alone: bool = False
 ) -> Pairs:
-    """Columns of the torques; empty for a free swing.
+    """Columns of the torques of both joints; empty for a free swing.
 
-    If columns of one kind exist, columns without a kind are of the other kind. A joint without a torque column is
-    passive: the name of its column is `PASSIVE`.
+    If columns of one kind exist, columns without a stated kind are of the other kind. A joint without a torque column
+    is passive, and the name of its column is `PASSIVE`.
 
     Args:
         names: names of the columns
@@ -89,7 +89,7 @@ def find_torques(
 
 
 def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str], path: object) -> Pairs:
-    """Columns of the torques that the options name; they are of one kind."""
+    """Torque columns that the options name; all must be of one kind."""
     for joint, name in stated.items():
         if name not in names:
             raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {', '.join(names)}")
@@ -100,7 +100,10 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
-    """Note on torques of unknown joints, which are not used; on a moving arm they belong to its drive."""
+    """Note on torque columns that do not name their joint and are therefore not used; empty otherwise.
+
+    On a moving arm such a torque belongs to its drive.
+    """
     torques = [name for name in names if (match := _NAME.fullmatch(bare(name))) and not match[2]]
     if driving or options.arm != "clamped" or options.torque == "none" or not torques:
         return []
@@ -108,7 +111,7 @@ def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> 
 
 
 def torque_column(table: Table, name: str) -> Array:
-    """Torque of a column in N m, by the unit in its name; zero for a passive joint.
+    """Torque of a column, N m, according to the unit in its name; zero for a passive joint.
 
     Raises:
         RunError: a column of another length.
@@ -125,7 +128,9 @@ def torque_column(table: Table, name: str) -> Array:
 
 
 def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
-    """Torque of the kept rows. Over removed rows the mean torque is used, which conserves the impulse.
+    """Torque of the kept rows.
+
+    Over an interval with removed rows it is the mean torque, which conserves the impulse.
 
     Args:
         t: (rows,) s
@@ -145,7 +150,7 @@ class OtherTorques:
     """Another interpretation of the torques of a table."""
 
     cause: str
-    """Description of the difference."""
+    """Description of the difference from the given interpretation."""
     torques: Array
     """(n, 2) N m."""
     words: tuple[str, ...]
@@ -155,7 +160,7 @@ class OtherTorques:
 def other_torques(
     torques: Array | None, pair: tuple[str, str], scale: Mapping[str, float], ignored: tuple[str, Array] | None
 ) -> Iterator[OtherTorques]:
-    """Other interpretations: torques with other signs, in other units, or exchanged, and the ignored torques.
+    """Other interpretations of the torques: other signs, other units, exchanged joints, or torques that are ignored.
 
     Args:
         torques: (n, 2) as interpreted, N m; None for a free swing
@@ -183,7 +188,7 @@ def other_torques(
 def better_torques(
     fit: EnergyFit, t: Array, rods: Array, others: Sequence[OtherTorques], rig: Rig
 ) -> OtherTorques | None:
-    """Interpretation of the torques that conserves the energy of a swing clearly better than `fit`; None without one.
+    """Interpretation of the torques with a clearly smaller energy residual than `fit`; None without one.
 
     Args:
         fit: the energy balance as interpreted
@@ -199,7 +204,7 @@ def better_torques(
 
 
 def coarse_torques(torques: Array, limit: float, words: str) -> str:
-    """Doubt about torques, or an input of the arm, whose rows are too far apart; empty if they are not.
+    """Doubt about torques, or an input of the arm, that change too much from row to row; empty without a doubt.
 
     Args:
         torques: (n, 2) from the release on, N m
@@ -219,7 +224,7 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
 def idle_torques(
     t: Array, rods: Array, torques: Array | None, pair: tuple[str, str], rig: Rig, limits: tuple[float, float]
 ) -> str:
-    """Doubt about torques that exceed gravity while the rods move as if they did not act; empty without a doubt.
+    """Doubt about torques that exceed gravity although the rods move as if no torque acted; empty without a doubt.
 
     Args:
         t: (n,) s

@@ -1,7 +1,7 @@
-"""Interpretation of a table: columns, units, zero, release, and doubts.
+"""Interpretation of a table: columns, units, zeros, release, and doubts.
 
-Times are not changed: uneven steps and gaps are kept, nothing is resampled. Rows without a value and rows with the same
-time as the previous row are removed, counted and reported.
+Nothing is resampled: uneven steps and gaps are kept. Rows without a value and rows with the same time as the previous
+row are removed, counted and reported. Times change only where they wrap, or in `dpr_lab.storage.tables.time_stamps`.
 """
 
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """Interpretation of a table."""
+    """A table with its interpretation as a run."""
 
     since_first_s: Array
     """(n,) times since the first kept row, s."""
@@ -56,7 +56,7 @@ class Understood:
     """(n, 3) absolute angles, 0 = upright, rad."""
     counts: Integers | None
     t_offset_s: float
-    """Time in the table at the release, s."""
+    """Time of the release on the time axis of the table, s."""
     columns: Mapping[str, str]
     notes: tuple[str, ...]
     """Notes on the conversion of the table."""
@@ -64,19 +64,18 @@ class Understood:
     """Options including the detected units."""
     kind: str
     torques: Mapping[str, Array] = field(default_factory=dict)
-    """(n, 2) torques by kind, `measured` first; the kind is empty if the columns do not state it; no entry for a
-    free swing.
-    """
+    """Kind -> torques (n, 2), N m, `measured` first. The kind is empty if the columns do not state it. A free swing has
+    no entry."""
     torque_columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Columns of joint 1 and 2 for each kind."""
+    """Kind -> names of the columns of joints 1 and 2."""
     questions: tuple[TableQuestion, ...] = ()
     """Doubts about the interpretation."""
     recorded_at: str = ""
-    """ISO 8601 date, or date and time in UTC; empty if unknown."""
+    """Time of the recording: ISO 8601 date, or date and time in UTC; empty if unknown."""
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
     at_edges: bool = False
-    """Whether the rows were sent at each count of an encoder, and the angles belong to the edges between counts."""
+    """Whether a row was sent at each encoder count, so that the angles are those of the edges between counts."""
 
     @property
     def t(self) -> Array:
@@ -85,7 +84,7 @@ class Understood:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and doubts, as stored with a run."""
+        """Notes and doubts, as they are stored with a run."""
         return (*self.notes, *(question.sentence for question in self.questions))
 
     @property
@@ -97,7 +96,7 @@ class Understood:
 def understand(
     file: Path | str, rig: Rig, options: ImportOptions | None = None, on_progress: OnImport = unwatched
 ) -> Understood:
-    """Interpret a table before it becomes a run; arguments and errors as of `import_csv`."""
+    """Interpret a table; arguments and errors are those of `import_csv`."""
     options = options or ImportOptions()
     if options.pose is not None and options.pose not in rig.poses:
         raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")
@@ -131,7 +130,7 @@ def understand(
 
 
 def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -> tuple[Table, dict[str, str]]:
-    """The table, and its stated columns of time and angles; a missing rod is at rest."""
+    """The table with its stated columns of time and angles; the angle of a missing rod is constant."""
     named_angles = not set(AXES).isdisjoint(options.columns)
     table = read_any(path, options.take, on_progress, points=not named_angles)
     stated = {name: column for name, column in options.columns.items() if name not in ("input", *JOINTS)}
@@ -141,7 +140,7 @@ def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -
 def _readings(
     table: Table, names: Mapping[str, str], rig: Rig, options: ImportOptions
 ) -> tuple[Array, dict[str, Array], list[str]]:
-    """(rows,) times, s, (rows,) readings of each recorded axis with NaN for outliers, and notes."""
+    """Times (rows,), s, readings (rows,) of each recorded axis with NaN for outliers, and notes."""
     t, carried = carried_times(_times(table, names, options))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
     _check_forwards(table, t, options, readings)
@@ -154,12 +153,12 @@ def _readings(
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Kept rows of the table."""
+    """The rows of a table that are kept."""
 
     path: Path
     kept: NDArray[np.intp]
     t: Array
-    """(all rows,) times, s."""
+    """(all rows,) times, s, also of removed rows."""
     values: Mapping[str, Array]
     torques: Mapping[str, Array]
     columns: Mapping[str, str]
@@ -183,7 +182,7 @@ def _ignored(
 def _understood(
     read: _Rows, notes: list[str], rig: Rig, kind: str, driving: Mapping[str, tuple[str, str]]
 ) -> Understood:
-    """Angles, the part in which the rods are free, and the doubts."""
+    """Convert the kept rows to angles, find the part in which the rods are free, and collect the doubts."""
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
     theta, counts = angles(read.values, options, rig, path)
@@ -217,7 +216,7 @@ def _understood(
     rows = slice(first, part.stop)
     stamped = recorded_by_stamps(release) if options.rate_hz is None else ""
     return Understood(
-        # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below a logger's resolution.
+        # Decimals that need few characters in a run file; 1 ns and 1e-11 rad are far below the resolution of a logger.
         np.round(time[rows] - time[first], 9),
         part.start - first,
         np.round(theta[rows], 11) if counts is None else theta[rows],
@@ -235,7 +234,7 @@ def _understood(
 
 
 def _at_edges(read: Understood, rig: Rig) -> Understood:
-    """The table with the angles of the edges, if its rows were sent at each count of an encoder."""
+    """Correct the angles to the edges between counts, if a row was sent at each count of an encoder."""
     theta = read.theta
     encoders = np.column_stack([theta[:, 0], rig.encoders.joint_angles.of_rods(theta[:, 1:])])
     rows = edge_rows(encoders[:, : 1 + rig.rods.number])
@@ -265,7 +264,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
 
 
 def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
-    """Notes on rows removed because the rods were held, and on a first row before t = 0 treated as the release."""
+    """Notes on rows removed because the rods were held, and on a first row before t = 0 taken as the release."""
     notes = []
     if part.start == 0 and t[0] < 0 < t[-1]:
         notes.append(
@@ -307,12 +306,12 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
 
 
 def _scaled(column: Array, axis: str, options: ImportOptions) -> Array:
-    """A column of readings with wraps removed, multiplied by the scale and shifted by the offset."""
+    """Readings of a column: unwrapped, multiplied by the scale, then shifted by the offset."""
     return _unwrapped(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
 def _unwrapped(column: Array, options: ImportOptions) -> Array:
-    """A column with its wraps removed; missing values remain missing."""
+    """Unwrap a column; missing values stay missing."""
     if options.wrap is None:
         return column
     known, turned = np.isfinite(column), column.copy()
@@ -321,7 +320,7 @@ def _unwrapped(column: Array, options: ImportOptions) -> Array:
 
 
 def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """Axes whose column contains numbers, and a note for an empty column; both rods are required."""
+    """Axes whose column contains numbers, and a note on an empty column of the arm; both rods are required."""
     silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
     for axis in silent:
         if axis != "theta0":
@@ -365,7 +364,7 @@ def _rows_to_keep(
         raise RunError(f"{path}: the time column contains no number")
     start = known[0] + options.start_s
     stop = np.inf if options.duration_s is None else start + options.duration_s
-    # A row without a time belongs to the same part as the previous row.
+    # A row without a time belongs to the same part as the row before it.
     instants = np.maximum.accumulate(np.where(np.isfinite(t), t, known[0]))
     inside = np.flatnonzero((instants >= start) & (instants < stop))
     whole = np.logical_and.reduce([np.isfinite(column[inside]) for column in (t, *readings.values())])
@@ -385,7 +384,7 @@ def _rows_to_keep(
 
 
 def _refuse_coarse_times(path: Path, readings: Mapping[str, Array], rows: NDArray[np.intp], doubled: Flags) -> None:
-    """Refuse a table with many rows of equal time and different readings: the time column has too few digits."""
+    """Refuse a time column with too few digits: many rows have equal times but different readings."""
     later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
     changed = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
     if changed.sum() > PLAUSIBLE.doubled_share * len(rows):

@@ -1,4 +1,4 @@
-"""Curves of a run file that a viewer shows, by plot."""
+"""Curves of a run file in the layouts of viewers, grouped by plot."""
 
 from dpr_lab.storage.layout import EVENTS, SAMPLES, STATUS
 
@@ -9,10 +9,10 @@ PLOTS: dict[str, tuple[tuple[str, str, int | None], ...]] = {
     "known torques, N m": ((SAMPLES, "tau", 0), (SAMPLES, "tau", 1)),
     "losses": ((STATUS, "dropped", None), (STATUS, "overruns", None)),
 }
-"""Title -> (topic, key of its messages, element of an array) of each curve."""
+"""Title of a plot -> its curves: topic, key of the messages, and index in an array."""
 
 TEXTS = EVENTS
 """Topic with the release and other events."""
 
 COLORS = ("#1f77b4", "#d62728", "#2ca02c")
-"""Names of the curves of a plot, in order."""
+"""Colors of the curves of a plot, in order."""

@@ -1,4 +1,4 @@
-"""Job side of the pipe: sends reports, receives pause, stop and questions."""
+"""Job side of the pipe: sends progress; receives pause, stop and questions."""
 
 import contextlib
 import os
@@ -36,7 +36,7 @@ class JobControl:
         return not self._stop.is_set()
 
     def questions(self) -> Iterator[Any]:
-        """Yield questions in an endless loop; of several pending ones only the newest."""
+        """Yield questions without end; if several are pending, only the newest."""
         while True:
             question = self._asked.get()
             while not self._asked.empty():
@@ -66,7 +66,7 @@ class JobControl:
 
 
 def work(connection: Connection, function: Callable[..., Any], arguments: dict[str, Any]) -> None:
-    """Main function of the process: `function(control, **arguments)`, and the report of its end."""
+    """Main function of a job process: call `function(control, **arguments)` and report its result or error."""
     _leave_the_terminal_alone()
     control = JobControl(connection)
     threading.Thread(target=control.listen, daemon=True).start()
@@ -75,13 +75,13 @@ def work(connection: Connection, function: Callable[..., Any], arguments: dict[s
             event: JobEvent = JobFinished(function(control, **arguments))
     except DprError as error:
         event = JobFailed(str(error))
-    except Exception as error:  # every error must reach the screen and not end with the process
+    except Exception as error:  # every error must be reported to the screen, not only end the process
         event = JobFailed(f"{type(error).__name__}: {error}", traceback.format_exc())
     control.send(event)
 
 
 def _leave_the_terminal_alone() -> None:
-    """Ignore Ctrl-C, which belongs to the parent process, and lower the priority."""
+    """Ignore Ctrl-C, which is for the parent process, discard all output, and lower the priority."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (1, 2):

@@ -15,10 +15,10 @@ from dpr_lab.tui.read_only import refuse_job
 
 
 class JobProcess:
-    """A function that runs in a separate process from its construction on.
+    """A function that runs in a separate process, which starts on construction.
 
     Args:
-        function: called there as `function(control, **arguments)`; importable by name
+        function: called in the process as `function(control, **arguments)`; importable by name
         arguments: picklable
     """
 

@@ -1,6 +1,6 @@
 """Jobs of the screen: workflows under a `JobControl`, and actions on single run files.
 
-The process that draws the screen only refers to these functions; large libraries are imported where they run.
+The process that draws the screen only names these functions. They import large libraries in their own process.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ def plan(control: JobControl, *, request: PlanRequest) -> PlanResult:
 
 @dataclass(frozen=True, slots=True)
 class FreeRunStart:
-    """Start of a free run: run and time after the release."""
+    """Requested start of a free run: number of the run and time after the release."""
 
     run: int
     at_s: float
@@ -54,14 +54,14 @@ class FreeRunStart:
 
 @dataclass(frozen=True, slots=True)
 class ComparisonSaved:
-    """All runs are compared; the job continues to answer each `FreeRunStart`."""
+    """Event: all runs are compared. The job continues to answer each `FreeRunStart`."""
 
     left_out: tuple[Path, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class FreeRunFrom:
-    """Free run from the requested start."""
+    """Free run from a requested start."""
 
     start: FreeRunStart
     free_run: "FreeRun"
@@ -70,7 +70,7 @@ class FreeRunFrom:
 def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
     """Compare and save the result; then answer each `FreeRunStart` with a free run until cancelled.
 
-    A model with a moving arm is compared by segment only.
+    For a model with a moving arm only the comparison by segment exists.
     """
     folder, of_arm = request.out, []
 
@@ -92,7 +92,10 @@ def compare(control: JobControl, *, request: CompareRequest, keep: KeptCompariso
 
 
 def _keep(keep: KeptComparison | None, comparisons: "Sequence[Comparison] | Sequence[ArmComparison]") -> None:
-    """Store comparisons, for convenience only: those that are not stored are simulated again."""
+    """Store comparisons for a faster display.
+
+    Errors are ignored, because missing comparisons are simulated again.
+    """
     if keep is not None:
         with suppress(DprError):
             keep.save(comparisons)

@@ -1,4 +1,4 @@
-"""Stored comparisons, which need not be simulated again for display."""
+"""Storage of comparisons on disk, so that they can be displayed without another simulation."""
 
 import json
 import zipfile
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class KeptComparison:
-    """A file of arrays, and the inputs they belong to."""
+    """File with comparisons and a description of their inputs."""
 
     file: Path
     subject: str
-    """Current model and runs: stored comparisons of others are ignored."""
+    """Description of the current model and runs. Stored comparisons of others are ignored."""
 
     def save(self, comparisons: "Sequence[Comparison] | Sequence[ArmComparison]") -> None:
         """Save the comparisons in one file, atomically.
@@ -43,7 +43,7 @@ class KeptComparison:
         write_whole(self.file, write)
 
     def load(self) -> "list[Comparison] | list[ArmComparison]":
-        """Saved comparisons of the same subject; empty if there are none or the file has another content."""
+        """Stored comparisons for the same inputs; empty if there are none or the file is invalid."""
         from dpr_lab.identification.compare import Comparison
         from dpr_lab.identification.moving_arm.identify import ArmComparison
 
@@ -66,11 +66,11 @@ class KeptComparison:
 
 
 def _array(value: Any) -> Any:
-    """A field of a comparison as an array; values by joint as JSON."""
+    """Value of a field as an array; values by joint become JSON."""
     return np.array("" if value is None else json.dumps(value) if isinstance(value, dict) else value)
 
 
 def _plain(array: Any) -> Any:
-    """The field of an array."""
+    """Value of a field, from its array."""
     value = array.item() if array.ndim == 0 else array
     return json.loads(value) if isinstance(value, str) and value.startswith("{") else value

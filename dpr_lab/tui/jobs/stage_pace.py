@@ -4,11 +4,11 @@ from collections.abc import Collection, Mapping
 
 
 class StagePace:
-    """Estimate from typical times of the stages, scaled by the stages finished so far.
+    """Estimate from the typical durations of the stages, scaled by the durations of the finished stages.
 
     Args:
         typical: stage -> typical duration, s, in order
-        steady: stages whose duration does not depend on the result, used for the scale
+        steady: stages whose duration does not depend on the result; they determine the scale
         began: start of the first stage, s
     """
 
@@ -25,11 +25,11 @@ class StagePace:
         self._stage, self._since, self._compiled = stage, now, False
 
     def compiling(self, now: float) -> None:
-        """A kernel is being compiled: exclude this time from the estimate."""
+        """Exclude the compilation of a kernel from the estimate; called when it starts."""
         self._since, self._compiled = now, True
 
     def left(self, now: float) -> float | None:
-        """Estimated remaining time, s; None if the stage takes longer than usual."""
+        """Estimated remaining time, s; None if the current stage takes longer than usual."""
         pace = self._took / self._expected if self._took > 0 else 1.0
         names = list(self._typical)
         current, *coming = (pace * self._typical[name] for name in names[names.index(self._stage) :])

@@ -1,1 +1,1 @@
-"""Messages to the operator: shown, listed, and logged in a file."""
+"""Messages to the operator: their display, their list, and their log file."""

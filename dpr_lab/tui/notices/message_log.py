@@ -16,7 +16,7 @@ class MessageLogSettings:
     shown: int = 500
     """Maximum number of messages in the list."""
     file_bytes: int = 250_000
-    """Size at which the file is renamed to `.1` and a new one starts: about two thousand messages."""
+    """Maximum size of the log file, bytes: about two thousand messages. A larger file is renamed to `.1`."""
 
 
 SETTINGS = MessageLogSettings()
@@ -36,7 +36,10 @@ class LoggedMessage:
 
 @dataclass(slots=True)
 class MessageLog:
-    """Stores messages; if the disk fails, only the file is lost."""
+    """Log of messages in memory and in a file.
+
+    If the file cannot be written, the list in memory continues.
+    """
 
     file: Path
     messages: deque[LoggedMessage] = field(default_factory=lambda: deque(maxlen=SETTINGS.shown))

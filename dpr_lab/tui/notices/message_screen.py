@@ -15,7 +15,7 @@ TONES = {"error": "bold $error", "warning": "$warning"}
 
 
 class MessageScreen(ModalScreen[None]):
-    """A page to scroll through.
+    """Page with a scrollable list of messages.
 
     Args:
         log: the displayed messages

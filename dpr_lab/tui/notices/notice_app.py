@@ -1,4 +1,4 @@
-"""App with a message log, whose errors are shown until they are dismissed."""
+"""Base of the app: shows messages, and logs each of them; errors stay until they are dismissed."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from dpr_lab.tui.texts import NOTICES
 
 
 class NoticeApp(App[None]):
-    """Mixin of the app."""
+    """Mixin of the app that shows and logs messages."""
 
     messages: MessageLog
     error_title: str = "Error"
@@ -28,7 +28,10 @@ class NoticeApp(App[None]):
         super().notify(message, severity=severity, **options)
 
     def on_notify(self, event: Notify) -> None:
-        """Log a message unless it is currently shown; if space is short, errors are removed last."""
+        """Log and show a message, unless it is shown already.
+
+        If space is short, errors are the last to be removed.
+        """
         new, standing = event.notification, self.notices
         if any(notice.message == new.message for notice in standing):
             event.prevent_default()

@@ -1,1 +1,1 @@
-"""Process that owns the device, and the screen side of its pipe: drawing cannot cause lost samples."""
+"""Process that owns the device, and the screen side of its pipe, so that drawing the screen cannot lose samples."""

@@ -1,4 +1,4 @@
-"""One attempt at a pose, from the reports of the recorder."""
+"""State of one attempt to record from a pose, updated by the reports of the recorder."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,10 @@ from dpr_lab.tui.recorder.messages import AttemptFinished, AttemptSeen, GoAheadA
 
 
 class Phase(Enum):
-    """Phase of an attempt; the value describes the next action of the operator."""
+    """Phase of an attempt.
+
+    The value is the next action for the operator.
+    """
 
     PLACING = "bring every rod to the pose and hold it there"
     SETTLING = "at the pose: let the rods come to rest"
@@ -25,7 +28,7 @@ class Phase(Enum):
 
 @dataclass(slots=True)
 class Attempt:
-    """State of an attempt."""
+    """State of an attempt to record from a pose."""
 
     number: int
     name: str
@@ -35,7 +38,7 @@ class Attempt:
     theta: tuple[float, float, float] | None = None
     """Newest absolute angles, rad."""
     error: tuple[float, float] | None = None
-    """Error of the rods relative to the pose, rad."""
+    """Measured minus required angle of both rods, rad."""
     rest: RestReading | None = None
     latched: bool | None = None
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -48,14 +51,17 @@ class Attempt:
 
     @property
     def trace(self) -> tuple[Array, Array]:
-        """Time since the release (n,), s, and absolute angles (n, 3), rad, for display."""
+        """Times since the release (n,), s, and absolute angles (n, 3), rad, for display."""
         if not self._t:
             return np.empty(0), np.empty((0, 3))
         return np.concatenate(self._t), np.concatenate(self._theta)
 
     @property
     def inputs(self) -> Array:
-        """(n,) input of the arm's drive at the samples of `trace`, N m, A or V; empty without a drive."""
+        """(n,) input of the arm's drive at the samples of `trace`, in its unit of the rig file.
+
+        Empty without a drive.
+        """
         inputs = np.concatenate(self._inputs) if self._inputs else np.empty(0)
         return inputs if len(inputs) == len(self.trace[0]) else np.empty(0)
 
@@ -91,7 +97,7 @@ class Attempt:
             case Released():
                 self.phase, self.error = Phase.RECORDING, None
             case SwingReading():
-                self.phase, self.error = Phase.RECORDING, None  # the message Released may have been missed
+                self.phase, self.error = Phase.RECORDING, None  # the report of the release may have been lost
                 self.theta, self.recorded = progress.theta, progress
                 t, theta = progress.fresh
                 self._t.append(t)

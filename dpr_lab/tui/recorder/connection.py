@@ -1,4 +1,4 @@
-"""State of the device for the screen: the process that owns it, its last report, and its age."""
+"""State of the device for the screen: its process, its last report, and the age of this report."""
 
 import asyncio
 import time
@@ -30,32 +30,35 @@ class DeviceConnection:
     log: Path
     """File for the output of the recorder process."""
     connected: Connected | None = None
-    """Handshake of the device; None without one."""
+    """Handshake with the device; None while no device is connected."""
     opening: float | None = None
-    """Start of the pending handshake, `time.monotonic()`, s."""
+    """Start of the pending handshake, `time.monotonic()`, s; None without one."""
     message: str = ""
-    """Reason why the device was lost, or why none answered."""
+    """Reason why the device was lost or did not answer."""
     lost: Connected | None = None
-    """Device that was connected and lost."""
+    """The last device, if it was lost; None otherwise."""
     attempt: int | None = None
-    """Current attempt."""
+    """Number of the current attempt; None without one."""
     seen: Sighting = field(default_factory=Sighting)
-    """Last known position of the rods; kept after the device is lost."""
+    """Last known angles of the rods and state of the latch; kept after the device is lost."""
     ordered: float | None = None
-    """Time of a release command whose result is unknown, `time.monotonic()`, s."""
+    """Time of a release command whose result is unknown, `time.monotonic()`, s; None without one."""
     read_only: bool = False
-    """Whether opening devices and sending commands is disabled."""
+    """Whether this page may neither open devices nor send commands."""
     _recorder: Recorder | None = None
 
     async def open(self, url: str, rig: str, runs: Path) -> None:
-        """Start the handshake with a device, after disconnecting the current one; a report contains the result."""
+        """Start the handshake with a device; the current device is disconnected first.
+
+        A later report contains the result.
+        """
         self._refuse()
         await self.close()
         self.opening = time.monotonic()
         self._recorder = await asyncio.to_thread(Recorder, url, rig, runs, self.log)
 
     async def close(self) -> None:
-        """Disconnect from the device; a current recording is finished as incomplete."""
+        """Disconnect from the device; a recording in progress is closed as incomplete."""
         recorder, self._recorder = self._recorder, None
         self.connected = self.lost = self.opening = self.attempt = self.ordered = None
         self.message, self.seen = "", Sighting()

@@ -1,4 +1,4 @@
-"""Capture for the screen: sends reports, receives the permission to release and cancel requests."""
+"""Capture under control of the screen: sends progress; receives the release command and cancel requests."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -20,19 +20,22 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 def carry_out(
     order: CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
 ) -> AttemptFinished:
-    """Execute a capture command; raises like `capture`."""
+    """Execute a capture command; errors are those of `capture`."""
     guided = _GuidedCapture(order, device, inbox, outbox)
     captured = capture(device, rig, order.pose, order.options, runs, guided.on_progress, guided.confirm)
     return AttemptFinished(order.attempt, captured, device.clock_fit())
 
 
 def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
-    """Samples lost since the given loss counts, by cause; a device counts lost torques only while it streams."""
+    """Number of samples lost since earlier counts, by cause.
+
+    A device counts lost torques only while it streams.
+    """
     return {cause: count - before.get(cause, 0) for cause, count in device.losses.items()}
 
 
 class _GuidedCapture:
-    """Callbacks of a capture that report its progress to the operator and request the release."""
+    """Callbacks of a capture: report its progress to the operator and request the release command."""
 
     def __init__(self, order: CaptureAttempt, device: Device, inbox: Inbox, outbox: Outbox) -> None:
         self._order, self._device, self._inbox, self._outbox = order, device, inbox, outbox
@@ -42,7 +45,10 @@ class _GuidedCapture:
         self._unsent: list[SwingReading] = []
 
     def on_progress(self, progress: Progress) -> None:
-        """Send a report; raises to end the capture if the operator cancels or the screen is lost."""
+        """Send a report of the progress.
+
+        Raises an exception that ends the capture if the operator cancels or the screen is lost.
+        """
         self._released = self._released or isinstance(progress, Released)
         self._end_if_wanted()
         if isinstance(progress, SwingReading):
@@ -56,7 +62,10 @@ class _GuidedCapture:
             self._unsent.clear()
 
     def confirm(self) -> bool | None:
-        """Whether to release: only on a recent command for this attempt and pose, given after it was requested."""
+        """Whether to release the rods; None while undecided.
+
+        Only a recent release command for this attempt and pose, sent after it was requested, permits the release.
+        """
         self._end_if_wanted()
         if self._asked_at is None:
             self._asked_at = time.monotonic()
@@ -80,7 +89,7 @@ def _thinned(recorded: SwingReading) -> SwingReading:
 
 
 def _joined(readings: Sequence[SwingReading]) -> SwingReading:
-    """Newest reading, with the points of earlier ones that could not be sent."""
+    """The newest reading, with the points of earlier readings that could not be sent."""
     t, theta = zip(*(reading.fresh for reading in readings), strict=True)
     inputs = [reading.inputs for reading in readings if reading.inputs is not None]
     fresh = np.concatenate(t), np.concatenate(theta)

@@ -1,4 +1,4 @@
-"""Both directions of the recorder's pipe in separate threads, so that neither delays the other."""
+"""Threads for the two directions of the recorder's pipe, so that neither delays the other."""
 
 import contextlib
 import queue
@@ -10,7 +10,10 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 
 
 class Inbox:
-    """Commands of the screen; a cancel request is received at any time."""
+    """Received commands of the screen.
+
+    Cancel requests are received at any time.
+    """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -18,7 +21,7 @@ class Inbox:
         self._go_ahead: queue.SimpleQueue[GoAhead] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
         self.gone = False
-        """Whether the screen has ended."""
+        """Whether the screen has closed its end of the pipe."""
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
     def next(self) -> Exercise | CaptureAttempt | None:
@@ -28,7 +31,7 @@ class Inbox:
         return None
 
     def take_go_ahead(self) -> GoAhead | None:
-        """Return the latest release command and remove it."""
+        """The latest release command; it and all earlier ones are removed."""
         latest = None
         with contextlib.suppress(queue.Empty):
             while True:
@@ -55,7 +58,10 @@ class Inbox:
 
 
 class Outbox:
-    """Messages to the screen; a screen that does not read must not block a recording."""
+    """Queue of reports to the screen.
+
+    A screen that does not read them must not block a recording.
+    """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -68,14 +74,14 @@ class Outbox:
         self._waiting.put(report)
 
     def add_if_read(self, report: RecorderReport) -> bool:
-        """Send a message that is soon outdated, unless reports are waiting; returns whether it was sent."""
+        """Send a report that is soon outdated, unless too many reports are waiting; returns whether it was sent."""
         room = self._waiting.qsize() < SETTINGS.unread
         if room:
             self._waiting.put(report)
         return room
 
     def close(self) -> None:
-        """Send the remaining messages as long as the screen reads."""
+        """Send the remaining reports if the screen reads them in time."""
         self._waiting.put(None)
         self._sender.join(SETTINGS.go_ahead_lasts_s)
 

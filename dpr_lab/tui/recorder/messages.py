@@ -13,7 +13,7 @@ from firmware_protocol.identity import DeviceInfo
 
 @dataclass(frozen=True, slots=True)
 class Exercise:
-    """Test the link by a short stream; closes the latch."""
+    """Command: test the link with a short stream; closes the latch."""
 
     rate_hz: int
     seconds: float = 2.0
@@ -21,7 +21,7 @@ class Exercise:
 
 @dataclass(frozen=True, slots=True)
 class CaptureAttempt:
-    """Guide the rods to a pose and release them on a command for this attempt."""
+    """Command: guide the rods to a pose and record after a release command for this attempt."""
 
     attempt: int
     pose: str
@@ -30,17 +30,17 @@ class CaptureAttempt:
 
 @dataclass(frozen=True, slots=True)
 class GoAhead:
-    """Release command of the operator; an old one, or one for another attempt or pose, is ignored."""
+    """Command: release the rods. It is ignored if it is old, or for another attempt or pose."""
 
     attempt: int
     pose: str
     given_at: float
-    """`time.monotonic()`, s, which is common to all processes of the computer."""
+    """Time of the command, `time.monotonic()`, s; this clock is common to all processes of the computer."""
 
 
 @dataclass(frozen=True, slots=True)
 class CancelAttempt:
-    """End an attempt and keep the samples recorded so far."""
+    """Command: end an attempt and keep the samples recorded so far."""
 
     attempt: int
 
@@ -50,13 +50,13 @@ RecorderOrder: TypeAlias = Exercise | CaptureAttempt | GoAhead | CancelAttempt
 
 @dataclass(frozen=True, slots=True)
 class Connected:
-    """The device answered the handshake."""
+    """Report: the device answered the handshake."""
 
     url: str
     info: DeviceInfo
     rate_hz: int
     loads: tuple[str, ...]
-    """Load of the link at this rate, a sentence for each limit."""
+    """Sentences on the load of the link at this rate, one for each limit."""
     problem: str
     """Reason why the rate or the rig does not match this device; empty if they match."""
     rods: int = 2
@@ -70,20 +70,19 @@ class Connected:
 
 @dataclass(frozen=True, slots=True)
 class Idle:
-    """Position of the rods outside an attempt."""
+    """Report: angles of the rods outside an attempt."""
 
     theta: tuple[float, float, float]
     """Absolute angles, rad."""
     latched: bool
     at: float
-    """Time of the last message of the device, `time.monotonic()`, s, which is common to all processes of the
-    computer.
-    """
+    """Time of the last message of the device, `time.monotonic()`, s; this clock is common to all processes of the
+    computer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exercised:
-    """Result of the link test."""
+    """Report: result of the link test."""
 
     samples: int
     lost: Mapping[str, int]
@@ -93,7 +92,7 @@ class Exercised:
 
 @dataclass(frozen=True, slots=True)
 class AttemptSeen:
-    """Progress of an attempt."""
+    """Report: progress of an attempt."""
 
     attempt: int
     progress: Progress
@@ -107,14 +106,14 @@ class AttemptSeen:
 
 @dataclass(frozen=True, slots=True)
 class GoAheadAsked:
-    """The rods are at the pose and at rest; the attempt waits for the release command."""
+    """Report: the rods are at the pose and at rest, and the attempt waits for the release command."""
 
     attempt: int
 
 
 @dataclass(frozen=True, slots=True)
 class AttemptFinished:
-    """An attempt ended with a checked recording."""
+    """Report: an attempt ended with a checked recording."""
 
     attempt: int
     captured: Captured
@@ -123,14 +122,14 @@ class AttemptFinished:
 
 @dataclass(frozen=True, slots=True)
 class RecorderFailed:
-    """Report of an error."""
+    """Report: an error."""
 
     attempt: int | None
     """Number of the attempt; None without an attempt."""
     message: str
     """What happened and what to do."""
     alive: bool
-    """Whether the device is still connected."""
+    """Whether the device is still connected after the error."""
 
 
 RecorderReport: TypeAlias = Connected | Idle | Exercised | AttemptSeen | GoAheadAsked | AttemptFinished | RecorderFailed

@@ -1,7 +1,8 @@
-"""Process that owns the device: link, driver and capture run here, so that drawing cannot cause lost samples.
+"""Process that owns the device.
 
-It executes commands from a pipe and sends reports. If the other side of the pipe is lost, the operator is lost too:
-nothing is released any more, a current recording is finished as incomplete, and the process ends.
+Link, driver and capture run in this process, so that drawing the screen cannot lose samples. It executes commands from
+a pipe and sends reports. If the other side of the pipe is lost, no operator is present: nothing is released any more, a
+recording in progress is closed as incomplete, and the process ends.
 """
 
 import contextlib
@@ -41,8 +42,8 @@ def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path
     """Main function of the process.
 
     Args:
-        connection: connection to the screen
-        url: link to open; empty: that of the rig file
+        connection: pipe to the screen
+        url: link to open; empty for the link of the rig file
         rig_name: rig file or built-in name
         runs: folder of the run files
         log: file for the output of libraries
@@ -61,7 +62,7 @@ def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path
                 _obey(device, rig, runs, inbox, outbox)
     except (DprError, KeyboardInterrupt) as error:
         outbox.add(RecorderFailed(None, str(error) or "stopped", alive=False))
-    except Exception as error:  # every error must reach the screen and not end with the process
+    except Exception as error:  # every error must be reported to the screen, not only end the process
         traceback.print_exc()
         message = f"unexpected: {type(error).__name__}: {error}; details are in {log}"
         outbox.add(RecorderFailed(None, message, alive=False))
@@ -123,7 +124,7 @@ def _exercise(device: Device, order: Exercise) -> Exercised:
 
 
 class _IdleWatch:
-    """Follows the rods between captures, and detects the loss of the device."""
+    """Reads the rods between captures and detects the loss of the device."""
 
     def __init__(self, device: Device, rig: Rig, outbox: Outbox) -> None:
         self._device, self._rig, self._outbox = device, rig, outbox
@@ -140,7 +141,10 @@ class _IdleWatch:
             self._tell(status.latched, self._device.heard_at)
 
     def _tell(self, latched: bool, time_s: float) -> None:
-        """Report changes; for resting rods only an occasional sign of life, because redrawing costs time."""
+        """Report changed angles.
+
+        While the rods rest, reports are rare, because each one redraws the screen.
+        """
         last, still = self._last, self._still()
         if last is not None and still and latched == last.latched and time_s - last.at < SETTINGS.idle_s:
             return
@@ -153,7 +157,7 @@ class _IdleWatch:
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:
-        """Whether the readings of all encoders are within noise of the last reported angles."""
+        """Whether all encoders read the last reported angles within their noise."""
         noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
         return all(
             joint in self._last_reported and abs(n - self._last_reported[joint]) <= noise
@@ -162,14 +166,14 @@ class _IdleWatch:
 
 
 def _leave_the_terminal(log: Path) -> None:
-    """Ignore Ctrl-C, which belongs to the other process; when that ends, finish the file."""
+    """Ignore Ctrl-C, which is for the screen, and redirect output to a log; on SIGTERM, finish the file."""
     if hasattr(os, "setsid"):
         os.setsid()
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    except OSError:  # the recording has priority over the output of libraries
+    except OSError:  # the recording is more important than the output of libraries
         descriptor = os.open(os.devnull, os.O_WRONLY)
     sys.stdout.flush()
     for number in (1, 2):

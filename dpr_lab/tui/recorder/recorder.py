@@ -10,10 +10,10 @@ from dpr_lab.tui.recorder.process import serve
 
 
 class Recorder:
-    """A process that controls a device, from its construction until `close`.
+    """Process that controls a device, from construction until `close`.
 
     Args:
-        url: link to open; empty: that of the rig file
+        url: link to open; empty for the link of the rig file
         rig: rig file or built-in name
         runs: folder of the run files
         log: file for the output of the process
@@ -25,7 +25,10 @@ class Recorder:
         self._over = False
 
     def tell(self, order: RecorderOrder) -> None:
-        """Send a command; if the process has ended, a report says so."""
+        """Send a command.
+
+        If the process has ended, the command is ignored and a report states it.
+        """
         with suppress(OSError):
             self._process.pipe.send(order)
 
@@ -40,6 +43,6 @@ class Recorder:
             yield report
 
     def close(self, patience_s: float = 5.0) -> None:
-        """Let the process finish its file within a time limit, then end it; repeated calls have no effect."""
+        """Wait up to a time limit for the process to finish its file, then end it; repeated calls have no effect."""
         self._over = True
         self._process.end(patience_s)

@@ -5,20 +5,22 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class RecorderSettings:
-    """Time limits and amounts of the recorder."""
+    """Time limits and message limits of the recorder."""
 
     go_ahead_lasts_s: float = 2.0
-    """Maximum age of a release command, s; an older one may no longer be intended."""
+    """Maximum age of a release command, s. The operator may no longer intend an older one."""
     look_s: float = 0.1
-    """Duration of one read of the device, s: the delay of a command and of displayed readings."""
+    """Duration of one read of the device, s. Commands and displayed readings are delayed by up to this time."""
     idle_s: float = 0.5
-    """Interval of reports on resting rods, s; a reading counts as current for three times as long."""
+    """Interval of reports while the rods rest, s. Readings count as current for three times as long."""
     noises: float = 3.0
-    """Standard deviations of an encoder, plus one count, within which a rod counts as resting."""
+    """Change of an encoder reading up to which the rod counts as resting, in standard deviations of its noise; one
+    count is added."""
     trace_hz: int = 100
-    """Maximum number of points of a swing sent per second, because a screen cannot show more."""
+    """Maximum number of points of a swing that are sent per second; a screen cannot show more."""
     unread: int = 30
-    """Maximum number of progress reports waiting for a screen that does not read them; about three seconds."""
+    """Maximum number of waiting progress reports, about three seconds. Further ones are dropped while the screen does
+    not read."""
 
 
 SETTINGS = RecorderSettings()

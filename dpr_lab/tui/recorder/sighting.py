@@ -1,4 +1,7 @@
-"""Last readings of the rods and their age: no value is shown as current if it may have changed since."""
+"""Last readings of the rods and their age.
+
+A value that may have changed is not shown as current.
+"""
 
 import math
 from dataclasses import dataclass
@@ -10,16 +13,14 @@ from dpr_lab.tui.recorder.messages import AttemptSeen, Idle
 
 @dataclass(frozen=True, slots=True)
 class SightingSettings:
-    """Validity of the last readings."""
+    """Limits on the age of the last readings."""
 
     fresh_s: float = 1.5
-    """Time after which the last readings count as outdated, s; a device reports ten times per second and counts as
-    lost after one.
-    """
+    """Age above which the last readings count as outdated, s. A device reports ten times per second, and counts as lost
+    after 1 s without a report."""
     outcome_s: float = 4.0
-    """Time after a release command, s. The recorder discards a command after 2 s, and a device answers RELEASE
-    within 1 s. A latch that is reported closed later than this was therefore not opened by that command.
-    """
+    """Time after a release command by which its result is known, s. The recorder discards a command after 2 s, and a
+    device answers RELEASE within 1 s. A latch that is still closed later was not opened by that command."""
 
 
 SIGHTING = SightingSettings()
@@ -27,7 +28,7 @@ SIGHTING = SightingSettings()
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """The rods and the latch at one instant."""
+    """Angles of the rods and state of the latch at one instant."""
 
     theta: tuple[float, float, float] | None = None
     """Absolute angles, rad."""
@@ -41,18 +42,18 @@ class Sighting:
         return now - self.at <= SIGHTING.fresh_s
 
     def settles(self, ordered: float) -> bool:
-        """Whether the reading shows the result of a release command given at this time, `time.monotonic()`, s."""
+        """Whether the reading shows the result of a release command sent at `ordered`, `time.monotonic()`, s."""
         if self.latched is None:
             return False
         return self.at >= ordered if not self.latched else self.at > ordered + SIGHTING.outcome_s
 
     def ago(self, now: float) -> str:
-        """`last seen 3.2 s ago`."""
+        """Age of the reading in words, for example `last seen 3.2 s ago`."""
         return f"last seen {now - self.at:.1f} s ago" if math.isfinite(self.at) else "never seen"
 
 
 def seen_in(report: Idle | AttemptSeen, before: Sighting) -> Sighting:
-    """Update the last readings by a report; values missing in the report are kept."""
+    """Last readings after a report; values that the report does not contain are kept."""
     if isinstance(report, Idle):
         return Sighting(report.theta, report.latched, report.at)
     theta = before.theta

@@ -1,4 +1,4 @@
-"""Results of a rig whose arm moves: tables of the step Identify, charts of the step Compare."""
+"""Results for a rig whose arm moves: tables of the step Identify, charts of the step Compare."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,33 +21,36 @@ if TYPE_CHECKING:
 
 JOINT_NAMES = ("arm θ0", "rod θ1", "rod θ2")
 KEYS = ("joint 0", "joint 1", "joint 2")
-"""Names of these joints in a comparison."""
+"""Names of joints 0, 1 and 2 in a comparison."""
 VIEWS = ("angle", "segment residual")
 
 
 def start_of_diagnosis(model: Path | None) -> Path | None:
-    """The model from which a diagnosis starts; None for a moving arm, which starts from the rig file."""
+    """Model from which a diagnosis starts.
+
+    None for a rig with a moving arm, whose diagnosis starts from the rig file.
+    """
     from dpr_lab.identification.moving_arm.model import load_moving_arm_model
 
     return None if model is None or load_moving_arm_model(model) is not None else model
 
 
 def ratios(model: "MovingArmModel") -> Group:
-    """Ratios that the recordings determine, and warnings."""
+    """Table of the ratios that the recordings determine, and warnings."""
     inertia = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
     rows = table(f"Ratios to {inertia}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
     return Group(rows, sentences("Warnings", [*model.failures, *model.warnings], mark="!"))
 
 
 def absolute(model: "MovingArmModel") -> Group:
-    """Absolute values, and the source of their scale."""
+    """Table of the absolute values, and the source of their scale."""
     rows = table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     return Group(rows, Text(note, "dim"))
 
 
 def identifiability(model: "MovingArmModel") -> Group:
-    """Sentences on values that the recordings do not determine, and on combinations that they cannot separate."""
+    """Sentences on values that the recordings do not determine, and on values they cannot separate."""
     undetermined = [f"{name}: {reason}" for name, reason in model.undetermined.items()]
     notes = [superscripts(note) for note in model.notes]
     known = "" if undetermined or model.notes else "The recordings determine all values of this rig."
@@ -59,7 +62,10 @@ def identifiability(model: "MovingArmModel") -> Group:
 
 
 def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
-    """Draw misfit and segment length after each merge, from short segments to the longest that the model follows."""
+    """Draw misfit and segment length after each merge of segments.
+
+    The first merge has short segments, the last one the longest that the model follows.
+    """
     lengths, misfits = np.array(model.fit.merges, dtype=np.float64).reshape(-1, 2).T
     merge = np.arange(len(lengths), dtype=np.float64)
     misfit.show([Series("fit", merge, misfits)], x_label="merge of segments", y_label="reduced chi-square")
@@ -86,7 +92,7 @@ class ComparedArmRun:
         chart.show(lines, x_label="time (s)", y_label=f"{JOINT_NAMES[self.joint]} ({self.unit.symbol.strip()})")
 
     def draw_error(self, chart: Chart) -> None:
-        """Draw the residual of the segments, with the noise."""
+        """Draw the residual by segment, with the noise band."""
         shown, scale = self.comparison, self.unit.small_per_rad
         residual = scale * (shown.measured - shown.simulated)[:, self.joint]
         noise = SETTINGS.noise_sigmas * scale * shown.noise_rad[KEYS[self.joint]]
@@ -98,7 +104,7 @@ class ComparedArmRun:
         )
 
     def figures(self, news: str) -> str:
-        """Residuals of all joints in one line."""
+        """Residuals of all joints in one line, followed by `news`."""
         shown, scale = self.comparison, self.unit.small_per_rad
         sizes = [
             f"{JOINT_NAMES[joint][-2:]} {pair(scale * np.array([shown.rms_rad[name], shown.noise_rad[name]]))}"
@@ -111,5 +117,5 @@ class ComparedArmRun:
 
 
 def joints_of(comparison: "ArmComparison") -> list[int]:
-    """Joints of a comparison that were read."""
+    """Joints of a comparison that have readings."""
     return [joint for joint, name in enumerate(KEYS) if name in comparison.rms_rad]

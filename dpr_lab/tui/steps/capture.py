@@ -38,14 +38,14 @@ from dpr_lab.tui.widgets.status_line import RecordingNow
 
 @dataclass(frozen=True, slots=True)
 class CaptureChoices:
-    """Choices of the operator."""
+    """Choices for a capture that the screen offers."""
 
     durations: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 60.0)
-    """Durations of a recording, s; the last one is followed by "until rest"."""
+    """Durations of a recording, s. The choice after the last one is "until rest"."""
     most_repeats: int = 5
-    """Maximum number of recordings per pose; more swings of one pose add little information."""
+    """Maximum number of recordings per pose. Further swings from one pose add little information."""
     pose_timeout: float = 1800.0
-    """Maximum time to reach a pose, s: long, because the screen shows what is missing."""
+    """Maximum time to reach a pose, s. It is long, because the screen shows the operator the remaining error."""
     rest_timeout: float = 120.0
     """Maximum time for the held rods to come to rest, s."""
 
@@ -115,7 +115,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         yield CaptureView()
 
     def on_mount(self) -> None:
-        """Read the rig of the workspace, whose own step reports errors; outdated readings are updated."""
+        """Read the rig of the workspace; the step Rig reports its errors. Update outdated readings regularly."""
         self.set_interval(SIGHTING.fresh_s / 3, self._age)
         with suppress(ConfigError):
             self._rig = load_rig(self.workspace.rig)
@@ -140,7 +140,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         return ""
 
     def at_stake(self) -> str:
-        """A sentence on what would be lost now: a current recording, or the decision whether to keep one."""
+        """Sentence on the recording that quitting would end or leave without a decision; empty without one."""
         if self.recording is not None:
             return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:
@@ -177,17 +177,17 @@ Grey values are old: no message has arrived from the device since then, and the 
         self._draw()
 
     def _take_planned(self, rig: Rig) -> None:
-        """Select the pose and the duration that were taken from a plan."""
+        """Take over the pose and duration that the operator selected in a plan."""
         if self.attempt is None and self.workspace.next_pose in rig.poses:
             self._pose, self.workspace.next_pose = self.workspace.next_pose, ""
             self.options = replace(self.options, until_rest=False, duration=self.workspace.next_duration_s)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Show Keep and Again only if a recording waits for a decision."""
+        """Whether an action is available; Keep and Again need a recording that waits for a decision."""
         return action not in ("keep", "again") or self.workspace.undecided is not None
 
     def hear(self, report: RecorderReport) -> None:
-        """Follow the current attempt."""
+        """Update the step by a report on the current attempt."""
         self._follow_order()
         match report:
             case RecorderFailed():
@@ -198,7 +198,7 @@ Grey values are old: no message has arrived from the device since then, and the 
                 pass
         if (
             self.display and self._countdown is None
-        ):  # the page is not redrawn behind the countdown, so that the line is free for it
+        ):  # the page behind a countdown is not redrawn, to keep the terminal line free
             self._draw()
 
     def _age(self) -> None:
@@ -206,7 +206,7 @@ Grey values are old: no message has arrived from the device since then, and the 
             self._draw()
 
     def action_start(self) -> None:
-        """Begin an attempt at the chosen pose."""
+        """Start an attempt at the selected pose."""
         self._require_none()
         if self.workspace.undecided is not None:
             raise DprError(self.worded(UNDECIDED))
@@ -257,7 +257,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         self.device.tell(CancelAttempt(self.attempt.number))
 
     def action_pose(self, by: int) -> None:
-        """Select another pose."""
+        """Select the pose `by` positions further in the list."""
         self._require_none()
         if self._rig is not None and self._rig.poses:
             names = list(self._rig.poses)
@@ -265,7 +265,7 @@ Grey values are old: no message has arrived from the device since then, and the 
             self._draw()
 
     def action_length(self) -> None:
-        """Record for longer, or until rest."""
+        """Select the next longer duration, or until rest."""
         self._require_none()
         if self.options.until_rest:
             self.options = replace(self.options, until_rest=False, duration=CHOICES.durations[0])
@@ -276,12 +276,12 @@ Grey values are old: no message has arrived from the device since then, and the 
         self._draw()
 
     def action_repeats(self) -> None:
-        """Increase the number of recordings of each pose; after the largest it is one again."""
+        """Increase the number of recordings per pose; the maximum is followed by 1."""
         self._repeats = self._repeats % CHOICES.most_repeats + 1
         self._draw()
 
     async def action_connect(self) -> None:
-        """Connect again after the cable was unplugged."""
+        """Reconnect after the cable was unplugged."""
         if self.device.connected is not None:
             raise DprError(f"Already connected: {self.services.key_of('Connect')} shows this device and other links")
         if self.device.opening is None:
@@ -291,7 +291,7 @@ Grey values are old: no message has arrived from the device since then, and the 
             self._draw()
 
     def _require_none(self) -> None:
-        """Raise DprError during an attempt, because its settings cannot change."""
+        """Raise DprError during an attempt, when its settings cannot be changed."""
         if self.attempt is not None:
             raise DprError(self.worded(BUSY))
 
@@ -320,7 +320,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         self._draw()
 
     def _follow_order(self) -> None:
-        """Report that the rods are held although a release was commanded."""
+        """Notify the operator that the latch is still closed although a release was commanded."""
         if self._ordered and self.device.ordered is None:
             self._ordered = False
             if self.device.seen.latched:
@@ -334,7 +334,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         before = attempt.phase
         attempt.hear(report)
         if isinstance(report, GoAheadAsked) or (attempt.phase is Phase.RECORDING and attempt.phase is not before):
-            self.app.bell()  # the bell, because the operator looks at the rods
+            self.app.bell()  # sound the bell, because the operator looks at the rods
         if self._countdown is not None and attempt.obstacle:
             self._countdown.stop(attempt.obstacle)
         if isinstance(report, AttemptFinished):
@@ -358,10 +358,10 @@ Grey values are old: no message has arrived from the device since then, and the 
         self.post_message(self.Done())
 
     def _decided(self, what: str) -> Path:
-        """Take the undecided run, which the caller keeps or sets aside.
+        """Take the run that waits for a decision; the caller keeps it or sets it aside.
 
         Raises:
-            DprError: no recording is finished; `what` is the verb of the message.
+            DprError: no recording is finished; the message contains the verb `what`.
         """
         run, self.workspace.undecided = self.workspace.undecided, None
         if run is None:

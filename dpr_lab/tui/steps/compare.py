@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class CompareStep(JobStep):
-    """Measured and simulated angles, and their difference."""
+    """Step that shows measured and simulated angles and their difference."""
 
     NAME = "Compare"
     PURPOSE = "simulates the runs with the model"
@@ -88,7 +88,7 @@ workspace, as by `dpr-lab compare`.
         self._saved = False
 
     def compose(self) -> ComposeResult:
-        """Build pickers, slider, charts and readouts."""
+        """Build selectors, slider, charts and text."""
         with Horizontal(id="pickers"):
             yield Select[int]([], prompt="no run yet", id="run", compact=True)
             yield Select(list(zip(AXES, (0, 1), strict=True)), value=1, allow_blank=False, id="axis", compact=True)
@@ -116,7 +116,10 @@ workspace, as by `dpr-lab compare`.
         return len(self._comparisons) + len(self._of_arm)
 
     def enter(self) -> None:
-        """Show the last comparison, or compare if there is none. A stale comparison is kept and marked."""
+        """Show the last comparison, or start one if there is none.
+
+        An outdated comparison is shown and marked as such.
+        """
         self._draw()
         if self.missing():
             self.say(self.missing())
@@ -133,22 +136,28 @@ workspace, as by `dpr-lab compare`.
 
     @property
     def work(self) -> str:
-        """Progress of the simulation; empty when all runs are simulated, although the job still answers requests."""
+        """Progress of the simulation.
+
+        Empty once all runs are simulated, although the job still answers requests.
+        """
         return "" if self._saved else super().work
 
     def pace(self, now: float) -> str:
-        """Remaining time from the number of runs."""
+        """Remaining time in words, estimated from the number of finished runs."""
         done, net = self._compared, now - self._started - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
-        """Whether model or runs differ from those of the last comparison."""
+        """Sentence that model or runs have changed since the last comparison; empty otherwise."""
         if not self._compared or not self._saved or self.missing() or self._compared_subject == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Permit an action: a kind of torque also while the job waits; a second curve not for a moving arm."""
+        """Whether an action is available.
+
+        The kind of torque can be changed while the job waits. A moving arm has no second curve.
+        """
         if action == "second_curve" and self._of_arm:
             return False
         return action != "torque" or super().check_action(action, parameters)
@@ -189,7 +198,7 @@ workspace, as by `dpr-lab compare`.
                 self._draw()
 
     def ended(self, why: str) -> None:
-        """Show that no further free run can be simulated; the comparison remains."""
+        """Show why the job ended; the comparison remains, but no further free run can be simulated."""
         self._compared_subject = None
         self.say(self.worded(f"{why} ({{app.browse}})") if self._left_out and not self._compared else why)
 
@@ -203,7 +212,7 @@ workspace, as by `dpr-lab compare`.
         next(chart for chart in self.query(Chart) if chart.display).focus()
 
     def action_edit(self) -> None:
-        """Enter another model."""
+        """Focus the field for another model."""
         self.query_one(SecondCurve).edit()
 
     def action_second_curve(self) -> None:
@@ -215,7 +224,7 @@ workspace, as by `dpr-lab compare`.
         self._draw(event.news)
 
     def action_start_at(self, steps: int) -> None:
-        """Start the free run earlier or later."""
+        """Move the start of the free run by a number of steps."""
         self.query_one(Slider).action_move(steps)
 
     def show(self, comparisons: "list[Comparison] | list[ArmComparison]") -> None:
@@ -252,7 +261,7 @@ workspace, as by `dpr-lab compare`.
             self.job.ask(start)
 
     def on_resize(self, event: Resize) -> None:
-        """Show angle and error on a tall screen."""
+        """Show angle and error together if the screen is tall enough."""
         self._arrange()
 
     @property
@@ -266,7 +275,7 @@ workspace, as by `dpr-lab compare`.
 
     @property
     def _kept(self) -> KeptComparison:
-        """Folder of the stored comparisons of this model and these runs."""
+        """Stored comparisons of this model and these runs."""
         return KeptComparison(self.workspace.out / "report" / "compared.npz", repr(self._subject()))
 
     @property
@@ -288,7 +297,10 @@ workspace, as by `dpr-lab compare`.
         self._offer_second()
 
     def _offer_joints(self) -> None:
-        """Offer the joints and views of a moving arm, which has no free runs, or those of the rods."""
+        """Offer the joints and views of the compared model.
+
+        A model with a moving arm has its own joints and no free runs.
+        """
         self.query_one(SecondCurve).display = self.query_one(Slider).display = not self._of_arm
         names, joints, views = AXES, [0, 1], VIEWS
         if self._of_arm:
@@ -329,7 +341,7 @@ workspace, as by `dpr-lab compare`.
         self.say(compared.figures(news))
 
     def _draw_arm(self, news: str) -> None:
-        """Draw a run of a rig whose arm moves."""
+        """Draw a run of a rig with a moving arm."""
         run, joint = (self.query_one(name, Select).value for name in ("#run", "#axis"))
         if not isinstance(run, int) or not isinstance(joint, int) or run >= len(self._of_arm):
             return
@@ -339,7 +351,7 @@ workspace, as by `dpr-lab compare`.
         self.say(compared.figures(news))
 
     def _free_run(self, shown: "Comparison") -> "FreeRun":
-        """Free run from the slider position, or the last known one while it is simulated."""
+        """Free run from the position of the slider; while it is simulated, the last known free run."""
         from dpr_lab.identification.compare import FreeRun
 
         run = self._comparisons.index(shown)
@@ -347,7 +359,7 @@ workspace, as by `dpr-lab compare`.
         return self._free_runs.get(start) or FreeRun(shown.t, shown.free_run, shown.horizon_s)
 
     def say(self, text: str) -> None:
-        """Show a sentence instead of the figures."""
+        """Show a sentence in place of the figures."""
         self.query_one("#figures", Static).update(text)
 
 

@@ -21,11 +21,11 @@ class CompareSettings:
     """Settings of the comparison charts."""
 
     noise_sigmas: int = 2
-    """Half width of the noise band in standard deviations; 95 % of pure noise is inside."""
+    """Half width of the noise band, in standard deviations; the band contains 95 % of pure noise."""
     tall: int = 36
-    """Minimum rows of the step for showing angle and error one above the other."""
+    """Minimum height of the step, in rows, for showing angle and error below each other."""
     start_step_s: float = 0.5
-    """Spacing of the possible starts of a free run, s: the length of the segments."""
+    """Spacing of the possible starts of a free run, s; equal to the length of the segments."""
 
 
 SETTINGS = CompareSettings()
@@ -44,7 +44,7 @@ class ComparedRun:
 
     @property
     def horizon(self) -> list[Mark]:
-        """Mark of the predictability horizon, if it is before the end of the run."""
+        """Mark at the predictability horizon; empty if it is after the end of the run."""
         horizon_s = self.free_run.horizon_s
         within = horizon_s < float(self.comparison.t[-1])
         return [Mark(horizon_s, f"horizon {horizon_s:.2f} s")] if within else []
@@ -67,7 +67,7 @@ class ComparedRun:
         )
 
     def draw_error(self, chart: Chart, freely: bool) -> None:
-        """Draw the error of the free run up to its horizon, or the residual of the segments."""
+        """Draw the error: of the free run up to its horizon if `freely`, otherwise of the segments."""
         scale, axis, shown = self.unit.small_per_rad, self.axis, self.comparison
         noise = SETTINGS.noise_sigmas * scale * float(shown.noise_rad[axis])
         t, error = shown.t, shown.segment_residual[:, axis]
@@ -90,7 +90,7 @@ class ComparedRun:
         )
 
     def figures(self, news: str) -> str:
-        """Numbers of the comparison, followed by `news`; the numbers of the second comparison are on another line."""
+        """Figures of the comparison, followed by `news`; the second comparison has its own line."""
         second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
         return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
 
@@ -99,7 +99,7 @@ class ComparedRun:
 
 
 def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
-    """Numbers in the table of `dpr-lab compare`, inner and outer rod."""
+    """Figures as in the table of `dpr-lab compare`, for inner and outer rod."""
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
 
     row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
@@ -112,7 +112,10 @@ def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
 
 
 def _range_of(angle: Array) -> tuple[float, float]:
-    """Range of the measurement, so that a free run that diverges leaves the chart."""
+    """Range of the chart for a measured angle.
+
+    It ignores the free run, which leaves the chart if it diverges.
+    """
     low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
     room = max(0.06 * (high - low), 0.01)
     return low - room, high + room

@@ -1,4 +1,4 @@
-"""Step Connect: find the device and connect to it."""
+"""Step Connect: find a device and connect to it."""
 
 import time
 from contextlib import suppress
@@ -36,7 +36,7 @@ LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.valu
 
 
 class ConnectStep(Step):
-    """Available links, the selected one, and the answer of the device."""
+    """Step that shows the available links, the selected link, and the answer of the device."""
 
     NAME = "Connect"
     HELP = f"""
@@ -70,25 +70,25 @@ of its clock relative to this computer. This closes the latch and leaves it clos
             yield Static(id="device")
 
     def on_mount(self) -> None:
-        """Search for links; outdated readings are updated."""
+        """Search for links, and update the age of readings regularly."""
         self.set_interval(SIGHTING.fresh_s / 3, self._age)
         self.query_one(Input).value = self.workspace.link
         self.action_look()
 
     def outcome(self) -> str:
-        """Name of the connected device."""
+        """Short name of the connected device; empty without one."""
         connected = self.device.connected
         if connected is None:
             return ""
         return "simulated" if connected.url.startswith("sim:") else connected.info.uid[-8:]
 
     def enter(self) -> None:
-        """Show the known links, with the list ready for Enter."""
+        """Show the known links and focus their list."""
         self.query_one(OptionList).focus()
         self._draw()
 
     def hear(self, report: RecorderReport) -> None:
-        """Update the page for a report of the connection."""
+        """Update the page by a report of the recorder."""
         match report:
             case Connected():
                 self._exercised = ""
@@ -120,7 +120,10 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         await self._connect(self.query_one(Input).value)
 
     async def action_connect(self) -> None:
-        """Connect to the selected link, or to the URL in the field if the list has no selection."""
+        """Connect to the selected link.
+
+        If the list is not in focus or has no selection, the URL in the field is used.
+        """
         links = self.query_one(OptionList)
         highlighted = links.highlighted_option if links.has_focus else None
         await self._connect(
@@ -139,7 +142,10 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._draw()
 
     async def action_simulate(self) -> None:
-        """Connect to a simulated rig; disconnecting a connected rig requires a confirmation."""
+        """Connect to a simulated rig.
+
+        If a real rig is connected, a confirmation is requested first.
+        """
         connected = self.device.connected
         if connected is None or connected.simulated:
             await self._simulate(True)
@@ -159,7 +165,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._draw()
 
     def action_edit(self) -> None:
-        """Focus the field."""
+        """Focus the field for a URL."""
         self.query_one(Input).focus()
 
     def action_exercise(self) -> None:
@@ -198,13 +204,13 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         links.highlighted = 0
 
     def _offers(self, links: Links) -> dict[str, str]:
-        """URL -> description; the one used last comes first."""
+        """URL -> description of each link; the last used link comes first."""
         offers = {}
         if self.workspace.link:
             offers[self.workspace.link] = "used last"
         with suppress(ConfigError):
             of_rig = load_rig(self.workspace.rig).link.url
-            if not of_rig.startswith("sim:"):  # default of a rig file without a link
+            if not of_rig.startswith("sim:"):  # the default of a rig file without a link
                 offers.setdefault(of_rig, "link of the rig file")
         offers |= {f"serial://{port.device}?baud=921600": _described(port) for port in links.serial}
         offers |= {f"can://socketcan/{name}?bitrate=1000000": "CAN interface" for name in links.can_interfaces}

@@ -1,4 +1,4 @@
-"""Step Diagnose: verdict first, then location, causes, gap reduction and recommendations."""
+"""Step Diagnose: the verdict first, then location and causes of the gap, its reduction, and recommendations."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -49,7 +49,7 @@ STAGES_S: Mapping[str, float] = {
     "evidence": 0.1,
     "report": 2.0,
 }
-"""Typical duration of each stage per release of 10 s with one or two named effects, s, on two cores."""
+"""Typical duration of each stage on two cores, s, per release of 10 s with one or two named effects."""
 
 STEADY = ("bare model", "transfer", "evidence")
 """Stages whose duration does not depend on the result."""
@@ -103,7 +103,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self._pace: StagePace | None = None
 
     def compose(self) -> ComposeResult:
-        """The form, the verdict, and the details in tabs."""
+        """Build the form, the verdict, and the tabs with details."""
         with Horizontal(id="form"):
             yield Label("held out")
             yield Static(id="held-out", markup=False)
@@ -167,7 +167,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.begin(jobs.diagnose, request=request)
 
     def pace(self, now: float) -> str:
-        """Remaining time from the stages."""
+        """Remaining time in words, from the durations of the stages."""
         left = self._pace.left(now) if self._pace is not None else None
         return f"about {left:.0f} s left" if left is not None else ""
 
@@ -197,7 +197,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.post_message(self.Done())
 
     def ended(self, why: str) -> None:
-        """Show that no new diagnosis was computed; the previous one and its verdict remain."""
+        """Show why no new diagnosis was computed; the previous one and its verdict remain."""
         from dpr_lab.report.gap.tables import sentence
 
         previous = self._diagnosis
@@ -205,7 +205,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:
-        """Show the next view of the diagnosis."""
+        """Report of the displayed diagnosis; None without one."""
         return self._shown.with_name("diagnosis.html") if self._shown is not None else None
 
     def action_hold_out(self) -> None:
@@ -241,7 +241,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self._draw(diagnosis)
 
     def _draw(self, diagnosis: "Diagnosis") -> None:
-        """All tabs, in the current unit of angles."""
+        """Draw all tabs in the current unit of angles."""
         from dpr_lab.report.gap.tables import sentence
 
         self._unit = unit = self.workspace.unit
@@ -267,7 +267,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, diagnosis: "Diagnosis") -> str:
-        """Note that the diagnosis belongs to other runs than the selected ones."""
+        """Note that the diagnosis belongs to other runs than the selected ones; empty otherwise."""
         from dpr_lab.gap.screen.pieces import whole
 
         closed = diagnosis.gap.closed_held_out
@@ -308,7 +308,7 @@ def _progress(number: int, of: int) -> str:
 
 
 def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
-    """Named effects with their probabilities and twins, their alternatives, sensor faults."""
+    """Named effects with their probabilities and indistinguishable effects, their alternatives, and sensor faults."""
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.words import in_words
 
@@ -327,7 +327,7 @@ def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
 
 
 def _effect(row: Sequence[str]) -> Group:
-    """A named effect: probability, twins, size with 90 % intervals."""
+    """A named effect: probability, indistinguishable effects, and size with 90 % intervals."""
     from dpr_lab.report.gap import tables as gap_tables
 
     name, twins, probability, share, parameters = row
@@ -339,7 +339,7 @@ def _effect(row: Sequence[str]) -> Group:
 
 
 def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
-    """Gap as effects are added, and its reduction on held-out data."""
+    """Remaining gap after each added effect, and its reduction on held-out data."""
     from dpr_lab.report.digits import three
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences

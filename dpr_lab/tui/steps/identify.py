@@ -1,4 +1,7 @@
-"""Step Identify: identification with live convergence, pause, and a stop that keeps the best result so far."""
+"""Step Identify: identification with a live plot of the convergence.
+
+It can be paused, or stopped with the best result so far.
+"""
 
 import time
 from pathlib import Path
@@ -136,7 +139,10 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """Number of generations and remaining time; an upper limit, because the search may end earlier."""
+        """Generations and remaining time in words.
+
+        The time is an upper limit, because the search may end earlier.
+        """
         if self._fitting or not self._history:
             return ""
         left = time_left(self._instants, self._history[-1].at_most - self._history[-1].number)
@@ -158,7 +164,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
                 self.say("search finished; the local fit follows")
 
     def finished(self, result: Any) -> None:
-        """Show the model, which is already saved."""
+        """Show the model of a finished job; it is already saved."""
         self.workspace.model = self._shown = result.file
         self.show_model(result.model)
         self.query_one(TabbedContent).active = TABS[1]
@@ -168,7 +174,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
             raise DprError(f"{failed} (the model was written to {self._shown}, but it is not reliable)")
 
     def ended(self, why: str) -> None:
-        """Show that no new model was computed; the previous one and its summary remain."""
+        """Show why no new model was computed; the previous one and its summary remain."""
         if self.model is None:
             self.say(f"ended without a model: {why}")
         else:
@@ -197,7 +203,10 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         self._show_rods(model, news) if isinstance(model, Model) else self._show_arm(model, news)
 
     def _show_arm(self, model: "MovingArmModel", news: str) -> None:
-        """Draw the model of a rig whose arm moves; its fit usually needs no search."""
+        """Draw the model of a rig with a moving arm.
+
+        Its fit usually needs no search.
+        """
         from dpr_lab.report import moving_arm
         from dpr_lab.tui.steps import arm_results
 
@@ -208,7 +217,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         self.query_one("#seen-text", Static).update(arm_results.identifiability(model))
 
     def _show_rods(self, model: "Model", news: str) -> None:
-        """Draw the model of rods on a clamped or prescribed arm."""
+        """Draw the model of the rods on a clamped or prescribed arm."""
         from dpr_lab.report import tables
 
         self.say(news + tables.summary(model, angles=self.workspace.unit) + self._doubt(model))
@@ -228,7 +237,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         self.query_one("#seen-text", Static).update(_identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
-        """Note that the model belongs to other runs than the selected ones."""
+        """Note that the model belongs to other runs than the selected ones; empty otherwise."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
         return "" if used == selected or not selected else " This model is of other runs than those selected."
 
@@ -258,7 +267,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
 
 
 def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
-    """Estimated time of the remaining generations from the last ones, s; None without data.
+    """Estimated time of the remaining generations, s; None without data.
 
     Args:
         instants: end of each generation since the start or the last pause, s

@@ -38,16 +38,19 @@ READING = "reading the runs"
 
 
 class JobStep(Step):
-    """A step with at most one running job, whose events arrive as calls of the four methods below."""
+    """Step with at most one running job.
+
+    The events of the job call `compiling`, `progressed`, `finished` and `ended`.
+    """
 
     PURPOSE: ClassVar[str]
     """Description of the job in a few words."""
     WORK: ClassVar[str]
-    """Name of the running work: `the identification`."""
+    """Name of the running work, for example `the identification`."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
-    """Inputs of its result, keys of `Workspace.basis`."""
+    """Inputs on which the result depends: keys of `Workspace.basis`."""
     CAN_PAUSE: ClassVar[bool] = False
-    """Whether its job supports `JobControl.proceed`."""
+    """Whether the job can be paused and stopped (`JobControl.proceed`)."""
 
     DEFAULT_CSS = """
     JobStep Select:focus SelectCurrent { text-style: reverse; }
@@ -71,7 +74,7 @@ class JobStep(Step):
         self._basis: dict[str, str] = {}
 
     def stale(self) -> str:
-        """Changes since the result was computed."""
+        """Sentence on the inputs that changed since the result was computed; empty if none did."""
         made, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
         changed = [kind for kind in self.RESTS_ON if made.get(kind, now[kind]) != now[kind]]
         if not changed or not self.outcome() or self.job is not None:
@@ -80,7 +83,7 @@ class JobStep(Step):
 
     @property
     def work(self) -> str:
-        """Running job, its elapsed and remaining time."""
+        """Running job with its elapsed and remaining time; empty without a job."""
         if self.job is None or self.job.paused:
             return "" if self.job is None else f"{self.NAME} PAUSED"
         now = time.monotonic()
@@ -92,11 +95,14 @@ class JobStep(Step):
         return f"{text}, {pace}" if pace else text
 
     def pace(self, now: float) -> str:
-        """Remaining time estimated from the progress, without data of an earlier job; empty if unknown."""
+        """Remaining time in words, estimated from the progress alone, without durations of earlier jobs.
+
+        Empty if unknown.
+        """
         return ""
 
     def made(self) -> None:
-        """Store the inputs of the result, and the duration without compilation."""
+        """Store the inputs of the new result, and the duration of the job without compilation."""
         self.workspace.made_from[self.NAME] = self._basis
         self.workspace.took[self.NAME] = (time.monotonic() - self._started - self._compiled_s) / self._runs
 
@@ -115,7 +121,7 @@ class JobStep(Step):
         self.query_one("#state", Static).update(text)
 
     def invite(self) -> None:
-        """Describe the job if there is no result and no running job."""
+        """Describe the job, if there is neither a result nor a running job."""
         if self.job is None and not self.outcome() and not self.missing():
             self.say(self.worded(f"{{{self.NAME.lower()}.start}}: {self.PURPOSE}"))
 
@@ -135,25 +141,28 @@ class JobStep(Step):
         """Show the result of a completed job."""
 
     def ended(self, why: str) -> None:
-        """Show that the job ended without a result; its error has already been shown."""
+        """Show that the job ended without a result.
+
+        Its error has already been shown.
+        """
 
     def at_stake(self) -> str:
-        """The running job."""
+        """Sentence that quitting would end the running job; empty without a job."""
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
-        """Start a job and drop the events of a previous one."""
+        """Start a job; further events of a previous job are ignored."""
         self._stop_job()
         self._started, self._basis = time.monotonic(), self.workspace.basis()
         self._kernels, self._compiling, self._compiled_s = 0, None, 0.0
         self.job = start_job(self, function, **arguments)
         if self.display:
-            self.focus()  # the focused widget may be in a hidden tab, so that no key would control the job
+            self.focus()  # The focused widget may be in a hidden tab; then no key would control the job.
         self.refresh_bindings()
         self.post_message(self.Done())
 
     def take_keys(self) -> None:
-        """Keep the keys of the step active after the focused widget disappears."""
+        """Focus the step if the focused widget has disappeared, so that its keys remain active."""
         if self.display and (self.app.focused is None or not self.app.focused.is_on_screen):
             self.focus()
 
@@ -208,7 +217,7 @@ class JobStep(Step):
             self.job.cancel()
 
     def whole_number(self, name: str, least: int = 0, most: int = 2**32 - 1) -> int:
-        """Integer in a form field; by default a random 32-bit seed.
+        """Integer from a form field; the default range is that of a 32-bit seed.
 
         Raises:
             ConfigError: the text is not such a number.

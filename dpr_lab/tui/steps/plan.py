@@ -1,4 +1,7 @@
-"""Step Plan: the next recordings, and when to stop; a proposal becomes the next pose of Capture."""
+"""Step Plan: the next recordings, and when to stop.
+
+A proposed release can become the next pose of the step Capture.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -80,7 +83,7 @@ are diagnosed first.
         self._unit: AngleUnit | None = None
 
     def compose(self) -> ComposeResult:
-        """The form, the recommendation, the releases, and details of the marked one."""
+        """Build the form, the recommendation, the releases, and the details of the selected release."""
         with Horizontal(id="form"):
             yield Label("limits file")
             yield Input(placeholder="none", id="limits", suggester=PathSuggester(".toml"), compact=True)
@@ -110,7 +113,7 @@ are diagnosed first.
         self.invite()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Show the key that takes a release only if there is a release."""
+        """Whether an action is available; a release can be taken only if the plan has one."""
         if action == "take":
             return self._made is not None and bool(self._made.plan.releases) and self.job is None
         return super().check_action(action, parameters)
@@ -145,12 +148,12 @@ are diagnosed first.
             releases.focus()
 
     def ended(self, why: str) -> None:
-        """Show that no new plan was computed; the previous one remains."""
+        """Show why no new plan was computed; the previous plan remains."""
         before = f"; the previous one is shown. {self._made.plan.sentence}" if self._made is not None else ""
         self.say(f"Ended without a {'new ' if before else ''}plan: {why}{before}")
 
     async def action_take(self) -> None:
-        """Make the marked release the next pose of Capture; nothing is released."""
+        """Make the selected release the next pose of Capture; the rods are not released."""
         release = self._marked
         if release is None or self._made is None or release.pose is None or release.rig is None:
             raise DprError(self.worded(ONE))
@@ -172,7 +175,7 @@ are diagnosed first.
         self.post_message(self.Done())
 
     def _refuse_changed_setup(self, release: "PlannedRelease") -> None:
-        """Refuse a release that was planned for other rods or masses than the current rig file describes."""
+        """Refuse a release planned for other rods or added masses than in the current rig file."""
         rig = load_rig(self.workspace.rig)
         mounting = "clamped" if release.elbow == "clamped" else release.mounted
         if (mounting, release.added_mass) != (rig.rods.mounting, rig.added_mass):
@@ -186,7 +189,7 @@ are diagnosed first.
         return releases[row] if 0 <= row < len(releases) else None
 
     def _diagnosis(self) -> Path | None:
-        """The diagnosis of the workspace if it belongs to the selected runs."""
+        """Diagnosis of the workspace; None unless it belongs to the selected runs."""
         made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
         unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
         return self.workspace.diagnosis if unchanged else None
@@ -220,7 +223,7 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
 
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
-    """The marked release, the causes that no release separates, and the assumptions."""
+    """Details of the selected release, the causes that no release separates, and the assumptions."""
     from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, limit_forecast_rows, ratio_std_rows
     from dpr_lab.report.words import in_words, named
 

@@ -35,12 +35,12 @@ _ARM = {
     "ke": ("V s/rad", "back-EMF constant of the motor"),
     "R": ("ohm", "resistance of the motor"),
 }
-"""Unit and meaning of the parameters of an arm and its motor."""
+"""Parameter of an arm or its motor -> unit and meaning."""
 CORRECT = "correct it, then press {rig.read}"
 
 
 class TableGiven(Message):
-    """A table was entered instead of a rig file."""
+    """Event: the operator entered a table instead of a rig file."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ class TableGiven(Message):
 
 
 class RigStep(Step):
-    """Parameters, poses and encoders of the rig."""
+    """Step that shows the parameters, poses and encoders of the rig."""
 
     NAME = "Rig"
     HELP = """
@@ -94,7 +94,7 @@ the selected rig.
         return self._rig.name if self._rig is not None else ""
 
     def enter(self) -> None:
-        """Read the file again, because it may have changed; the list is ready for Enter."""
+        """Read the file again, because it may have changed, and focus the list of rigs."""
         if self._named != self.workspace.rig:  # a planned release was taken
             self._show_name(self.workspace.rig)
             self._offer()
@@ -102,7 +102,7 @@ the selected rig.
         self._read()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Indicate that the text is longer than the screen."""
+        """Whether an action is available; the page can be scrolled only if it is longer than the screen."""
         return action != "page" or self.query_one("#described").max_scroll_y > 0
 
     def action_page(self, by: int) -> None:
@@ -117,7 +117,7 @@ the selected rig.
 
     @on(Input.Submitted)
     async def action_read(self) -> None:
-        """Use the rig in the field; a connected device repeats its handshake for it."""
+        """Use the rig named in the field; a connected device repeats its handshake with it."""
         self.services.require_free()
         name = self.query_one(Input).value.strip()
         if not name:
@@ -140,7 +140,7 @@ the selected rig.
         self.post_message(self.Done())
 
     def action_write(self) -> None:
-        """Change the rig file."""
+        """Open the editor for the rig file."""
         self.app.push_screen(RigEditor(find_config("rigs", self.workspace.rig)), self._written)
 
     async def _written(self, file: Path | None) -> None:
@@ -152,7 +152,7 @@ the selected rig.
         self.query_one(Input).value = self._named = rig
 
     def _offer(self) -> None:
-        """Recent rigs, then the built-in ones."""
+        """List the recently used rigs, then the built-in ones."""
         built_in = sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
         before = [name for name in self.workspace.recent_rigs if name not in built_in]
         options = [Option(Content(f"{name}  (used before)"), id=name) for name in before]
@@ -202,7 +202,7 @@ def _mounted(rig: Rig) -> tuple[str, ...]:
 
 
 def _setup(rig: Rig) -> Iterator[Content]:
-    """Mounted rods and joints that differ from two rods that swing freely."""
+    """Mounting of the rods, if it differs from two rods that swing freely."""
     if rig.rods.mounting != "both":
         yield Content("the elbow is clamped" if rig.rods.number == 2 else f"{rig.rods.names[0]} alone, on joint 1")
     if rig.joints.inner == "prescribed":
@@ -212,7 +212,7 @@ def _setup(rig: Rig) -> Iterator[Content]:
 
 
 def _arm(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
-    """An arm that moves: its mode, its parameters, and the constants of its motor."""
+    """Mode and parameters of a moving arm, and the constants of its motor."""
     arm, motor = rig.arm, rig.motor
     if arm.mode == "clamped":
         return

@@ -1,4 +1,4 @@
-"""Editor for a rig file, which is checked before it is saved."""
+"""Editor for a rig file; the text is checked before it is saved."""
 
 from pathlib import Path
 from typing import ClassVar
@@ -20,7 +20,7 @@ from dpr_lab.whole_file import write_text
 
 
 class RigEditor(Guarded, ModalScreen[Path | None]):
-    """Text of a rig file and its path; dismissed with the saved file.
+    """Editor with the text of a rig file and its path; it returns the path of the saved file.
 
     Args:
         source: initial rig file
@@ -59,7 +59,7 @@ class RigEditor(Guarded, ModalScreen[Path | None]):
         self.query_one(TextArea).focus()
 
     def action_leave(self) -> None:
-        """Close, with a confirmation if changes would be lost."""
+        """Close the editor; ask for confirmation if changes would be lost."""
         if self.query_one(TextArea).text == self._text:
             self.dismiss(None)
         else:

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
 
 NOTHING, OTHER_MODEL = -1, -2
-"""Choices in addition to the other runs, which are chosen by their numbers."""
+"""Choices in addition to the runs, which have the numbers from 0."""
 
 
 class SecondCurve(Guarded, Horizontal):
-    """A list to choose from, and a field for another model's file.
+    """List of possible second curves, and a field for the file of another model.
 
     Args:
         services: services with the workspace of the runs
@@ -65,7 +65,7 @@ class SecondCurve(Guarded, Horizontal):
         yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)
 
     def offer(self, runs: "Sequence[Comparison]", names: Sequence[str], shown: int) -> None:
-        """Offer these runs, except the displayed one."""
+        """Offer the given runs except the displayed one."""
         self._runs, self._names, self._shown = runs, names, shown
         options = [(Content("second curve: none"), NOTHING)]
         options += [(Content(f"second curve: {name}"), i) for i, name in enumerate(names) if i != shown]
@@ -79,14 +79,14 @@ class SecondCurve(Guarded, Horizontal):
 
     @property
     def chosen(self) -> "Comparison | None":
-        """The second run, or the same run with the other model."""
+        """Comparison for the second curve: another run, or the same run with the other model; None without one."""
         number = self.query_one(Select).value
         if number == OTHER_MODEL and self._shown < len(self._runs):
             return self._model.get(self._runs[self._shown].run)
         return self._runs[number] if isinstance(number, int) and 0 <= number < len(self._runs) else None
 
     def cycle(self) -> None:
-        """Select the next one."""
+        """Select the next second curve."""
         picker, values = self.query_one(Select), [value for _, value in self._offered] or [NOTHING]
         current = values.index(picker.value) if isinstance(picker.value, int) and picker.value in values else -1
         picker.value = values[(current + 1) % len(values)]
@@ -96,7 +96,7 @@ class SecondCurve(Guarded, Horizontal):
         self._field.focus()
 
     def on_unmount(self) -> None:
-        """The step was closed: cancel the job."""
+        """Cancel the job when the step is closed."""
         self._end()
 
     @property
@@ -110,7 +110,7 @@ class SecondCurve(Guarded, Horizontal):
 
     @on(Input.Submitted)
     def _named(self, event: Input.Submitted) -> None:
-        """Simulate the runs with another model; no simulation if the field is empty."""
+        """Simulate the runs with another model; with an empty field, remove the other model."""
         self._end()
         self._model = {}
         if name := event.value.strip():

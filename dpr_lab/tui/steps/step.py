@@ -15,21 +15,24 @@ from dpr_lab.tui.workspace import Workspace
 
 
 class Step(Guarded, Vertical, can_focus=True):
-    """A page of the stepper.
+    """One step of the screen.
 
-    It can have the focus, so that its keys work when none of its widgets has it.
+    It can have the focus, so that its keys work when none of its widgets has the focus.
 
     Args:
         services: services of the app
     """
 
     NAME: ClassVar[str]
-    """One word, for the stepper."""
+    """Name of the step in the list of steps: one word."""
     HELP: ClassVar[str | None] = ""
-    """Markdown: purpose of the step and its keys."""
+    """Markdown with the purpose of the step and its keys."""
 
     class Done(Message):
-        """The step has changed: the stepper is redrawn and the workspace saved."""
+        """Event: the state of the step has changed.
+
+        The list of steps is redrawn and the workspace saved.
+        """
 
     def __init__(self, services: Services) -> None:
         super().__init__(id=self.NAME.lower())
@@ -46,12 +49,12 @@ class Step(Guarded, Vertical, can_focus=True):
         return self.services.device
 
     def worded(self, text: str) -> str:
-        """A text with action names replaced by the operator's keys, see `KeyNames.fill`."""
+        """Replace the placeholders of actions in a text by the operator's keys; see `KeyNames.fill`."""
         return self.services.keys.fill(text)
 
     @property
     def recording(self) -> RecordingNow | None:
-        """State of the current recording of this step."""
+        """State of the recording in progress; None without one."""
         return None
 
     @property
@@ -60,7 +63,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return False
 
     def outcome(self) -> str:
-        """Result in a few words for the stepper; empty without a result."""
+        """Result in a few words for the list of steps; empty without a result."""
         return ""
 
     def stale(self) -> str:
@@ -81,7 +84,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def enter(self) -> None:
-        """Called each time the step is shown."""
+        """Update the step; called each time it is shown."""
 
     def hear(self, report: RecorderReport) -> None:
         """Handle a report of the recorder."""

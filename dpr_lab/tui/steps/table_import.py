@@ -28,7 +28,7 @@ WARNING = "warning: "
 
 
 class TableImport(Guarded, ModalScreen[Path | None]):
-    """The options and the preview of `dpr-lab import table`; dismissed with the written run.
+    """Options and preview of `dpr-lab import table`; returns the path of the written run.
 
     Args:
         rig: rig file, or the name of a built-in one
@@ -63,19 +63,19 @@ class TableImport(Guarded, ModalScreen[Path | None]):
             yield KeyLine()
 
     async def on_mount(self) -> None:
-        """Show the file with default options, if it is known."""
+        """Show the preview with default options, if the file is known."""
         self.query_one("#table" if self._file is None else "#options", Input).focus()
         if self._file is not None:
             await self._preview()
 
     async def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Show the file with the current options; after the path of a file, the options are entered next."""
+        """Show the preview with the entered options; after a path is entered, the options get the focus."""
         if event.input.id == "table" and Path(event.value.strip()).expanduser().exists():
             self.query_one("#options", Input).focus()
         await self._preview()
 
     async def _preview(self) -> None:
-        """Show the file with the current options."""
+        """Show the preview with the entered options."""
         self._shown = None
         try:
             request = self._request()
@@ -87,7 +87,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         self._show(Content("\n").join([*_lines(preview), Content(""), _options_text()]))
 
     async def action_save(self) -> None:
-        """Write the run of the preview, with a confirmation if there are warnings."""
+        """Write the run as previewed; ask for confirmation if there are warnings."""
         try:
             previewed = self._shown is not None and self._shown[0] == self._request()
         except DprError:
@@ -130,7 +130,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
 
 
 def warnings_of(preview: Preview) -> list[str]:
-    """Doubts about a table, to be confirmed before its run is used."""
+    """Warnings on a table that the operator must confirm before the run is written."""
     return [question.sentence for question in preview.questions]
 
 

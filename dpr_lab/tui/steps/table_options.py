@@ -13,13 +13,13 @@ from dpr_lab.storage.tables.options import ImportOptions, TypedOption, typed_opt
 
 @dataclass(frozen=True, slots=True)
 class TypedOptions:
-    """Options of an import."""
+    """Import options that the operator typed."""
 
     options: ImportOptions
     rods: str | None
     """Mounted rods; None: as in the rig file."""
     elbow: str | None
-    """Whether joint 2 is free or clamped; None: as in the rig file."""
+    """Mode of joint 2, free or clamped; None: as in the rig file."""
 
 
 def parse_options(text: str) -> TypedOptions:
@@ -41,12 +41,12 @@ def parse_options(text: str) -> TypedOptions:
 
 
 def option_list() -> list[str]:
-    """Every option with its choices, one text each: `--angles absolute|relative`."""
+    """Text of each option with its choices, for example `--angles absolute|relative`."""
     return [_shown(action) for action in _parser()._actions]
 
 
 class _Parser(argparse.ArgumentParser):
-    """Raises a `RunError` instead of printing the message."""
+    """Parser that raises a `RunError` instead of printing a message."""
 
     def error(self, message: str) -> NoReturn:
         raise RunError(message.replace("unrecognized arguments", "no such option"))
@@ -69,7 +69,7 @@ def _parser() -> _Parser:
 
 
 def _reader(option: TypedOption) -> Callable[[str], Any]:
-    """Function that converts a value; an error becomes a message of the parser."""
+    """Function that converts the text of an option; an error becomes a message of the parser."""
     if not option.reads_text:
         return option.kind
 

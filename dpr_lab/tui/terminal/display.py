@@ -1,8 +1,9 @@
-"""Output of frames, with confirmation.
+"""Output of frames to the terminal, and their confirmation.
 
-After each frame the cursor is set to a cell that represents the number of the frame, and the terminal is asked for the
-cursor position (`ESC [ 6 n`; ECMA-48, DSR). It answers (`ESC [ row ; column R`) when it has drawn everything before.
-The answer therefore confirms the frame, and neither a key nor a late answer can be mistaken for it.
+After each frame the cursor is set to a cell that encodes the number of the frame, and the terminal is queried for the
+cursor position (`ESC [ 6 n`; ECMA-48, DSR). The terminal replies (`ESC [ row ; column R`) when it has drawn all
+previous output. The reply therefore confirms this frame, and cannot be confused with a key or with the reply to another
+frame.
 """
 
 import asyncio
@@ -22,12 +23,12 @@ from dpr_lab.tui.terminal.multiplexer import from_environment
 from dpr_lab.tui.terminal.pace import Pace
 
 BEGIN, END = "\x1b[?2026h", "\x1b[?2026l"
-"""Synchronized output: a terminal that supports it shows the enclosed output at once."""
+"""Start and end of synchronized output: a terminal that supports it shows the enclosed output at once."""
 WHY_UNSEEN = "use a terminal on this computer, a faster line or a smaller window, or release with dpr-lab capture"
 
 
 class Display:
-    """Draws the output of Textual on a terminal, as fast as the terminal confirms it.
+    """Output of Textual to a terminal, at the rate at which the terminal confirms it.
 
     Args:
         driver: driver of the terminal; None without one
@@ -48,7 +49,7 @@ class Display:
         """Whether the terminal supports synchronized output."""
 
     def show(self, update: CompositorUpdate, size: Size) -> None:
-        """Draw an update when it is due; an update that is superseded is never sent."""
+        """Draw an update when it is due; an update that a newer one replaces is never sent."""
         if (self._frame.width, self._frame.height) != size:
             self._frame = CellFrame(size.width, size.height, self._colours)
             self._pace = Pace(max(size.width * size.height, 1), time.monotonic())
@@ -61,12 +62,12 @@ class Display:
         self._send_soon()
 
     def hurry(self) -> None:
-        """Draw the next update without delay, in response to a key."""
+        """Draw the next update without delay, because a key was pressed."""
         self._pace.refill()
         self._send_soon()
 
     def confirmed(self, column: int, row: int) -> None:
-        """Register a cursor position that the terminal reported, from 0, as confirmation of a frame."""
+        """Register a cursor position reported by the terminal, counted from 0, as confirmation of a frame."""
         now = time.monotonic()
         for number in [n for n in range(max(self._number - 64, 0), self._number + 1) if self._cell(n) == (column, row)]:
             round_trip = self._pace.confirmed(number, now)
@@ -133,6 +134,9 @@ class Display:
         return self._number
 
     def _cell(self, number: int) -> tuple[int, int]:
-        """Cell that represents a frame: in the right half, because `ESC [ 1 ; 2 R` is also sent by a key."""
+        """Cell that encodes the number of a frame.
+
+        It is in the right half of the screen, because a key also sends `ESC [ 1 ; 2 R`.
+        """
         right = max(self._frame.width // 2, 1)
         return self._frame.width - 1 - number % right, number // right % max(self._frame.height, 1)

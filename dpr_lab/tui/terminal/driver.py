@@ -1,4 +1,4 @@
-"""Driver of Textual for terminals that writes without waiting, identifies the terminal, and ends in limited time."""
+"""Driver of Textual for terminals: output never waits, the terminal is identified, and the end takes a limited time."""
 
 import os
 import selectors
@@ -11,7 +11,7 @@ from dpr_lab.tui.terminal.replies import ReplyParser
 from dpr_lab.tui.terminal.writer import TerminalWriter
 
 RESTORE = "\x1b[0m\x1b[?1000l\x1b[?1003l\x1b[?1015l\x1b[?1006l\x1b[?2004l\x1b[?1004l\x1b[?7h\x1b[<u\x1b[?1049l\x1b[?25h"
-"""Sequence that resets mouse, paste and focus reports, line wrapping, screen and cursor."""
+"""Sequence that restores the terminal: mouse, paste and focus reports, line wrapping, screen and cursor."""
 
 
 class BenchDriver(LinuxDriver):
@@ -19,7 +19,7 @@ class BenchDriver(LinuxDriver):
 
     _out: TerminalWriter | None = None
     multiplexer = ""
-    """Name of a multiplexer that answered for the terminal; empty if none did."""
+    """Name of a multiplexer that replied in place of the terminal; empty if none did."""
 
     @property
     def idle(self) -> bool:
@@ -27,7 +27,10 @@ class BenchDriver(LinuxDriver):
         return self._out is None or self._out.idle
 
     def start_application_mode(self) -> None:
-        """Start, and query the type of the terminal; the reply arrives before the first frame is confirmed."""
+        """Start the screen and query the type of the terminal.
+
+        The reply arrives before the first frame is confirmed.
+        """
         super().start_application_mode()
         self.write(QUERY)
 
@@ -39,7 +42,7 @@ class BenchDriver(LinuxDriver):
         self._out.write(data)
 
     def close(self) -> None:
-        """Restore the terminal, even if it does not accept the remaining output."""
+        """Restore the terminal, even if it no longer accepts output."""
         super().close()
         if self._out is not None:
             self._out.stop(RESTORE)

@@ -1,10 +1,10 @@
-"""Selection of the driver of the screen: one that never waits for a slow terminal, or one for browser pages."""
+"""Selection of the driver: for terminals one that never waits, for browser pages one that ends with its server."""
 
 from textual.driver import Driver
 
 
 def our_driver(textuals: type[Driver]) -> type[Driver]:
-    """Replacement for a driver of Textual; the original driver if there is no replacement."""
+    """Driver of this package in place of a driver of Textual; the driver of Textual if there is none."""
     if textuals.__name__ == "WebDriver":
         from dpr_lab.tui.terminal.page import PageDriver
 

@@ -1,4 +1,4 @@
-"""Target and sent content of the cells of a terminal; the output is the difference."""
+"""Requested and transmitted content of the cells of a terminal; the output is the difference."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ ATTRIBUTES = {"bold": "1", "dim": "2", "italic": "3", "underline": "4", "blink":
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Style of a character as SGR parameters; empty for the default."""
+    """Style of a character as SGR parameters, which are empty for the default style."""
 
     attributes: str = ""
     colour: str = ""
     ground: str = ""
 
     def after(self, before: "Look | None") -> str:
-        """Control sequence that changes from another look to this one; None: from an unknown one."""
+        """Control sequence that changes from the style `before` to this style; None stands for an unknown style."""
         if before is None or before.attributes != self.attributes:
             parts = [part for part in ("0", self.attributes, self.colour, self.ground) if part]
         else:
@@ -36,16 +36,17 @@ class FrameSettings:
     """Costs of terminal output."""
 
     bridge: int = 4
-    """Number of unchanged cells between two changed ones that are cheaper than a cursor movement."""
+    """Maximum number of unchanged cells between two changed ones that are sent again, because a cursor movement is
+    longer."""
     looks: int = 4096
-    """Maximum number of cached looks; a screen has some dozen, and some styles are visibly equal."""
+    """Maximum number of cached styles. A screen has some dozen."""
 
 
 SETTINGS = FrameSettings()
 Cell = tuple[str, Look]
 BLANK: Cell = (" ", Look())
 UNKNOWN: Cell = ("", Look("?"))
-"""Content that is different from every possible cell."""
+"""Content that differs from every possible content of a cell."""
 
 
 class CellFrame:
@@ -88,7 +89,7 @@ class CellFrame:
                         self._put(max(x, begin), y, strip.crop(max(begin - x, 0), end - x))
 
     def changes(self) -> str:
-        """Output that updates the terminal to the new frame, which then counts as sent."""
+        """Output that changes the terminal to the requested content, which is then recorded as transmitted."""
         out: list[str] = []
         pen: Look | None = None
         for y, (wanted, sent) in enumerate(zip(self._wanted, self._sent, strict=True)):
@@ -105,7 +106,7 @@ class CellFrame:
         return "".join(out)
 
     def _put(self, x: int, y: int, strip: Strip) -> int:
-        """Write a strip from a cell on; returns the end."""
+        """Write a strip of text from a cell on; returns the column after its end."""
         row = self._wanted[y] if 0 <= y < self.height else None
         for segment in strip:
             if segment.control:
@@ -148,7 +149,10 @@ class CellFrame:
 
 
 def _runs(wanted: Sequence[Cell], sent: Sequence[Cell]) -> Iterator[tuple[int, int]]:
-    """First cell and end of each section to send; short gaps that cost less than a cursor movement are included."""
+    """First and last cell of each section to send.
+
+    A section includes unchanged cells if sending them is shorter than a cursor movement.
+    """
     if wanted == sent:
         return
     first = last = -1

@@ -1,6 +1,7 @@
-"""Detection of programs that keep a session and answer cursor queries instead of the operator's terminal.
+"""Detection of programs that keep a session and reply to cursor queries in place of the operator's terminal.
 
-tmux, GNU screen, Zellij and mosh are terminals themselves: they confirm a frame at once, even if nobody is attached.
+tmux, GNU screen, Zellij and mosh are terminals themselves. They confirm a frame at once, even if no operator is
+attached.
 """
 
 import re
@@ -9,9 +10,9 @@ from collections.abc import Mapping
 IN_ENVIRONMENT = {"TMUX": "tmux", "STY": "GNU screen", "ZELLIJ": "Zellij"}
 """Variable that a multiplexer sets for its programs -> its name."""
 IN_TERM = {"tmux": "tmux", "screen": "GNU screen or tmux"}
-"""Beginning of TERM -> name; ssh passes TERM on to the remote computer, but not the variables above."""
+"""Prefix of TERM -> name. Unlike the variables above, ssh passes TERM on to the remote computer."""
 IN_ATTRIBUTES = {"83": "GNU screen", "84": "tmux", "1;10;0": "mosh"}
-"""Reply to `ESC [ > c` (secondary device attributes, DEC): terminal type or whole reply -> name.
+"""Reply to `ESC [ > c` (secondary device attributes, DEC) -> name. A key is the terminal type or the whole reply.
 
 Sources: screen's ansi.c and tmux's input.c send the first letter of their name, mosh's terminalfunctions.cc this text.
 """
@@ -24,7 +25,7 @@ ATTRIBUTES = re.compile(r"\x1b\[>([\d;]*)c")
 
 
 def from_environment(environment: Mapping[str, str]) -> str:
-    """Name of the multiplexer according to environment variables; empty for none."""
+    """Name of the multiplexer according to environment variables; empty without one."""
     for variable, name in IN_ENVIRONMENT.items():
         if environment.get(variable):
             return name
@@ -32,10 +33,10 @@ def from_environment(environment: Mapping[str, str]) -> str:
 
 
 def from_attributes(reply: str) -> str:
-    """Name of the multiplexer for these attributes, such as `84;0;0`; empty for a terminal."""
+    """Name of the multiplexer with these attributes, such as `84;0;0`; empty for a terminal."""
     return IN_ATTRIBUTES.get(reply) or IN_ATTRIBUTES.get(reply.partition(";")[0], "")
 
 
 def from_version(reply: str) -> str:
-    """Name of the multiplexer for this version, such as `tmux 3.4`; empty for a terminal."""
+    """Name of the multiplexer with this version, such as `tmux 3.4`; empty for a terminal."""
     return reply if any(word in reply.lower() for word in IN_VERSION) else ""

@@ -1,16 +1,17 @@
-"""Time of the next frame: after the previous one is drawn, and within the capacity of the line."""
+"""Time at which the next frame is sent: after the previous one is drawn, and within the capacity of the line."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class PaceSettings:
-    """Limits of unconfirmed output."""
+    """Limits on unconfirmed output."""
 
     bytes_per_cell_s: float = 3.5
-    """Maximum rate for animations, bytes/s: 6.7 kB/s at 80x24, below the capacity of 115200 baud."""
+    """Maximum output rate per cell during animations, bytes/s. An 80x24 terminal then gets 6.7 kB/s, below the capacity
+    of 115200 baud."""
     burst_per_cell: float = 6.0
-    """Number of bytes per cell that may be sent before this limit applies: a whole screen in colours."""
+    """Number of bytes per cell that may be sent before the rate is limited: a whole screen in colours."""
     lost_after_s: float = 2.0
     """Time after which an unconfirmed frame no longer delays the next one, s."""
 
@@ -19,11 +20,11 @@ SETTINGS = PaceSettings()
 
 
 class Pace:
-    """Frames sent and confirmed; all times are arguments, s.
+    """Record of sent and confirmed frames. All times are arguments, s.
 
     Args:
         cells: number of cells of the terminal
-        now: current time
+        now: current time, s
     """
 
     def __init__(self, cells: int, now: float) -> None:
@@ -32,7 +33,7 @@ class Pace:
         self._out: dict[int, float] = {}
 
     def wait(self, now: float) -> float:
-        """Time until the next frame may be sent, s; 0: now."""
+        """Waiting time until the next frame may be sent, s."""
         self._count(now)
         budget = max(-self._credit, 0.0) / (SETTINGS.bytes_per_cell_s * self._cells)
         return max(budget, *(sent_at + SETTINGS.lost_after_s - now for sent_at in self._out.values()), 0.0)

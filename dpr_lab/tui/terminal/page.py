@@ -1,4 +1,4 @@
-"""Driver of a screen in a browser: that of Textual, extended such that the screen ends with its server."""
+"""Driver of a screen in a browser: the driver of Textual, extended so that the screen ends with its server."""
 
 import os
 import signal
@@ -11,9 +11,9 @@ from dpr_lab.tui.terminal.signals import ENDING
 
 
 class PageDriver(WebDriver):
-    """Driver that ends the screen when the server ends, and discards the remaining output.
+    """Driver that ends the screen when its server has ended, and discards the remaining output.
 
-    A server that was killed cannot end its screens, but its side of the pipes is closed: input ends, output fails.
+    A killed server cannot end its screens, but its side of the pipes is closed: input ends, and output fails.
     """
 
     def write(self, data: str) -> None:
@@ -22,12 +22,15 @@ class PageDriver(WebDriver):
             super().write(data)
 
     def write_meta(self, data: dict[str, object]) -> None:
-        """Send data other than the output."""
+        """Send messages other than the output, if the server still exists."""
         with suppress(OSError):
             super().write_meta(data)
 
     def run_input_thread(self) -> None:
-        """Read the input; its end ends the screen, or terminates it if this takes too long."""
+        """Read the input.
+
+        When it ends, the screen is ended; after a time limit the process is terminated.
+        """
         super().run_input_thread()
         if not self.exit_event.is_set():
             watch = threading.Timer(ENDING.patience_s, os._exit, (ENDING.exit_code,))

@@ -8,7 +8,7 @@ from dpr_lab.errors import printable
 
 
 class Plain(LineFilter):
-    """Replaces control characters by visible text and cuts the line to its width."""
+    """Filter that replaces control characters by visible text and cuts the line to its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """Remove the control characters of a line."""

@@ -1,4 +1,4 @@
-"""Keys of a terminal, and its replies to queries of its type."""
+"""Parsing of keys, and of replies of a terminal to queries of its type."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ class ReplySettings:
     """Format of replies of the terminal."""
 
     longest: int = 64
-    """Maximum length of a version; known ones have 8 to 30 characters."""
+    """Maximum length of a version in a reply. Known ones have 8 to 30 characters."""
 
 
 SETTINGS = ReplySettings()
 
 
 class ReplyParser(XTermParser):
-    """Parser of Textual, extended by replies that it would interpret as keys.
+    """Parser of Textual, extended for replies that Textual would interpret as keys.
 
     Args:
         identified: called with the name of a multiplexer that replied
@@ -41,7 +41,10 @@ class ReplyParser(XTermParser):
         return [events.Key(Keys.Ignore, sequence)] if reply else super()._sequence_to_key_events(sequence, alt)
 
     def _in_reply(self, sequence: str) -> bool:
-        """Whether a sequence is the beginning of a reply; the parser passes every sequence as it grows."""
+        """Whether a sequence is a prefix of a reply.
+
+        The parser passes each sequence again as it grows.
+        """
         if self._version is not None:
             return self._goes_on(sequence)
         if sequence == VERSION_BEGINS:

@@ -1,4 +1,4 @@
-"""Evidence that the operator has seen the screen: no release without it."""
+"""Evidence that the operator has seen the screen, without which nothing is released."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -6,19 +6,19 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class SightSettings:
-    """Required speed of a terminal."""
+    """Requirements on a terminal for the confirmation of a release."""
 
     round_trip_s: float = 0.3
-    """Maximum time until the terminal confirms a frame, s: it appears nearly immediate."""
+    """Maximum time until the terminal confirms a frame, s. A shorter delay is hardly noticeable."""
     patience_s: float = 10.0
-    """Maximum time for a slow line to draw the first frame of a countdown, s."""
+    """Maximum time for a slow terminal to draw the first frame of a countdown, s."""
     least_columns: int = 40
     least_rows: int = 12
-    """Minimum size of a terminal that shows the complete dialog."""
+    """Minimum height of a terminal that shows the complete dialog, rows."""
     code_s: float = 60.0
     """Maximum time to type the code that a multiplexer requires, s."""
     code_length: int = 3
-    """Length of this code: a program or a stuck key guesses it in one of 6840 tries."""
+    """Number of letters of this code. A program or a stuck key guesses it in one of 6840 tries."""
 
 
 SIGHT = SightSettings()

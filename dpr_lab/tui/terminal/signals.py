@@ -1,4 +1,4 @@
-"""SIGTERM, SIGHUP and SIGINT end the screen like its own key, within a limited time."""
+"""Regular end of the screen on SIGTERM, SIGHUP and SIGINT, within a limited time."""
 
 import os
 import signal
@@ -13,20 +13,20 @@ class EndSettings:
     """Time limits of the shutdown."""
 
     exit_code: int = 130
-    """Exit code of the command line after an interruption."""
+    """Exit code of the process after an interruption."""
     patience_s: float = 25.0
-    """Maximum time for a regular end, s: a recorder that does not answer is ended by signals within 15 s."""
+    """Maximum time for a regular end, s. A recorder that does not answer is ended by signals within 15 s."""
 
 
 ENDING = EndSettings()
 
 
 def end_on_signals(end: Callable[[], object], restore: Callable[[], object]) -> None:
-    """End the app on these signals.
+    """End the app on SIGTERM, SIGHUP and SIGINT.
 
-    A Python signal handler runs between two steps of the main thread, so `end` must
-    only request the end. If the process has not ended after a few seconds, the terminal is restored and the process
-    ends at once; the recorder finishes its file by itself when the other end of its pipe is closed.
+    A Python signal handler runs between two steps of the main thread, so `end` must only request the end. If the
+    process has not ended after `patience_s`, the terminal is restored and the process exits at once. The recorder
+    finishes its file by itself when the other end of its pipe is closed.
 
     Args:
         end: requests the end

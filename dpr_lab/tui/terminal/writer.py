@@ -13,9 +13,9 @@ class TerminalWriterSettings:
     """Settings of the output to the terminal."""
 
     at_once: int = 512
-    """Maximum number of bytes written at a time; the output can be stopped in between."""
+    """Maximum number of bytes per write; the output can be stopped between two writes."""
     patience_s: float = 3.0
-    """Maximum time at the end for a slow terminal to accept the remaining output, s."""
+    """Maximum time that a slow terminal has at the end to accept the remaining output, s."""
     grace_s: float = 0.5
     """Additional time for the thread to stop, s."""
 
@@ -24,7 +24,7 @@ SETTINGS = TerminalWriterSettings()
 
 
 class TerminalWriter:
-    """A thread that writes to a terminal.
+    """Thread that writes to a terminal.
 
     Args:
         fileno: file descriptor of the terminal

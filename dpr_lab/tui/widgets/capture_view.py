@@ -39,16 +39,16 @@ TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
 @dataclass(frozen=True, slots=True)
 class CaptureState:
-    """Displayed state of a capture."""
+    """State of a capture, as displayed."""
 
     rig: Rig
     pose: str
     """Name of the selected pose; empty if the rig has none."""
     attempt: Attempt | None
     ended: Attempt | None
-    """Previous attempt if it ended without a verdict: its recording stays visible."""
+    """Previous attempt if it ended without a verdict, so that its recording stays visible; None otherwise."""
     seen: Sighting
-    """Last known position of the rods."""
+    """Last known angles of the rods and state of the latch."""
     now: float
     """Current time, `time.monotonic()`, s."""
     live: bool
@@ -62,7 +62,7 @@ class CaptureState:
     code: bool
     """Whether the countdown starts only after the operator typed a code."""
     undecided: str
-    """Run of an earlier session that was neither kept nor repeated."""
+    """Name of a run of an earlier session that was neither kept nor repeated."""
     unit: AngleUnit
     keys: KeyNames
     options: CaptureOptions
@@ -99,7 +99,7 @@ class CaptureView(Vertical):
         yield Chart(id="input")
 
     def show(self, state: CaptureState) -> None:
-        """Draw a state, without redrawing unchanged parts."""
+        """Draw a state; unchanged parts are not redrawn."""
         swung = state.attempt or state.ended
         self.set_class(swung is not None and swung.phase is Phase.RECORDING and state.live, "-swinging")
         for name, content in (
@@ -154,7 +154,7 @@ class CaptureView(Vertical):
 
 
 def _lengths(rig: Rig) -> Lengths:
-    """Drawn lengths; a single rod is drawn as the inner one."""
+    """Lengths for the drawing of the rods; a single rod is drawn as the inner one."""
     outer = rig.L2 or rig.L1
     if rig.rods.number == 2:
         return Lengths(rig.L0, rig.L1, outer)
@@ -248,7 +248,7 @@ def _judgement(verdict: QualityReport) -> Iterator[Content]:
 
 
 def _placement(state: CaptureState) -> Placement | None:
-    """Target position of the rods; none after all poses are recorded."""
+    """Target position of the rods for the drawing; None after all poses are recorded."""
     if state.all_done:
         return None
     if state.attempt is not None:

@@ -1,4 +1,7 @@
-"""Line chart for the terminal: series, a noise band, marks; zoom and pan by keyboard or mouse."""
+"""Line chart for the terminal, with a noise band and marks.
+
+Keys and the mouse zoom and pan it.
+"""
 
 import asyncio
 import time
@@ -32,13 +35,13 @@ class ChartSettings:
     """Appearance of a chart."""
 
     tick_columns: int = 11
-    """Columns per number on the x axis, including the gap."""
+    """Width of a number on the x axis including its gap, columns."""
     tick_rows: float = 1.5
-    """Minimum rows per number on the y axis."""
+    """Minimum distance of numbers on the y axis, rows."""
     end_label: int = 9
-    """Maximum length of a name at the end of a line; a longer name is shown above the chart only."""
+    """Maximum length of a name at the end of a line, characters. A longer name is shown only above the chart."""
     margin: float = 0.05
-    """Space above and below the lines, as a share of their height."""
+    """Space above and below the lines, as a share of their range."""
 
 
 SETTINGS = ChartSettings()
@@ -55,7 +58,7 @@ class Series:
     """(n,) values; NaN breaks the line."""
     tone: Tone = "primary"
     on_top: bool = False
-    """Whether it is drawn on top of coinciding lines."""
+    """Whether the line is drawn on top of lines that coincide with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +103,7 @@ class _Plot(PlotWidget, can_focus=False):
     """The plot below the head of a chart."""
 
     end_labels: Sequence[_EndLabel] = ()
-    """Names at the ends of lines."""
+    """Labels at the ends of the lines."""
 
     def _render_plot(self) -> None:
         super()._render_plot()
@@ -123,7 +126,10 @@ class _Plot(PlotWidget, can_focus=False):
 
 
 class Chart(Vertical, can_focus=True):
-    """A line chart; `show` may be called at any time and rate."""
+    """Line chart.
+
+    `show` may be called at any time and rate.
+    """
 
     DEFAULT_CSS = """
     Chart { height: 1fr; min-height: 6; }
@@ -183,8 +189,8 @@ class Chart(Vertical, can_focus=True):
             y_label: quantity on the y axis with unit
             marks: vertical lines
             band: horizontal band, such as the noise floor
-            x_range: initial range of x; default: all
-            y_range: initial range of y; default: that of the visible lines
+            x_range: initial range of x; by default the range of all lines
+            y_range: initial range of y; by default the range of the visible lines
         """
         content = _Content(tuple(series), x_label, y_label, tuple(marks), band, x_range, y_range)
         if not _same(content, self._content):
@@ -204,7 +210,7 @@ class Chart(Vertical, can_focus=True):
         yield self._plot
 
     def on_mount(self) -> None:
-        """Draw the pending content, and redraw with every theme."""
+        """Draw the content that was set before, and redraw on a change of theme."""
         self._plot.margin_top, self._plot.margin_bottom, self._plot.margin_left = 0, 1, 8
         self.app.theme_changed_signal.subscribe(self, lambda _: self._draw_soon())
         self._draw_soon()
@@ -238,7 +244,7 @@ class Chart(Vertical, can_focus=True):
         self._draw_soon()
 
     def action_cursors(self) -> None:
-        """Switch the cursors: show them and move the first one, move the second one, hide them."""
+        """Switch to the next state of the cursors: first cursor active, second cursor active, hidden."""
         cursors = self._cursors
         self._cursors = (
             first_cursors(self.view[0]) if cursors is None else cursors.second() if cursors.moving == 0 else None
@@ -264,7 +270,7 @@ class Chart(Vertical, can_focus=True):
     def _draw_soon(self) -> None:
         if self._pending is None and self._can_draw():
             wait = self._drawn_at + 1 / FRAMES_PER_S - time.monotonic()
-            # A timer of Textual never fires if the machine was busy for the whole interval.
+            # If the machine was busy for a whole interval, a timer of Textual never fires.
             self._pending = asyncio.get_running_loop().call_later(wait, self.call_later, self._draw)
 
     def _can_draw(self) -> bool:
@@ -297,7 +303,7 @@ class Chart(Vertical, can_focus=True):
         self._plot.set_ylimits(*y_view)
 
     def _share_for_labels(self) -> float:
-        """Space to the right of the view for the names of the lines, as a share of the view."""
+        """Width of the names of the lines, right of the view, as a share of the view."""
         columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
         longest = max((len(s.label) for s in self._content.series if len(s.label) <= SETTINGS.end_label), default=0)
         several = len(self._content.series) > 1 and 4 * longest < columns
@@ -318,7 +324,7 @@ class Chart(Vertical, can_focus=True):
             self._plot.plot(x[piece], y[piece], line_style=self._colour(series.tone), hires_mode=HiResMode.BRAILLE)
 
     def _draw_band(self, band: Band, x_view: tuple[float, float], columns: int) -> None:
-        """Dots at every second cell, each in the quarter of its row that contains the edge."""
+        """Draw the edges of a band as dots at every second cell, in the quarter of the row that contains the edge."""
         x = x_view[0] + (np.arange(0, columns, 2) + 0.5) * (x_view[1] - x_view[0]) / columns
         for edge in (band.low, band.high):
             style, y = self._colour(band.tone), np.full(len(x), edge)
@@ -348,14 +354,17 @@ class Chart(Vertical, can_focus=True):
         return text
 
     def _colour(self, tone: Tone) -> str:
-        """Colour of the theme in the notation of Rich; the terminal's own colour if the theme leaves it open."""
+        """Colour of the theme in the notation of Rich.
+
+        The terminal's default colour if the theme does not define it.
+        """
         try:
             return Color.parse(self.app.theme_variables[tone]).hex6
         except (KeyError, ColorParseError):
             return "default"
 
     def _y_fitting(self, x_view: tuple[float, float]) -> tuple[float, float]:
-        """Range of y inside an x view, with some margin."""
+        """Range of y within a view of x, with a margin."""
         inside = [s.y[(s.x >= x_view[0]) & (s.x <= x_view[1])] for s in self._content.series]
         band = self._content.band
         low, high = range_of([*inside, *([np.array([band.low, band.high])] if band else [])])

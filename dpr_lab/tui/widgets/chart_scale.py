@@ -15,18 +15,22 @@ class ViewSettings:
     """Settings of zoom and pan."""
 
     zoom: float = 1.5
-    """Factor of the width of a view for one press of the zoom key."""
+    """Factor by which one press of the zoom key changes the width of a view."""
     pan: float = 0.1
-    """Share of a view for one press of the pan key."""
+    """Shift of a view by one press of the pan key, as a share of its width."""
     narrowest: float = 1e-9
-    """Minimum width of a view relative to its values: closer ticks look the same, and rounding becomes visible."""
+    """Minimum width of a view relative to its values. In a narrower view ticks look equal and rounding becomes
+    visible."""
 
 
 SETTINGS = ViewSettings()
 
 
 def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
-    """Smallest and largest finite value, made different if equal; 0 and 1 without values."""
+    """Smallest and largest finite value.
+
+    They are made different if equal, and are 0 and 1 without values.
+    """
     finite = [finite_values for array in values if len(finite_values := array[np.isfinite(array)])]
     if not finite:
         return 0.0, 1.0
@@ -35,7 +39,7 @@ def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
 
 
 def smallest(low: float, high: float) -> float:
-    """Narrowest view whose ticks can be distinguished in floating point."""
+    """Width of the narrowest view whose ticks differ in floating point."""
     return SETTINGS.narrowest * max(abs(low), abs(high), SETTINGS.narrowest)
 
 
@@ -52,14 +56,14 @@ def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
 
 
 def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tuple[Array, Array]:
-    """Visible part of a line: at most two points per column, the extremes, NaN at breaks."""
+    """Visible part of a line, reduced to the extremes in each column: at most two points, and NaN at breaks."""
     first, last = np.searchsorted(x, x_view)
     shown = slice(max(int(first) - 1, 0), int(last) + 1)
     return trace(x[shown], y[shown], points=2 * columns)
 
 
 def even_ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers in even steps inside a view, at most the given number (at least two)."""
+    """Round numbers in even steps within a view, at most `most` of them (at least two)."""
     power = 10.0 ** math.floor(math.log10(max((high - low) / max(most, 2), 1e-300)))
     for step in (power, 2 * power, 5 * power, 10 * power, 20 * power):
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
@@ -69,6 +73,6 @@ def even_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def pieces(y: Array) -> Iterator[slice]:
-    """Sections without NaN."""
+    """Sections of a line between its NaN values."""
     edges = np.flatnonzero(np.diff(np.isfinite(y), prepend=False, append=False))
     return (slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))

@@ -1,4 +1,4 @@
-"""Number of recordings of each pose, and the next pose."""
+"""List of the poses with the number of their recordings, and the next pose."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -9,11 +9,11 @@ from dpr_lab.acquisition.capture import in_file_name
 from dpr_lab.storage.sidecar import note_of, sidecar_of
 
 ASIDE = "aside"
-"""Folder next to the runs for recordings that the operator repeated; nothing is deleted."""
+"""Folder, next to the runs, for recordings that the operator repeated. Nothing is deleted."""
 
 
 def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
-    """Number of runs of each pose, by the names of their files."""
+    """Number of runs of each pose, according to the names of the files."""
     names = [parts[1] for run in runs if len(parts := run.stem.split("_")) > 2]
     return {pose: names.count(in_file_name(pose)) for pose in poses}
 
@@ -26,7 +26,7 @@ def next_pose(done: Mapping[str, int], repeats: int, current: str) -> str:
 
 
 def checklist_text(done: Mapping[str, int], repeats: int, current: str) -> Content:
-    """One line for each pose."""
+    """List of the poses, one line for each."""
     return Content("\n").join(_line(pose, number, repeats, pose == current) for pose, number in done.items())
 
 
@@ -36,7 +36,7 @@ def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
 
 
 def set_aside(run: Path) -> Path:
-    """Move a run and its hash to the folder of set-aside runs; returns the new path."""
+    """Move a run with its hash and note to the folder of set-aside runs; returns the new path."""
     folder = run.parent / ASIDE
     folder.mkdir(exist_ok=True)
     moved = folder / run.name

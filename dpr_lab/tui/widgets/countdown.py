@@ -1,4 +1,4 @@
-"""Countdown before a release: the last opportunity to cancel."""
+"""Countdown before a release, during which the operator can still cancel."""
 
 import asyncio
 import random
@@ -16,7 +16,7 @@ from dpr_lab.errors import SafetyStop
 from dpr_lab.tui.terminal.sight import SIGHT, Sight
 
 LETTERS = "acdefhjkmnpqrtuvwxyz"
-"""Letters of a code, without those that are easily confused."""
+"""Letters of the codes, without letters that are easily confused."""
 
 
 def new_code(chance: random.Random, without: frozenset[str]) -> str:
@@ -25,15 +25,16 @@ def new_code(chance: random.Random, without: frozenset[str]) -> str:
 
 
 class Countdown(ModalScreen[bool]):
-    """Countdown that returns True after all numbers were displayed.
+    """Dialog with a countdown; it returns True after all numbers were displayed.
 
-    It starts when the terminal has confirmed that it was drawn. A number that is not confirmed in time, any key except
-    the release key, a click, or a loss of focus returns False. A multiplexer also confirms if nobody is attached: with
-    a multiplexer the operator first types a displayed code.
+    The countdown starts when the terminal has confirmed that the dialog is drawn. The result is False if a number is
+    not confirmed in time, if any key except the release key is pressed, or after a click or a loss of focus. A
+    multiplexer confirms frames even if no operator is attached. With a multiplexer the operator must therefore first
+    type a displayed code.
 
     Args:
         pose: pose of the release
-        keys: the release keys with their names in Textual; pressing one again has no effect
+        keys: release keys, by their names in Textual; pressing one again has no effect
         sight: confirms that the screen was seen
         code: code to type if a multiplexer confirms the frames, see `new_code`
     """
@@ -50,7 +51,7 @@ class Countdown(ModalScreen[bool]):
         self._typed = asyncio.Event()
         self._over = self._covered = False
         self.why = ""
-        """Reason why nothing is released."""
+        """Reason why the rods are not released; empty until then."""
 
     @property
     def waits_for_code(self) -> bool:
@@ -58,7 +59,7 @@ class Countdown(ModalScreen[bool]):
         return bool(self._to_type)
 
     def compose(self) -> ComposeResult:
-        """Build the announcement, the number, and the hint how to cancel."""
+        """Build the announcement, the number, and the instruction for cancelling."""
         with Vertical(classes="dialog small"):
             yield Static(id="asked", markup=False)
             yield Digits(str(self.SECONDS))
@@ -107,7 +108,7 @@ class Countdown(ModalScreen[bool]):
             self.dismiss(False)
 
     def stop(self, why: str) -> None:
-        """Return False with this reason."""
+        """Cancel with a reason."""
         if not self._over:
             self._over, self.why = True, why
             self._covered = not self.is_current
@@ -119,7 +120,7 @@ class Countdown(ModalScreen[bool]):
             self.stop("the terminal lost the focus")
 
     def _show(self) -> None:
-        """The number during the countdown, or the code before it."""
+        """Show the number during the countdown, or the code before it."""
         self.query_one(Digits).display = not self._to_type
         asked = Content(f"RELEASING {self._pose} in")
         if self._to_type:
@@ -164,7 +165,7 @@ class Countdown(ModalScreen[bool]):
             raise SafetyStop(f"the code was not typed within {SIGHT.code_s:g} s") from None
 
     async def _come_into_sight(self) -> None:
-        """Wait until the terminal has drawn the dialog and its round trip time is short, also on a slow line."""
+        """Wait until the terminal has drawn the dialog and its round trip time is short enough."""
         give_up = time.monotonic() + SIGHT.patience_s
         while (round_trip := await self._drawn()) > SIGHT.round_trip_s:
             if time.monotonic() > give_up:

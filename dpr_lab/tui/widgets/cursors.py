@@ -1,4 +1,4 @@
-"""Two cursors in a chart, and the values of its lines there."""
+"""Two cursors in a chart, and the values of the lines at the cursors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ NAMES = ("A", "B")
 
 @dataclass(frozen=True, slots=True)
 class Cursors:
-    """Positions of the cursors."""
+    """Positions of the two cursors, and which of them is active."""
 
     at: tuple[float, float]
     """Positions on the x axis."""
@@ -37,7 +37,7 @@ def first_cursors(x_view: tuple[float, float]) -> Cursors:
 
 
 def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, Array]], colours: Sequence[str]) -> Text:
-    """Cursor positions, values of each line there, and their differences; one row per cursor and per pair of lines.
+    """Text with the cursor positions, the values of each line there, and their differences.
 
     Args:
         cursors: positions of the cursors
@@ -61,7 +61,7 @@ def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, A
 
 
 def _at(cursors: Cursors, x: Array, y: Array) -> tuple[float, float]:
-    """Linear interpolation of a line between its points; NaN outside."""
+    """Values of a line at both cursors by linear interpolation; NaN outside its points."""
     if not len(x):
         return float("nan"), float("nan")
     a, b = np.interp(cursors.at, x, y, left=np.nan, right=np.nan).tolist()

@@ -1,4 +1,4 @@
-"""Dialogs on top of a step: help, and a confirmation before something would be lost."""
+"""Dialogs above a step: help, and a request for confirmation before something would be lost."""
 
 from typing import ClassVar
 
@@ -9,11 +9,11 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
 
 HELP_KEY = Binding("f1,question_mark", "app.help", "Help", id="app.help")
-"""Key of the help, defined again, because a screen on top of the app hides the app's own keys."""
+"""Key of the help. It is defined here again, because a screen above the app hides the keys of the app."""
 
 
 class HelpScreen(ModalScreen[None]):
-    """Help: purpose of a step, and all keys."""
+    """Dialog with the purpose of a step and all keys."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,f1,question_mark", "dismiss", "Close", id="help.close")]
 
@@ -22,14 +22,14 @@ class HelpScreen(ModalScreen[None]):
         self._text = text
 
     def compose(self) -> ComposeResult:
-        """One scrolling page."""
+        """Build one scrolling page."""
         with VerticalScroll(classes="dialog") as page:
             page.border_subtitle = "esc: close · up, down: scroll"
             yield Markdown(self._text)
 
 
 class Question(ModalScreen[bool]):
-    """Confirmation: any answer except an explicit yes counts as no."""
+    """Dialog that requests a confirmation; every answer except an explicit yes counts as no."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("y", "answer(True)", "Yes", id="question.yes"),

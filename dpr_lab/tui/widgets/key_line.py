@@ -9,10 +9,10 @@ from textual.widget import Widget
 
 
 class KeyLine(Widget):
-    """The active keys in one text, drawn in the same frame as the focused widget.
+    """Row with all active keys, drawn in the same frame as the focused widget.
 
-    The footer of Textual has a widget for each key and replaces them some frames after a change of focus, so that it
-    would show the keys of the previous step until then.
+    The footer of Textual has a widget for each key and replaces these widgets some frames after a change of focus. In
+    these frames it shows the keys of the previous step.
     """
 
     ALLOW_SELECT = False
@@ -30,7 +30,7 @@ class KeyLine(Widget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.set_reactive(Widget.auto_links, False)  # links would be drawn in their own colour
+        self.set_reactive(Widget.auto_links, False)  # links would be drawn in a colour of their own
         self._keys: list[tuple[Binding, bool]] = []
 
     def on_mount(self) -> None:
@@ -48,7 +48,10 @@ class KeyLine(Widget):
             self.refresh()
 
     def render(self) -> Text:
-        """Keys with their descriptions; a click on one triggers it."""
+        """The keys with their descriptions.
+
+        A click on a key triggers its action.
+        """
         line = Text(no_wrap=True)
         for binding, enabled in self._keys:
             line.append_text(self._worded(binding, enabled)).append(" ")

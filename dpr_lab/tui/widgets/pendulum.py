@@ -11,12 +11,12 @@ from textual import on
 from dpr_lab.tui.widgets.canvas import PlainCanvas
 
 Angles = Sequence[float]
-"""theta0, theta1, theta2: absolute, 0 = upright, pi = hanging, rad."""
+"""theta0, theta1, theta2: absolute angles, 0 = upright, pi = hanging, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lengths:
-    """Drawn lengths, m."""
+    """Lengths of arm and rods in the drawing, m."""
 
     arm: float = 0.3
     inner: float = 0.4
@@ -24,7 +24,7 @@ class Lengths:
 
 
 class _Drawing(PlainCanvas):
-    """A drawing that adapts to its size; outdated parts are grey."""
+    """Drawing that adapts to its size; outdated parts are grey."""
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(1, 1, id=id)
@@ -40,15 +40,15 @@ class _Drawing(PlainCanvas):
         """Redraw the whole picture in the present size."""
 
     def _colour(self, name: str) -> str:
-        """Colour of the theme, or grey."""
+        """Colour of the theme; grey if the angles are outdated."""
         colours = self.app.theme_variables
         return f"dim {colours['foreground']}" if self._old else colours[name]
 
 
 class Pendulum(_Drawing):
-    """View from the end of the arm: the rods move in the plane of the picture.
+    """View from the end of the arm, with the plane of the rods as the plane of the picture.
 
-    The rotation of the arm is shown in perspective. Dots mark the requested pose, lines the rods.
+    The rotation of the arm is shown in perspective. Lines are the rods, dots the requested pose.
     """
 
     def __init__(self, *, id: str | None = None) -> None:
@@ -58,7 +58,14 @@ class Pendulum(_Drawing):
         self._wanted: Angles | None = None
 
     def show(self, theta: Angles | None, wanted: Angles | None, lengths: Lengths, *, old: bool = False) -> None:
-        """Draw rods at `theta`, and the pose `wanted` behind them; None: omitted; `old`: drawn in grey."""
+        """Draw the rods and, behind them, the requested pose.
+
+        Args:
+            theta: angles of arm and rods; None: no rods
+            wanted: angles of the requested pose; None: no pose
+            lengths: lengths of arm and rods
+            old: whether the rods are drawn in grey
+        """
         unchanged = (self._wanted, self._lengths, self._old) == (wanted, lengths, old)
         if not unchanged or not _alike(theta, self._theta):
             self._theta, self._wanted, self._lengths, self._old = theta, wanted, lengths, old
@@ -88,12 +95,15 @@ class Pendulum(_Drawing):
 
     @property
     def _scale(self) -> float:
-        """Columns per metre, so that the rods reach nearly to the edge; a row is as high as two columns are wide."""
+        """Scale of the drawing, columns per metre.
+
+        The rods reach nearly to the edge; a row is as high as two columns are wide.
+        """
         reach = max(self._lengths.inner + self._lengths.outer, 1e-9)
         return 0.95 * min(self.size.width / 2, self.size.height) / reach
 
     def _points(self, theta: Angles) -> list[tuple[float, float]]:
-        """Hub, elbow and tip, in columns and rows."""
+        """Positions of hub, elbow and tip, in columns and rows."""
         points = [(self.size.width / 2, self.size.height / 2)]
         for angle, length in zip(theta[1:], (self._lengths.inner, self._lengths.outer), strict=True):
             x, y = points[-1]
@@ -106,9 +116,10 @@ ArmLimits = tuple[float, float]
 
 
 class ArmAbove(_Drawing):
-    """View from above: the arm turns about the centre, angle 0 points to the right, positive counterclockwise.
+    """View of the arm from above.
 
-    Dots mark the circle of its tip, between its limits if the rig file states them.
+    The arm turns about the centre; angle 0 points to the right, positive angles are counterclockwise. Dots mark the
+    circle of its tip, between its limits if the rig file states them.
     """
 
     def __init__(self, *, id: str | None = None) -> None:
@@ -117,7 +128,7 @@ class ArmAbove(_Drawing):
         self._limits: ArmLimits | None = None
 
     def show(self, theta0: float | None, limits: ArmLimits | None, *, old: bool = False) -> None:
-        """Draw the arm at theta0, rad; None: the circle alone; `old`: drawn in grey."""
+        """Draw the arm at theta0, rad; with None, only the circle; with `old`, in grey."""
         moved = theta0 is None or self._theta0 is None or abs(theta0 - self._theta0) > 3e-3
         if moved or (limits, old) != (self._limits, self._old):
             self._theta0, self._limits, self._old = theta0, limits, old
@@ -137,7 +148,10 @@ class ArmAbove(_Drawing):
                     self.set_pixel(int(x), int(y), mark, self._colour("foreground"))
 
     def _point(self, angle: float) -> tuple[float, float]:
-        """Tip of the arm, in columns and rows; a row is as high as two columns are wide."""
+        """Position of the tip of the arm, in columns and rows.
+
+        A row is as high as two columns are wide.
+        """
         reach = 0.9 * min(self.size.width / 2, self.size.height)
         return (
             self.size.width / 2 + reach * math.cos(angle),
@@ -146,7 +160,7 @@ class ArmAbove(_Drawing):
 
 
 def _alike(old: Angles | None, new: Angles | None) -> bool:
-    """Whether no dot of the picture would move, so that encoder noise causes no redrawing."""
+    """Whether two sets of angles give the same picture, so that encoder noise causes no redrawing."""
     if old is None or new is None:
         return old is new
     return all(abs(a - b) < 3e-3 for a, b in zip(old, new, strict=True))

@@ -1,4 +1,4 @@
-"""Readouts during the placement of the rods: each angle and its target, rest, latch, losses."""
+"""Texts during the placement of the rods: each angle and its target, rest, latch, losses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,17 +17,17 @@ GOOD, BAD, UNKNOWN = "✔", "✘", "?"
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """The rods and their target pose."""
+    """Target angles of the rods and their errors."""
 
     wanted: tuple[float, ...]
     """Angles that the operator sets, inner rod first, rad."""
     error: tuple[float, ...]
-    """Errors relative to the target without whole turns, rad."""
+    """Measured minus target angles without whole turns, rad."""
     tolerance: float
 
 
 def placement_text(placement: Placement, unit: AngleUnit) -> Content:
-    """Two lines for each angle to set: the present angle, then the remaining angle and the direction of the turn."""
+    """Two lines for each rod: its angle, then the remaining angle and the direction to turn."""
     names = ("inner θ1", "outer θ2") if len(placement.wanted) > 1 else ("rod θ1",)
     lines = [
         line
@@ -46,13 +46,15 @@ def _rod(name: str, wanted: float, error: float, tolerance: float, unit: AngleUn
 
 
 def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0) -> str:
-    """Bar of an error: `[ ]` is the tolerance, the mark is the error; arrows show an error outside the bar.
+    """Text bar of an error.
+
+    The brackets `[ ]` mark the tolerance, and a character marks the error. An arrow stands for an error beyond the bar.
 
     Args:
         error: error, rad
         tolerance: permitted error, rad
-        cells_wide: length of the bar
-        reach: range of the bar on each side in tolerances
+        cells_wide: length of the bar, characters
+        reach: range of the bar on each side, in tolerances
     """
     half = cells_wide // 2
     edge = round(half / reach)
@@ -68,7 +70,7 @@ def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0
 
 
 def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
-    """Whether the rods are at rest; otherwise the exceeded limit."""
+    """Statement that the rods are at rest, or the limit that is exceeded."""
     if rest is None:
         return Content.styled(f"rest   {UNKNOWN} checked when the rods are at the pose", "dim")
     limits = QUALITY_LIMITS.rest
@@ -82,7 +84,7 @@ def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
 
 
 def arm_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
-    """Whether an arm that can move is at rest within its limits; otherwise the reason that forbids a release."""
+    """Statement that a movable arm is at rest within its limits, or the reason against a release."""
     if rest is None:
         return Content.styled(f"arm    {UNKNOWN} checked when the rods are at the pose", "dim")
     within = ", within its limits" if rig.arm.limits else ""
@@ -91,18 +93,17 @@ def arm_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
 
 
 def latch_text(latched: bool | None) -> Content:
-    """Whether the latch holds the rods, if it is currently known."""
+    """State of the latch; unknown for None."""
     if latched is None:
         return Content.styled(f"latch  {UNKNOWN} UNKNOWN", "bold $warning")
     return Content("latch  ■ CLOSED, the rods are held" if latched else "latch  □ OPEN, the rods are free")
 
 
 def angles_text(theta: Sequence[float], unit: AngleUnit, number: int = 2) -> str:
-    """Absolute angles of the arm and of the mounted rods without whole turns.
+    """Absolute angles of the arm and the mounted rods without whole turns.
 
-    The arm is within half a turn of 0, the rods are between -90 and 270 degrees.
-
-    The rods rest near 180 degrees (hanging) or near 0 (upright), far from the ends of this range.
+    The angle of the arm is within half a turn of 0, those of the rods are between -90 and 270 degrees. Rods rest near
+    180 degrees (hanging) or 0 (upright), far from the ends of this range.
     """
     arm, *rods = np.asarray(theta)[: 1 + number]
     return unit.all_of([_wrapped(arm, 0.0), *(_wrapped(rod, np.pi / 2) for rod in rods)])
@@ -130,7 +131,7 @@ def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleU
 
 
 def lost_text(lost: Mapping[str, int], samples: int | None) -> Content:
-    """Samples and losses by cause."""
+    """Number of samples, and losses by cause."""
     counted = "" if samples is None else f"{samples} samples, "
     causes = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in lost.items() if n)
     text = f"lost   {BAD if causes else GOOD} {counted}{causes or 'none lost'}"

@@ -36,14 +36,14 @@ CHOSEN, LEFT = "✔", " "
 
 
 class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
-    """Selection of runs; returns the new selection, or None if it is unchanged.
+    """Dialog for the selection of runs; it returns the new selection, or None if nothing was changed.
 
     Args:
         services: services with the workspace, which defines the folder of the runs
         selected: current selection, from any folder
         others: additional runs from other folders
         title: purpose of the selection
-        take_here: whether an empty selection selects the run under the cursor
+        take_here: whether an empty selection means the run under the cursor
     """
 
     NAME = "Runs"
@@ -124,7 +124,7 @@ The reason is shown below the list.
             yield KeyLine()
 
     def on_mount(self) -> None:
-        """List the files at once, and their metadata as they are read."""
+        """List the files at once; the metadata of each file follow when they are read."""
         table = self._table
         for column in COLUMNS:
             table.add_column(column, key=column or "chosen")
@@ -132,12 +132,12 @@ The reason is shown below the list.
         table.focus()
 
     def on_unmount(self) -> None:
-        """The list was closed: cancel the job."""
+        """Cancel the jobs when the list is closed."""
         for job in self._jobs:
             job.cancel()
 
     def action_accept(self) -> None:
-        """Use the selected runs, or the run under the cursor; in a field, accept its text and go to the list."""
+        """Return the selected runs, or the run under the cursor; in a field, accept its text and focus the list."""
         if self.query_one("#folder").has_focus:
             name = self.query_one("#folder", Input).value.strip()
             self._look_in(Path(name).expanduser() if name else self._folder)
@@ -150,14 +150,14 @@ The reason is shown below the list.
             self._to_list()
 
     def action_leave(self) -> None:
-        """Restore the previous selection; in the filter, go to the list."""
+        """Close with the previous selection; in a field, focus the list."""
         if self._table.has_focus:
             self.dismiss(None)
         else:
             self._to_list()
 
     def action_import_table(self) -> None:
-        """Close with this selection, and import a table."""
+        """Return the selection, then open the import of a table."""
         self.dismiss(self._chosen if self._touched else None)
         self.app.call_later(self.app.run_action, "app.import_table")
 
@@ -169,14 +169,14 @@ The reason is shown below the list.
             self._table.action_cursor_down()
 
     def action_choose_all(self) -> None:
-        """Select all shown runs; none if all are selected."""
+        """Select all listed runs; if all are selected, deselect them."""
         self._touched, shown = True, self._shown
         wanted = not all(path in self._chosen for path in shown)
         for path in shown:
             self._mark(path, wanted)
 
     def action_filter(self) -> None:
-        """Filter the list."""
+        """Focus the filter."""
         self.query_one("#filter").focus()
 
     def action_edit(self) -> None:
@@ -186,11 +186,11 @@ The reason is shown below the list.
             self._ask("note", known.info.note)
 
     def action_other(self) -> None:
-        """Show another folder."""
+        """Ask for another folder."""
         self._ask("folder", f"{self._folder}/")
 
     def action_verify(self) -> None:
-        """Check hash, chunks, ticks and end."""
+        """Verify hash, chunks, ticks and end of the run under the cursor."""
         if (path := self._here) is not None:
             self._say(f"checking {path.name}")
             self._jobs.append(start_job(self, jobs.verify, path=path))
@@ -201,14 +201,14 @@ The reason is shown below the list.
             self.app.push_screen(FormatScreen(), partial(self._export, path))
 
     def action_recover(self) -> None:
-        """Write the valid part of a damaged run as a complete file in the same folder."""
+        """Write the valid part of a damaged run to a complete file in the same folder."""
         if (path := self._here) is not None:
             out = path.with_name(f"{path.stem}-recovered{path.suffix}")
             self._say(f"recovering {path.name}")
             self._jobs.append(start_job(self, jobs.recover, path=path, out=out))
 
     def on_key(self, event: Key) -> None:
-        """Up and down in the field of the folder show recent folders."""
+        """Show recent folders in the field of the folder with the keys up and down."""
         field, recent = self.query_one("#folder", Input), list(map(str, self._services.workspace.recent_folders))
         if field.has_focus and event.key in ("up", "down") and recent:
             current = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1
@@ -241,7 +241,7 @@ The reason is shown below the list.
             self._jobs.append(start_job(self, jobs.survey, paths=[path]))
 
     def _find(self) -> None:
-        """Runs of the folder, and selected ones from other folders."""
+        """Collect the runs of the folder, the additional runs, and the selected runs of other folders."""
         by_path = {
             path.resolve(): path for path in (*sorted(self._folder.rglob("*.mcap")), *self._others, *self._chosen)
         }
@@ -249,7 +249,7 @@ The reason is shown below the list.
         self._chosen = [by_path[path.resolve()] for path in self._chosen]
 
     def _survey(self) -> None:
-        """List the files immediately, and add the metadata of each file as it is read."""
+        """List the files, then start to read their metadata."""
         self._list()
         self._say("")
         if self._paths:
@@ -330,7 +330,7 @@ The reason is shown below the list.
 
 
 class FormatScreen(ModalScreen[str | None]):
-    """Selection of an export format."""
+    """Dialog for the selection of an export format."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss", "Leave", id="format.leave")]
     DEFAULT_CSS = """
@@ -377,7 +377,7 @@ def _about(known: RunSurveyed) -> str:
 
 
 def _reason(gate: str) -> str:
-    """Reasons why a run is not "ok"."""
+    """Reasons why the quality gate did not rate a run "ok"; empty if it did."""
     return gate if ":" in gate else ""
 
 

@@ -1,4 +1,4 @@
-"""Slider: a value on a line, moved by keys."""
+"""Slider: a number that is set by keys."""
 
 from typing import ClassVar
 
@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 
 class Slider(Widget, can_focus=True):
-    """A value between 0 and a maximum, with a mark at the end of its meaningful range."""
+    """Slider for a value between 0 and a maximum, with a mark at the end of the meaningful range."""
 
     DEFAULT_CSS = """
     Slider { height: 1; }
@@ -43,7 +43,7 @@ class Slider(Widget, can_focus=True):
         self._label, self._unit, self._step = label, unit, step
 
     def validate_value(self, value: float) -> float:
-        """The value inside the range, rounded to a step."""
+        """The value limited to the range and rounded to a step."""
         return min(max(round(value / self._step) * self._step, 0.0), self.maximum)
 
     def watch_maximum(self) -> None:
@@ -51,15 +51,15 @@ class Slider(Widget, can_focus=True):
         self.value = self.validate_value(self.value)
 
     def action_move(self, steps: int) -> None:
-        """Move by steps."""
+        """Move by a number of steps."""
         self._move_to(self.value + steps * self._step)
 
     def action_to(self, share: float) -> None:
-        """Move to a fraction of the range."""
+        """Move to a fraction of the maximum."""
         self._move_to(share * self.maximum)
 
     def render(self) -> Text:
-        """Label, value, and the line: filled up to the value, the mark as a bar."""
+        """Label, value, and a line that is filled up to the value and has a bar at the mark."""
         text = f"{self._label} {self.value:.2f} {self._unit} "
         width = max(self.size.width - len(text) - 2, 4)
         track = ["━" if i < self._column(self.value, width) else "─" for i in range(width)]

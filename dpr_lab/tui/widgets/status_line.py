@@ -1,4 +1,4 @@
-"""Status row of every screen: device, whether it is simulated, latch, recording, folder."""
+"""Status line of every step: device, simulation, latch, recording, folder."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dpr_lab.tui.recorder.connection import DeviceConnection
 
 @dataclass(frozen=True, slots=True)
 class RecordingNow:
-    """State of the current recording."""
+    """State of the recording in progress."""
 
     pose: str
     t: float
@@ -21,27 +21,27 @@ class RecordingNow:
     """Duration of the recording, s; None: until rest."""
 
     def __str__(self) -> str:
-        """Pose and time for the row."""
+        """Pose and time for the status line."""
         duration = "" if self.of is None else f" of {self.of:g}"
         return f"● REC {self.pose} {self.t:.0f}{duration} s"
 
 
 COUNTDOWN = "RELEASING"
-"""Text during the countdown, instead of the recording."""
+"""Text during the countdown, in place of the recording."""
 
 
 class StatusLine(Static):
-    """Status line; it shows only what is currently known."""
+    """Status line; it shows only values that are currently known."""
 
     def show(self, device: DeviceConnection, urgent: str, work: Sequence[str], folder: Path, now: float) -> None:
-        """Draw changes; if the space is short, the least important parts are omitted first.
+        """Draw the line if it has changed; if space is short, the least important parts are omitted.
 
         Args:
             device: the device
-            urgent: current recording or countdown; empty for none
+            urgent: recording in progress or countdown; empty for none
             work: running computations
             folder: folder of the results
-            now: `time.monotonic()`, s
+            now: current time, `time.monotonic()`, s
         """
         parts = [_device(device, now), _latch(device, now)]
         if urgent:
@@ -53,7 +53,7 @@ class StatusLine(Static):
 
 
 def _rests(work: Sequence[str], folder: Path) -> Iterator[list[Content]]:
-    """Texts on running work and folder, in the order of decreasing length."""
+    """Versions of the text on running work and folder, from the longest to the shortest."""
     shorter = (work, work, [text.partition(",")[0] for text in work], [text.partition(" ")[0] for text in work])
     for k, texts in enumerate(shorter):
         shown = [Content.styled(f"▸ {', '.join(texts)}", "bold $primary")] if texts else []

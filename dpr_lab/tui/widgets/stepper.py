@@ -1,4 +1,4 @@
-"""Top rows: the seven steps, the current one, the completed ones, and the next one."""
+"""Rows at the top of the screen: the seven steps with their states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ class StepStatus:
     missing: str
     here: bool
     stale: str = ""
-    """Changes since the result was computed; the result stays readable."""
+    """Changes since the result was computed; empty if it is current. An outdated result remains visible."""
     working: bool = False
-    """Whether its job is running."""
+    """Whether the job of the step is running."""
 
     @property
     def symbol(self) -> str:
-        """One character, shown with the name."""
+        """Character that shows the state of the step next to its name."""
         if self.here:
             return HERE
         if self.outcome and self.stale:
@@ -37,14 +37,14 @@ class Stepper(Static):
     """Two rows: the steps, and a sentence on the current and the next step."""
 
     class Chosen(Message):
-        """A step was clicked."""
+        """Event: a step was clicked."""
 
         def __init__(self, number: int) -> None:
             super().__init__()
             self.number = number
 
     def show(self, steps: Sequence[StepStatus], next_key: str, report_key: str = "") -> None:
-        """Draw the current state of the steps, with as many results as fit.
+        """Draw the steps, with as many results as fit.
 
         Args:
             steps: all steps in order
@@ -64,7 +64,7 @@ class Stepper(Static):
 
 
 def _row(steps: Sequence[StepStatus], shown: int, between: str = " › ") -> Text:
-    """The steps in one row; the first `shown` steps with a result display it."""
+    """All steps in one row; only the first `shown` results are included."""
     row, left = Text(no_wrap=True, overflow="ellipsis"), shown
     for number, step in enumerate(steps, 1):
         outcome = f" ({step.outcome})" if step.outcome and left > 0 else ""
@@ -84,6 +84,6 @@ def _words(steps: Sequence[StepStatus], next_key: str, report_key: str) -> Text:
     if current.outcome and current.stale:
         return Text(f"{words} · {current.stale}", "bold italic", no_wrap=True, overflow="ellipsis")
     if not current.missing and index + 1 < len(steps):
-        key = f" ({next_key})" if next_key else ""  # with a dialog open, no key shows the next step
+        key = f" ({next_key})" if next_key else ""  # while a dialog is open, no key shows the next step
         words += f" · next{key}: {index + 2} {steps[index + 1].name}"
     return Text(words, "italic", no_wrap=True, overflow="ellipsis")

@@ -1,4 +1,4 @@
-"""Evidence sections of the report, one file each, in the order of the page."""
+"""Sections of the report with evidence, one file each, in the order of the page."""
 
 from dpr_lab.report.gap.section import EvidenceSection
 from dpr_lab.report.gap.sections.budget import BUDGET

@@ -13,7 +13,7 @@ from dpr_lab.shown import percent
 
 
 def budget_figure(diagnosis: Diagnosis) -> Figure:
-    """Bars of all contributions, of their sum and of the error, for the bare and the corrected model."""
+    """Bars of all contributions, their combination, and the error, for the bare and the corrected model."""
     budget = evidence_of(diagnosis).budget
     bars = [(source.name, source.before_rad, source.after_rad) for source in budget.sources]
     bars += [
@@ -45,7 +45,7 @@ def budget_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def budget_words(diagnosis: Diagnosis) -> list[str]:
-    """Compare the error with the uncertainty of the inputs."""
+    """Sentences that compare the error with the uncertainty of the inputs."""
     budget = evidence_of(diagnosis).budget
     return [
         "Even if the model is correct, a simulation can differ from a recording: initial state, lengths and"
@@ -69,7 +69,7 @@ def _judged(error: float, uncertainty: float) -> str:
 
 
 def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Every contribution, their combination and the error."""
+    """Rows of all contributions, their combination, and the error."""
     budget = evidence_of(diagnosis).budget
     rows = [
         (
@@ -91,7 +91,7 @@ def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def run_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Error and uncertainty of every free run."""
+    """Rows with error and uncertainty of each free run."""
     return [
         (
             run_words(run.run, run.held_out),

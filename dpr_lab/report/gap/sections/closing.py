@@ -50,7 +50,7 @@ def _bar(line: dict) -> dict:
 
 
 def closing_words(diagnosis: Diagnosis) -> list[str]:
-    """Size of the gap before and after, and the data on which it was measured."""
+    """Sentences on the gap before and after, and on the data of the comparison."""
     steps = evidence_of(diagnosis).closing
     if len(steps) < 2:
         return ["No effect is named, so the gap is not reduced."]
@@ -66,7 +66,7 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def closing_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Gap and cumulative reduction of each model."""
+    """Rows with the gap and its cumulative reduction, one per model."""
     return [
         (
             f"+ {named(step.effect)}" if step.effect else "bare model",

@@ -1,4 +1,4 @@
-"""Excluded effects: effects that would have been detected at their minimum detectable size."""
+"""Excluded effects: effects that the recordings would have shown at the stated size."""
 
 from collections import defaultdict
 
@@ -11,7 +11,7 @@ from dpr_lab.shown import percent
 
 
 def exclusion_words(diagnosis: Diagnosis) -> list[str]:
-    """Number of excluded effects, and the limits of the statement."""
+    """Sentences on the number of excluded effects and the limits of this statement."""
     excluded, not_excluded = _split(diagnosis)
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [
@@ -38,7 +38,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """One row per excluded effect, in the order of the library."""
+    """Rows of the excluded effects, in the order of the library."""
     excluded, _ = _split(diagnosis)
     return [
         (
@@ -54,7 +54,7 @@ def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]:
-    """Excluded effects with their amplitudes, and names of those that are not excluded."""
+    """Excluded effects with their amplitudes, and names of the other effects."""
     by_effect: dict[str, list[Exclusion]] = defaultdict(list)
     for exclusion in evidence_of(diagnosis).exclusions:
         by_effect[exclusion.effect].append(exclusion)

@@ -17,7 +17,7 @@ from dpr_lab.shown import listed
 
 
 def friction_figure(diagnosis: Diagnosis) -> Figure:
-    """Friction torque over the speed of each joint."""
+    """Friction torque of each joint against its speed."""
     friction = evidence_of(diagnosis).friction
     with style.house_style():
         if not friction:
@@ -49,7 +49,7 @@ def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
 
 
 def friction_words(diagnosis: Diagnosis) -> list[str]:
-    """Torque of each joint at its smallest and its largest speed."""
+    """Sentences on the torque of each joint at its smallest and its largest speed."""
     sentences = []
     for joint, curve in evidence_of(diagnosis).friction.items():
         torque, std = _in_mNm(curve)
@@ -66,7 +66,7 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def friction_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Some speeds of each joint."""
+    """Rows for some speeds of each joint."""
     rows = []
     for joint, curve in evidence_of(diagnosis).friction.items():
         points = list(zip(curve.speed_rad_per_s, *_in_mNm(curve), strict=True))

@@ -1,4 +1,4 @@
-"""Area validation metric of the angle distributions, within the predictability horizon."""
+"""Area validation metric of the angle distributions within the predictability horizon."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ RODS = ("inner rod", "outer rod")
 
 
 def metric_figure(diagnosis: Diagnosis) -> Figure:
-    """Differences of quantiles for the recording with the largest area of the bare model."""
+    """Differences of quantiles for the recording with the largest area metric of the bare model."""
     evidence = evidence_of(diagnosis)
     with style.house_style():
         if not evidence.curves:
@@ -52,7 +52,7 @@ def _draw_quantiles(axes: Axes, curves: Curves, column: int) -> None:
 
 
 def metric_words(diagnosis: Diagnosis) -> list[str]:
-    """Mean areas and predictability horizons."""
+    """Sentences on mean area metrics and predictability horizons."""
     runs = evidence_of(diagnosis).budget.runs
     if not runs:
         return ["No recording was simulated."]
@@ -76,7 +76,7 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def metric_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Areas and horizons of all free runs."""
+    """Rows with area metric and horizon of each free run."""
     return [
         (
             run_words(run.run, run.held_out),

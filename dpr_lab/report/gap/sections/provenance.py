@@ -6,7 +6,7 @@ from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
 
 
 def provenance_words(diagnosis: Diagnosis) -> list[str]:
-    """Date, version and rig."""
+    """Sentences on date, version and rig."""
     evidence = evidence_of(diagnosis)
     time = evidence.made_utc.replace("T", " ").removesuffix("+00:00")
     return [
@@ -18,7 +18,7 @@ def provenance_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Every recording with its SHA-256."""
+    """Rows of the recordings with their SHA-256."""
     return [
         (
             recording.name,

@@ -15,11 +15,11 @@ from dpr_lab.report.words import in_words
 from dpr_lab.shown import percent
 
 LINES = {"before": ("bare model", style.SIMULATED), "after": ("corrected model", style.RESIDUAL)}
-"""Key of a model -> label and line style."""
+"""Key of a model -> its label and line style."""
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
-    """Autocorrelation and normal quantiles, one row per joint."""
+    """Autocorrelation and normal quantile plot of the residuals, one row per joint."""
     look = evidence_of(diagnosis).residuals
     with style.house_style():
         figure = new_figure(0.5 + 2.5 * len(look.joints))
@@ -63,7 +63,7 @@ def _band(look: ResidualLook) -> float:
 
 
 def residual_words(diagnosis: Diagnosis) -> list[str]:
-    """First-lag autocorrelation and share of large residuals by joint and model."""
+    """Sentences on first-lag autocorrelation and share of large residuals, by joint and model."""
     sentences = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
         first_lag = {name: (*whiteness.autocorrelation, 0.0, 0.0)[1] for name, whiteness in models.items()}
@@ -82,7 +82,7 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Autocorrelation at six lags and share of large residuals, by joint and model."""
+    """Rows with the autocorrelation at six lags and the share of large residuals, by joint and model."""
     rows = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
         for name, whiteness in models.items():
@@ -93,7 +93,7 @@ def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def quantile_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Every fifth point of the quantiles."""
+    """Rows with every fifth point of the quantile plots."""
     look = evidence_of(diagnosis).residuals
     columns = [whiteness.quantiles for models in look.joints.values() for whiteness in models.values()]
     return [(three(look.normal[i]), *(three(column[i]) for column in columns)) for i in range(0, len(look.normal), 5)]

@@ -1,4 +1,4 @@
-"""Blind trials on simulated plants like this rig."""
+"""Blind trials on simulated plants that resemble this rig."""
 
 import numpy as np
 from matplotlib.figure import Figure

@@ -1,4 +1,7 @@
-"""Doubts from the accelerations of the swing, which are more sensitive than its energy: readings and rig file."""
+"""Doubts from the accelerations of the swing: about readings and rig file.
+
+Accelerations are more sensitive than the energy of the swing.
+"""
 
 from dataclasses import replace
 
@@ -14,7 +17,7 @@ from dpr_lab.storage.tables.readings import angles, balanced_readings
 
 
 def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about zeros, scales and signs from the accelerations of the swing, which are more sensitive than energy."""
+    """Doubt about zeros, scales and signs, from the accelerations of the swing."""
     if table.prescribed:
         return []
     others = balanced_readings(table.read())
@@ -23,7 +26,10 @@ def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about the rig file from inertias that its bounds exclude; motors add an inertia of their own."""
+    """Doubt about the rig file, if the measured inertias lie outside its bounds.
+
+    Rigs with gears are not judged, because motors add an inertia of their own.
+    """
     if not table.free or table.ignored or table.rig.joints.geared:
         return []
     read = table.read()
@@ -47,7 +53,7 @@ def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def unit_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about the unit of the angles of a moving arm or its rods, from the equation of the last rod."""
+    """Doubt about the unit of the angles of a moving arm and its rods, from the equation of motion of the last rod."""
     unit = table.options.unit
     if not table.arm_moves or unit not in TO_RADIANS:
         return []

@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 
 def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[OtherReading]]:
-    """Doubts about units, zero, signs and order from the energy of the swing, and corrected interpretations."""
+    """Doubts about units, zeros, signs and order from the energy of the swing, and the corrected interpretations."""
     looked_at, read = table.looked_at, table.read()
     fit = energy_fit(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
     residual, others = math.nan, []
@@ -58,14 +58,17 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         )
     upright = table.options.zero == "upright" and table.options.unit != "counts" and not residual <= READ.right
     upright = upright and table.torques is None and table.ignored is None  # drives can hold rods up
-    upright = upright and (table.options.pose is None or not table.arm_moves)  # the pose shows a wrong zero
+    upright = upright and (table.options.pose is None or not table.arm_moves)  # the pose reveals a wrong zero
     radians = table.free and table.options.unit in (None, "rad")
     odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright, table.rig.rods.number, radians)
     return [TableQuestion(note) for note in odd] + doubts, []
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
-    """Doubt with the interpretations that would remove it, and its correction if there is only one."""
+    """Doubt that names the interpretations that would remove it, with a correction if there is only one.
+
+    `broken` states the contradiction in the current interpretation.
+    """
     causes = "; or ".join(other.sentence for other in others)
     return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
 

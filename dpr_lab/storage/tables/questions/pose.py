@@ -46,7 +46,7 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
-    """Interpretations in which the swing starts in the named pose and energy is conserved, the fewest changes first."""
+    """Interpretations with the release in the named pose and conserved energy, those with the fewest changes first."""
     read = table.read()
     others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
@@ -59,9 +59,9 @@ def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
 
 
 def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
-    """The table with other zeros for which its swing starts in the named pose.
+    """Interpretation with other zeros, for which the swing starts in the named pose.
 
-    Unchanged if the energy is then conserved less well.
+    Empty if energy would then be conserved less well.
     """
     if table.options.unit == "counts" or table.options.pose is None:
         return []
@@ -77,7 +77,7 @@ def _residual(read: ReadTable, other: OtherReading) -> float:
 
 
 def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:
-    """An interpretation, or its mirror image if only that starts in the named pose."""
+    """The interpretation, or its mirror image if only the mirror image starts in the named pose."""
     behind = not _in_pose(table, other) and _in_pose(table, other.mirrored)
     return other.mirrored if behind else other
 
@@ -92,5 +92,5 @@ def _in_pose(table: InterpretedTable, other: OtherReading) -> bool:
 
 
 def apart(rods: Array, pose: Array) -> float:
-    """Largest distance of a rod from a pose, whole turns subtracted, rad."""
+    """Largest angle between a rod and its pose, rad, without whole turns."""
     return float(np.abs((rods - pose + np.pi) % (2 * np.pi) - np.pi).max())

@@ -1,4 +1,7 @@
-"""Doubts about a table: it is refused if it cannot be used, and a warning names the option that may correct it."""
+"""Doubts about the interpretation of a table.
+
+A table that cannot be used is refused. Other doubts become warnings that name the option which may correct them.
+"""
 
 from dataclasses import dataclass
 
@@ -16,12 +19,12 @@ from dpr_lab.storage.tables.torques import coarse_torques, idle_torques
 
 @dataclass(frozen=True, slots=True)
 class PushSettings:
-    """Limits for rods that are pushed."""
+    """Limits for the detection of rods that are pushed."""
 
     hanging_rad: float = 0.03
-    """Distance from hanging at rest within which rods do not start to swing by themselves, rad."""
+    """Maximum angle from hanging, rad, at which rods at rest do not start to swing by themselves."""
     pushed_rad: float = 0.2
-    """Later excursion that shows that they were pushed, rad."""
+    """Minimum later excursion that shows a push, rad."""
 
 
 PUSH = PushSettings()
@@ -104,7 +107,7 @@ def refuse_push(table: InterpretedTable, origin: float) -> None:
 
 
 def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
-    """Doubts about rate and duration.
+    """Doubts about the sample rate and the duration.
 
     Raises:
         RunError: too few rows to follow a swing.
@@ -136,9 +139,9 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
 
 
 def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubts about known torques: their rows are too far apart, or the rods move as if they did not act.
+    """Doubts about known torques: rows too far apart, or rods that move as if the torques did not act.
 
-    The input of a driven arm does not act on the rods: only the distance of its rows is judged.
+    The input of a driven arm does not act on the rods, so only the distance of its rows is judged.
     """
     if table.torques is None:
         return []
@@ -153,7 +156,7 @@ def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _arm_questions(table: InterpretedTable, theta0: Array) -> list[TableQuestion]:
-    """Doubt about an arm that is specified as clamped."""
+    """Doubt about an arm that is stated to be clamped although it moves."""
     if table.arm_moves or not (moved := float(np.ptp(theta0))) > SETTINGS.arm_rad:
         return []
     known = "L0" in table.rig.rig.model_fields_set
