@@ -109,9 +109,8 @@ _PLACES = {
     "storage.reader": ("load_run",),
     "workflows.compare_moving_arm": ("compare=compare_any_run",),
 }
-"""Module -> names exported here, each `name` or `name=name there`; imported on first use, so that commands start
-fast.
-"""
+"""Module -> names that are exported here, each as `name` or `name=name in the module`. A name is imported on first use,
+so that commands start fast."""
 
 _FROM = {
     name.partition("=")[0]: (f"dpr_lab.{module}", name.rpartition("=")[2])
@@ -120,9 +119,8 @@ _FROM = {
 }
 
 _FORMER = {"identify_moving_arm": "identify", "compare_moving_arm": "compare"}
-"""Former name of a function -> its present name, which takes the same arguments. Former names are removed after one
-minor version.
-"""
+"""Former name of a function -> its present name. The present function takes the same arguments. Former names are
+removed after one minor version."""
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""`python -m dpr_lab` is `dpr-lab`."""
+"""`python -m dpr_lab`: the same as `dpr-lab`."""
 
 from dpr_lab.cli import main
 

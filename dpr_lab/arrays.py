@@ -1,13 +1,16 @@
-"""Types of arrays in signatures; docstrings give the shapes."""
+"""Types of arrays in signatures.
+
+Docstrings state the shapes.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""Real numbers."""
+"""Array of real numbers."""
 
 Flags = NDArray[np.bool_]
-"""Truth values."""
+"""Array of truth values."""
 
 Integers = NDArray[np.int64]
-"""Integers, such as indices and counts."""
+"""Array of integers, for example indices and counts."""

@@ -27,8 +27,8 @@ from typing import IO, Any
 def spawn_context() -> SpawnContext:
     """Start method for processes that run this package, also while a screen is drawn.
 
-    The object that Textual substitutes for stderr has no file descriptor, but the resource tracker, which every spawned
-    process needs, requires one. The tracker is therefore started with the real stderr.
+    Textual substitutes an object without a file descriptor for stderr. The resource tracker, which every spawned
+    process needs, requires a file descriptor. The tracker is therefore started with the real stderr.
     """
     if os.name == "posix":
         from multiprocessing import resource_tracker
@@ -39,11 +39,11 @@ def spawn_context() -> SpawnContext:
 
 
 class ChildFunction:
-    """A function that runs in a separate process, connected by a pipe.
+    """Function that runs in a separate process, connected by a pipe.
 
     Args:
-        function: called there as `function(connection, *arguments)`; importable by name; must return soon after the
-        other end of its pipe is closed
+        function: called in the process as `function(connection, *arguments)`; importable by name; it must return soon
+            after the other end of its pipe is closed
         arguments: picklable
     """
 
@@ -67,7 +67,7 @@ class ChildFunction:
         return self._process.exitcode
 
     def wait(self, patience_s: float) -> bool:
-        """Wait for the end of the process for at most this time; return whether it ended."""
+        """Wait for the end of the process for at most `patience_s`; returns whether it ended."""
         self._process.join(patience_s)
         return not self._process.is_alive()
 
@@ -76,21 +76,22 @@ class ChildFunction:
         self._process.terminate()
 
     def end(self, patience_s: float = 2.0) -> None:
-        """Close the pipe; if the process continues, end it by signals of increasing strength.
+        """Close the pipe; if the process does not end, send it SIGTERM, then SIGKILL.
 
         Args:
-            patience_s: maximum waiting time after the closing, after SIGTERM and after SIGKILL, s
+            patience_s: maximum waiting time after closing the pipe, after SIGTERM and after SIGKILL, s
         """
         _insist((self.pipe.close, self._process.terminate, self._process.kill), lambda: self.wait(patience_s))
 
 
 class ChildProgram:
-    """Another program; it ends when its stdin is closed, which also happens when this process is killed.
+    """Another program.
 
-    Ctrl-C is not forwarded: this process receives it and ends the program.
+    It ends when its stdin is closed, which also happens when this process is killed. Ctrl-C is not forwarded: this
+    process receives it and ends the program.
 
     Args:
-        command: the program, and its words
+        command: the program and its arguments
     """
 
     def __init__(self, command: Sequence[str]) -> None:
@@ -112,7 +113,7 @@ class ChildProgram:
 
     @property
     def last_words(self) -> str:
-        """Last line on its stderr; empty if there is none."""
+        """Last line that the program wrote to stderr; empty without one."""
         if not self._log.closed:
             self._log.seek(0)
             lines = [line.strip() for line in self._log.read().decode(errors="replace").split("\n")]
@@ -120,7 +121,10 @@ class ChildProgram:
         return self._last_words
 
     def line(self, timeout: float) -> str:
-        """Next line of its stdout; empty if it ended, or wrote no line within `timeout` s."""
+        """Next line from the program's stdout.
+
+        Empty if the program has ended or writes no line within `timeout` s.
+        """
         stdout, lines = self._process.stdout, []
         assert stdout is not None
         reader = threading.Thread(target=lambda: lines.append(stdout.readline()), daemon=True)
@@ -129,10 +133,10 @@ class ChildProgram:
         return lines[0].decode(errors="replace") if lines else ""
 
     def end(self, patience_s: float) -> None:
-        """Close stdin; if the program continues, end it by signals of increasing strength.
+        """Close stdin; if the program does not end, send it SIGTERM, then SIGKILL.
 
         Args:
-            patience_s: maximum waiting time after the closing, after SIGTERM and after SIGKILL, s
+            patience_s: maximum waiting time after closing stdin, after SIGTERM and after SIGKILL, s
         """
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
@@ -149,7 +153,7 @@ class ChildProgram:
 
 
 def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> None:
-    """Try several ways to end a process in turn until one succeeds."""
+    """Try several ways to end a process, one after another, until one succeeds."""
     for method in ways:
         method()
         if ended():
@@ -158,9 +162,10 @@ def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> No
 
 @contextlib.contextmanager
 def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
-    """Pool of worker processes with one thread each; they ignore Ctrl-C and end with this process.
+    """Pool of worker processes with one thread each.
 
-    If the context is left by an exception, they end at once and pending calls are discarded.
+    The workers ignore Ctrl-C and end with this process. If an exception leaves the context, they end at once, and
+    pending calls are discarded.
     """
     others = active_children()
     with ProcessPoolExecutor(processes, spawn_context(), initializer=_begin_worker) as pool:
@@ -175,7 +180,7 @@ def worker_pool(processes: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin_worker() -> None:
-    # The libraries read these variables when the first call imports them. Numba raises an error if they change later.
+    # The libraries read these variables when they are first imported. Numba raises an error if they change later.
     names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", *(["NUMBA_NUM_THREADS"] if "numba" not in sys.modules else [])]
     os.environ.update(dict.fromkeys(names, "1"))
     signal.signal(signal.SIGINT, signal.SIG_IGN)

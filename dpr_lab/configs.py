@@ -1,4 +1,7 @@
-"""Find and read TOML configuration files; errors name file, key and value."""
+"""Search and validation of TOML configuration files.
+
+Errors name file, key and value.
+"""
 
 import hashlib
 import re
@@ -17,24 +20,21 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 _PACKAGE = Path(__file__).parent
-# In an installed wheel the built-in files are inside the package; in a checkout they are top-level folders.
+# An installed wheel contains the built-in files in the package. In a checkout they are in top-level folders.
 BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
 
 KEY = "[key]"
-"""Last part of the location of a key that pydantic refuses; the part before it is the key."""
+"""Last part of a location that refers to the key itself rather than to its value, in errors of pydantic."""
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def find_config(kind: str, name: str | Path) -> Path:
-    """The file for a path, or for the bare name of a built-in one.
+    """Path of a configuration file, from a path or the bare name of a built-in file.
 
     Args:
         kind: folder of the built-in files, `rigs` or `search`
         name: a path such as `my/rig.toml`, or a built-in name such as `paper`
-
-    Raises:
-        ConfigError: there is neither such a file nor such a built-in name.
     """
     path = regular(Path(name), ConfigError)
     if path.is_file():
@@ -53,8 +53,8 @@ def read_config(path: Path, model: type[Model]) -> Model:
     """Read a TOML file into a pydantic model.
 
     Raises:
-        ConfigError: not readable, not TOML, or a key that is unknown, missing or out of range;
-            one line for each fault, naming the file, the key and the value.
+        ConfigError: the file is not readable or not TOML, or a key is unknown, missing or out of range; the message has
+            one line per fault, which names the file, the key and the value.
     """
     try:
         text = read_text(path, ConfigError, "utf-8-sig")
@@ -64,7 +64,7 @@ def read_config(path: Path, model: type[Model]) -> Model:
 
 
 def parse_config(text: str, source: str, model: type[Model]) -> Model:
-    """Validate TOML text with a pydantic model; `source` is the name used in messages.
+    """Validate TOML text with a pydantic model; `source` is the name of the text in messages.
 
     Raises:
         ConfigError: not TOML, or a key that is unknown, missing or out of range.
@@ -84,7 +84,7 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
 
 
 def _line_of(error: ValueError, text: str) -> str:
-    """The line of a syntax error, with the correction of a decimal comma; empty if the error names no line."""
+    """Line of a syntax error, with advice on a decimal comma; empty if the error names no line."""
     if (place := re.search(r"at line (\d+)", str(error))) is None:
         return ""
     line = text.splitlines()[int(place[1]) - 1].strip()
@@ -101,9 +101,9 @@ def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:
 
 
 def _keys_of(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    """Keys that a table of a file may have.
+    """Keys that a table at a location in a file may have.
 
-    For lists and for tables with free names, the keys of the tables in them.
+    For lists and for tables with free names, these are the keys of the tables in them.
     """
     models = {model}
     for part in place:
@@ -119,13 +119,13 @@ def _models_in(annotation: Any) -> set[type[BaseModel]]:
 
 
 def first_fault(error: ValidationError) -> str:
-    """The first key that a pydantic model refused, and why: `ratios.a/b: must be greater than 0`."""
+    """First key that a pydantic model refused, and the reason: `ratios.a/b: must be greater than 0`."""
     fault = error.errors()[0]
     return f"{key_words(fault['loc']) or 'the file'}: {fault_words(fault)}"
 
 
 def key_words(location: Sequence[int | str]) -> str:
-    """A place in a file, with the entries of lists counted from 1: `masses, entry 2, rod`."""
+    """Location in a file as text, with list entries counted from 1: `masses, entry 2, rod`."""
     location = [part for part in location if part != KEY]
     parts = [f"entry {part + 1}" if isinstance(part, int) else part for part in location]
     separators = [
@@ -135,7 +135,7 @@ def key_words(location: Sequence[int | str]) -> str:
 
 
 def fault_words(fault: "ErrorDetails") -> str:
-    """The reason why a pydantic model refused a value: `must be greater than 0`."""
+    """Reason why a pydantic model refused a value: `must be greater than 0`."""
     kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
     if fault["type"] == "too_short":
         kind = f"has too few entries: at least {fault.get('ctx', {}).get('min_length', 1)}"
@@ -148,6 +148,6 @@ def fault_words(fault: "ErrorDetails") -> str:
 
 
 def sha256_of(path: Path) -> str:
-    """Hex SHA-256 of a file's bytes."""
+    """SHA-256 of the content of a file, in hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

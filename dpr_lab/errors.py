@@ -22,16 +22,17 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Characters that move a terminal's cursor or change the direction of text, and code points without a character."""
+"""Pattern of characters that move a terminal's cursor or change the direction of text, and of code points without a
+character."""
 
 
 def printable(text: str) -> str:
-    """Text from a file, a device or a file name, made safe for display: control characters are escaped."""
+    """Make text from a file, a device or a file name safe for display: control characters are escaped."""
     return _CONTROL.sub(lambda control: control[0].encode("unicode_escape").decode(), text)
 
 
 def all_printable(value: Any) -> Any:
-    """Content of a JSON file with all its texts made safe for display."""
+    """Make all texts in the content of a JSON file safe for display."""
     if isinstance(value, dict):
         return {printable(key): all_printable(entry) for key, entry in value.items()}
     if isinstance(value, list):
@@ -40,7 +41,13 @@ def all_printable(value: Any) -> Any:
 
 
 def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = str) -> str | None:
-    """Known name for an identifier, for its words, or for both (`words [name]`); None if there is none."""
+    """Name that matches an identifier, its description, or both (`description [name]`); None if no name matches.
+
+    Args:
+        name: the given text
+        known: the existing names
+        worded: function that returns the description of a name
+    """
     wanted, names = " ".join(name.lower().split()), list(known)
     for candidate in names:
         words = worded(candidate).lower()
@@ -57,15 +64,17 @@ def unknown_name(
     few: int = 8,
     nearest: int = 5,
 ) -> str:
-    """Message for an unknown name: lists all names if there are few, else the most similar ones.
+    """Message for an unknown name.
+
+    It lists all known names if they are few, otherwise the most similar ones.
 
     Args:
-        problem: the error, such as `no effect named dust`
+        problem: the error, for example `no effect named dust`
         name: the given name
         known: the existing names
-        worded: a known name in words
-        few: up to this number all names are listed
-        nearest: number of names listed otherwise
+        worded: function that returns the description of a known name
+        few: maximum number of names of which all are listed
+        nearest: number of names that are listed otherwise
     """
     names = list(known)
     shown = [worded(identifier) for identifier in names]
@@ -80,7 +89,10 @@ def unknown_name(
 
 
 def _similarity(given: str, known: str, words: str) -> float:
-    """Similarity of a text to a name or its words, 0 to 1; 1 for the start of either."""
+    """Similarity of a text to a name or its description, 0 to 1.
+
+    It is 1 if either starts with the text.
+    """
     given = given.lower().strip()
     texts = known.lower(), words.lower().removesuffix(f" [{known.lower()}]")
     if given and any(text.startswith(given) for text in texts):
@@ -102,23 +114,24 @@ class ConfigError(DprError):
 
     exit_code = 3
     keys: Sequence[str] = ()
-    """The key of each line of the message, if the file was read; empty if several keys contradict each other."""
+    """Key to which each line of the message refers, if the file could be read. Empty if several keys contradict each
+    other."""
 
 
 class LinkError(DprError):
-    """A port or bus that cannot be opened or used."""
+    """A port or bus cannot be opened or used."""
 
     exit_code = 4
 
 
 class LinkUrlError(LinkError):
-    """A link URL that is not valid: an unknown kind, option or port, or a value out of range."""
+    """A link URL is not valid: an unknown kind, option or port, or a value out of range."""
 
     exit_code = 2
 
 
 class LinkTimeout(LinkError):
-    """The link opened but the device did not answer in time."""
+    """The link opened, but the device did not answer in time."""
 
 
 class DeviceLost(LinkError):
@@ -140,16 +153,16 @@ class DeviceFault(DprError):
 
 
 class SafetyStop(DprError):
-    """A check before the release did not pass; the rods stay held."""
+    """A check before the release failed; the rods stay held."""
 
 
 class RunError(DprError):
-    """A recording that cannot be read, is broken, or belongs to another rig."""
+    """A recording cannot be read, is damaged, or belongs to another rig."""
 
     exit_code = 3
 
 
 class IdentificationError(DprError):
-    """The identification ran but did not pass its own checks."""
+    """The identification ran but failed its own checks."""
 
     exit_code = 8

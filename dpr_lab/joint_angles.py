@@ -16,27 +16,30 @@ from dpr_lab.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class JointAngles:
-    """Mounting of encoder 2 and the resulting map of angles."""
+    """Mounting of encoder 2, and the resulting map between angles of rods and encoders."""
 
     relative2: bool
-    """Whether encoder 2 reads theta2 - theta1; else theta2 itself."""
+    """Whether encoder 2 measures theta2 - theta1; otherwise it measures theta2."""
 
     @property
     def to_rods_matrix(self) -> Array:
-        """(2, 2) J of theta = J joint."""
+        """Matrix J (2, 2) with theta = J joint."""
         return np.array([[1.0, 0.0], [float(self.relative2), 1.0]])
 
     @property
     def hanging(self) -> Array:
-        """(2,) joint angles at the hanging rest, rad."""
+        """Joint angles (2,) of the hanging rods, rad."""
         return self.of_rods([math.pi, math.pi])
 
     def of_rods(self, theta: ArrayLike) -> Array:
-        """(..., 2) joint angles for theta (..., 2): theta1, theta2; also for other quantities linear in the angles."""
+        """Joint angles (..., 2) from theta1, theta2 (..., 2).
+
+        The map also applies to other quantities that are linear in the angles.
+        """
         inner, outer = np.moveaxis(np.asarray(theta, dtype=np.float64), -1, 0)
         return np.stack([inner, outer - self.relative2 * inner], axis=-1)
 
     def to_rods(self, joint: ArrayLike) -> Array:
-        """(..., 2) theta1, theta2 for joint angles (..., 2); the inverse of `of_rods`."""
+        """Angles theta1, theta2 (..., 2) from joint angles (..., 2): the inverse of `of_rods`."""
         inner, turned = np.moveaxis(np.asarray(joint, dtype=np.float64), -1, 0)
         return np.stack([inner, turned + self.relative2 * inner], axis=-1)

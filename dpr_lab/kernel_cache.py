@@ -1,8 +1,8 @@
-"""Folder of compiled kernels; does not import Numba.
+"""Folder of the compiled kernels; this module does not import Numba.
 
-The cache of Numba checks only the file of the compiled function. A kernel that calls a function of another file keeps
-its old machine code when that other file changes. Here the cache is in a folder named by a hash of all kernel sources,
-those of plugins included, so any change starts with an empty folder.
+The cache of Numba checks only the file of the compiled function. A kernel that calls a function in another file
+therefore keeps outdated machine code when that file changes. Here the folder of the cache is named by a hash of all
+kernel sources, including those of plugins. Any change thus starts with an empty folder.
 """
 
 import hashlib
@@ -23,11 +23,11 @@ KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation", "fitting")
 """Files and folders of this package that contain compiled functions."""
 
 KEPT = 4
-PRUNE_AFTER_S = 7 * 86400.0  # another process may still write to a cache folder of another version
+PRUNE_AFTER_S = 7 * 86400.0  # another process may still write to the cache folder of another version
 
 
 def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
-    """Hash of the names and bytes of all kernel sources under `package`."""
+    """Hash of the names and contents of all kernel sources in the folder `package`."""
     digest = hashlib.sha256()
     for source in sources:
         path = package / source
@@ -38,7 +38,7 @@ def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
 
 
 def prune(root: Path, now: float) -> None:
-    """Remove cache folders under `root`, except the newest `KEPT` and those of the last week."""
+    """Remove cache folders in `root`, except the newest `KEPT` and those that were used in the last week."""
     aged = sorted(((folder.stat().st_mtime, folder) for folder in root.iterdir() if folder.is_dir()), reverse=True)
     for modified, folder in aged[KEPT:]:
         if now - modified > PRUNE_AFTER_S:
@@ -46,20 +46,20 @@ def prune(root: Path, now: float) -> None:
 
 
 class ForeignFolder(OSError):
-    """A folder owned by another user, which could contain malicious code."""
+    """A folder belongs to another user, who could have written malicious code to it."""
 
 
 def open_cache(root: Path, name: str) -> Path | None:
-    """Make the folder `name` under `root`, accessible by this user only, and mark it as used.
+    """Create the folder `name` in `root`, accessible by this user only, and mark it as used.
 
     Numba loads kernels with `pickle`, which executes the content of a file. Files that another user could have written
-    are therefore not loaded: a folder of this user that was writable by others is emptied and its access restricted.
+    are therefore not loaded. A folder of this user that others could write to is emptied, and its access is restricted.
 
     Returns:
-        None if nothing can be written.
+        The folder; None if it cannot be written.
 
     Raises:
-        ForeignFolder: one of both folders belongs to another user.
+        ForeignFolder: one of the two folders belongs to another user.
     """
     folder = root / name
     try:
@@ -83,10 +83,10 @@ def open_cache(root: Path, name: str) -> Path | None:
 
 
 def _close(folder: Path) -> bool:
-    """Restrict a folder to this user; true if others could write to it.
+    """Restrict a folder to this user; returns whether others could write to it.
 
     Raises:
-        ForeignFolder: it belongs to another user.
+        ForeignFolder: the folder belongs to another user.
     """
     if not hasattr(os, "getuid"):  # on Windows, folders in a profile belong to its user
         return False
@@ -100,10 +100,10 @@ def _close(folder: Path) -> bool:
 
 
 def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
-    """The first folder `name` under `roots` that belongs to this user, and a message about folders of other users.
+    """First folder `name` in the folders `roots` that belongs to this user, and a message about folders of other users.
 
     Returns:
-        None if nothing can be written; an empty message if no folder belongs to another user.
+        None in place of the folder if none can be written; an empty message if no folder belongs to another user.
     """
     foreign = ""
     for root in roots:
@@ -115,7 +115,7 @@ def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
 
 
 def cache_name(package: Path) -> str:
-    """Name of the folder: hash of the kernel sources, and of plugins that add kernels."""
+    """Name of the cache folder: hash of the kernel sources, also of plugins that add kernels."""
     added = fingerprint("effects")
     name = source_hash(package)
     return f"{name}-{hashlib.sha256(added.encode()).hexdigest()[:16]}" if added else name
@@ -124,33 +124,32 @@ def cache_name(package: Path) -> str:
 _NAMED = os.environ.get("NUMBA_CACHE_DIR")
 _ROOTS = [Path(folder) / "kernels" for folder in (_NAMED, user_cache_path("dpr-lab")) if folder]
 CACHE, FOREIGN = choose_cache(_ROOTS, cache_name(Path(__file__).parent))
-"""Folder of the machine code of this version, and a message if a folder of another user was skipped. None if the
-home folder is read-only: kernels are then compiled in every process.
-"""
+"""Folder of the machine code of this version, and a message if a folder of another user was skipped. The folder is None
+if the home folder is read-only. Kernels are then compiled in every process."""
 
 COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
     "compiling numerical kernels that this computer has not compiled yet: up to a minute"
     if CACHE is not None
     else "compiling the kernels: about a minute, every time, because no folder of the cache can be written"
 )
-"""The message shown while kernels are compiled."""
+"""Message that is shown while kernels are compiled."""
 
 _SIMULATOR = "plant"
 
 
 def simulator_compiled() -> bool:
-    """Whether the kernels of a simulated device are compiled."""
+    """Whether the kernels of the simulated device are compiled."""
     return CACHE is not None and (CACHE / _SIMULATOR).exists()
 
 
 def mark_simulator_compiled() -> None:
-    """Remember that all kernels for the motion of a plant are compiled."""
+    """Store that all kernels for the motion of a plant are compiled."""
     if CACHE is not None:
         with suppress(OSError):
             (CACHE / _SIMULATOR).touch()
 
 
 def compiling_simulator() -> None:
-    """Notify all listeners before the start of a simulated device that compiles its kernels first."""
+    """Notify all listeners that a simulated device is about to compile its kernels, unless they are compiled."""
     if not simulator_compiled():
         compiling()

@@ -1,4 +1,4 @@
-"""Progress messages of the numerical core, as values that need no parsing."""
+"""Progress events of the numerical core: objects that need no parsing."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class StageBegan:
-    """Start of a stage of a job."""
+    """A stage of a job started."""
 
     number: int
     """Number of the stage, from 1."""
@@ -18,10 +18,10 @@ class StageBegan:
 
 @dataclass(frozen=True, slots=True)
 class FitBegan:
-    """Start of a fit of a model to the recordings."""
+    """A fit of a model to the recordings started."""
 
     effects: tuple[str, ...]
-    """Effects in this model; none for the bare model."""
+    """Effects in the fitted model; empty for the bare model."""
 
     @property
     def text(self) -> str:
@@ -31,10 +31,10 @@ class FitBegan:
 
 @dataclass(frozen=True, slots=True)
 class ScoreTestBegan:
-    """Start of a score test of every effect of the library on a model."""
+    """A score test of every effect of the library, given a model, started."""
 
     effects: tuple[str, ...]
-    """Effects in this model; none for the bare model."""
+    """Effects in the given model; empty for the bare model."""
 
     @property
     def text(self) -> str:
@@ -44,13 +44,13 @@ class ScoreTestBegan:
 
 @dataclass(frozen=True, slots=True)
 class GenerationDone:
-    """End of a generation of the search; number 0 is the initial population."""
+    """A generation of the search ended; generation 0 is the initial population."""
 
     number: int
     at_most: int
-    """Maximum number of generations."""
+    """Maximum number of generations of the search."""
     evaluations: int
-    """Candidates evaluated so far."""
+    """Number of candidates evaluated so far."""
     best_cost: float
     best_fitness: float
     population_fitness: float
@@ -58,18 +58,18 @@ class GenerationDone:
 
 @dataclass(frozen=True, slots=True)
 class LocalFitBegan:
-    """End of the search; the local fit starts from its best individual."""
+    """The search ended, and the local fit starts from its best individual."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportProgress:
-    """Progress of reading a table or writing its run."""
+    """Progress while a table is read or its run is written."""
 
     step: Literal["read", "write"]
     done: int
-    """Bytes read, or rows written."""
+    """Number of bytes read, or of rows written."""
     of: int
-    """Total bytes of the file, or rows of the run."""
+    """Total number of bytes of the file, or of rows of the run."""
 
 
 OnImport = Callable[[ImportProgress], None]
@@ -84,7 +84,7 @@ _watching: list[Callable[[], None]] = []
 
 @contextmanager
 def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
-    """Call `on_compiling` at each compilation of a kernel within the context; from any thread."""
+    """Context in which `on_compiling` is called at each compilation of a kernel, from any thread."""
     _watching.append(on_compiling)
     try:
         yield
@@ -93,6 +93,6 @@ def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
 
 
 def compiling() -> None:
-    """Notify all listeners that a kernel is being compiled, in this process or in one for which it waits."""
+    """Notify all listeners that a kernel is being compiled, in this process or in one for which this process waits."""
     for on_compiling in tuple(_watching):
         on_compiling()

@@ -1,4 +1,4 @@
-"""The rig: measured quantities, searched parameters, and encoders."""
+"""The rig: measured quantities, parameters to identify, and encoders."""
 
 import hashlib
 from collections.abc import Iterable
@@ -33,17 +33,17 @@ PARAMETERS = ("l1", "l2", "m1", "m2", "mb", "c1", "c2", "J1", "J2")
 """Names of the kinetic parameters Z, in the order of the published tables (docs/theory.md, section 1)."""
 
 MASSES = ("m1", "m2", "mb")
-"""Parameters in Z that a balance measures."""
+"""Parameters in Z that a balance can measure."""
 
 JOINTS = 3
-"""Joints: arm (0), inner rod (1), outer rod (2)."""
+"""Number of joints: arm (0), inner rod (1), outer rod (2)."""
 
 
 def refuse_other_parameters(names: Iterable[str]) -> None:
     """Check that a file contains exactly the kinetic parameters.
 
     Raises:
-        ValueError: one of `PARAMETERS` is missing, or there is an unknown one.
+        ValueError: one of `PARAMETERS` is missing, or a name is unknown.
     """
     given = list(names)
     missing = [name for name in PARAMETERS if name not in given]
@@ -56,11 +56,11 @@ def refuse_other_parameters(names: Iterable[str]) -> None:
 
 
 NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
-"""Mass of the encoder at joint 2 of a rig without joint 2, kg."""
+"""Negligible mass of the encoder at joint 2 for a rig without joint 2, kg."""
 
 
 def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
-    """Check that a mode of the arm is possible for a rig.
+    """Check that the arm of a rig can be in a mode.
 
     Raises:
         ValueError: a key that the mode needs is missing, or the mounted rods are not supported in this mode.
@@ -76,10 +76,10 @@ def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
 
 
 def refuse_impossible_inner(rig: "Rig", inner: InnerMode, arm: ArmMode) -> None:
-    """Make sure that the inner rod of a rig can be in a mode.
+    """Check that the inner rod of a rig can be in a mode.
 
     Raises:
-        ValueError: no rod hangs on it, or it is on an arm that moves by itself.
+        ValueError: no outer rod is free to swing on it, or its arm moves freely or by a drive.
     """
     if inner == "free":
         return
@@ -102,13 +102,13 @@ class Rig(Shown, RigTable):
     parameters: dict[str, Parameter]
     """Nine kinetic parameters by name, SI: nominal values, bounds, measured values."""
     encoders: Encoders = Encoders()
-    """Conversion of counts to angles."""
+    """Encoders, which convert counts to angles."""
     poses: dict[Name, Pose] = Field(default_factory=dict)
     """Name of a pose -> angles at which the rods are held before a release, rad."""
     added_mass: AddedMass | None = None
-    """Known attached mass, kg and m; None without one."""
+    """Known mass that is attached to a rod, kg and m; None without one."""
     rods: Rods = Rods()
-    """Mounted rods."""
+    """Mounted rods, and mode of the elbow."""
     joints: Joints = Joints()
     """Joints with geared motors."""
     arm: ArmTable = ArmTable()
@@ -116,7 +116,7 @@ class Rig(Shown, RigTable):
     motor: MotorTable | None = None
     """Drive of the arm; None without a drive."""
     link: LinkSettings = LinkSettings()
-    """Address of the device and sample rate."""
+    """Link to the device, and sample rate."""
     _path: Path | None = PrivateAttr(default=None)
     _sha256: str = PrivateAttr(default="")
 
@@ -136,10 +136,10 @@ class Rig(Shown, RigTable):
     @model_validator(mode="before")
     @classmethod
     def _of_one_rod(cls, table: Any) -> Any:
-        """Complete poses and parameters of a rig with a single rod, whose pose is given by theta1 alone.
+        """Complete the poses and parameters of a rig with a single rod.
 
-        The missing rod gets the parameters of the mounted one, and the encoder of joint 2 a negligible mass: neither
-        affects the motion.
+        A pose of such a rig contains only theta1. The missing rod gets the parameters of the mounted one, and the
+        encoder of joint 2 a negligible mass. Neither affects the motion.
         """
         match table:
             case {"rods": {"mounted": "inner" | "outer" as mounted}, "parameters": dict(parameters)}:
@@ -178,7 +178,10 @@ class Rig(Shown, RigTable):
 
     @property
     def L0(self) -> float:
-        """Length of the arm, m; without influence if the arm is clamped."""
+        """Length of the arm, m.
+
+        It has no influence on a swing with a clamped arm.
+        """
         return self.rig.L0
 
     @property
@@ -188,7 +191,7 @@ class Rig(Shown, RigTable):
 
     @property
     def unsure(self) -> tuple[str, ...]:
-        """Names of uncertain lengths, which are therefore fitted: L1."""
+        """Names of the lengths that are fitted because they are uncertain: `L1` or none."""
         return ("L1",) if self.rig.L1_std is not None else ()
 
     @property
@@ -202,13 +205,13 @@ class Rig(Shown, RigTable):
         return self.rig.g
 
     def read_from(self, path: Path) -> "Rig":
-        """A copy of the rig that names the file from which it was read."""
+        """Copy of the rig that stores the path and the hash of its file."""
         rig = self.model_copy()
         rig._path, rig._sha256 = path, sha256_of(path)
         return rig
 
     def with_rods(self, mounted: str | None = None, elbow: str | None = None) -> "Rig":
-        """The rig with other mounted rods; unchanged if nothing is given.
+        """Copy of the rig with other mounted rods, or another mode of the elbow; None keeps the present value.
 
         Raises:
             ValueError: a clamped elbow without joint 2.
@@ -231,28 +234,28 @@ class Rig(Shown, RigTable):
 
     @property
     def nominal(self) -> Array:
-        """(9,) best known value of each parameter: the measured value if there is one, SI."""
+        """Best known value (9,) of each parameter, SI units: the measured value, otherwise the nominal value."""
         return np.array([p.measured or p.nominal for p in self._ordered()])
 
     @property
     def searched(self) -> Flags:
-        """(9,) mask of the parameters without a measured value, which the search varies."""
+        """Mask (9,) of the parameters that the search varies: those without a measured value."""
         return np.array([p.measured is None for p in self._ordered()])
 
     @property
     def bounds(self) -> Array:
-        """(2, 9) lower and upper bound of each parameter; both equal a measured value, SI."""
+        """Lower and upper bound (2, 9) of each parameter, SI units; both equal the measured value if there is one."""
         pairs = [(p.measured, p.measured) if p.measured is not None else (p.lower, p.upper) for p in self._ordered()]
         return np.array(pairs, dtype=np.float64).T
 
     @property
     def radians_per_count(self) -> Array:
-        """(3,) angle of one count, signed by the direction, rad."""
+        """Angle (3,) of one count of each encoder, rad; negative for an encoder that counts backwards."""
         return 2 * np.pi * np.array(self.encoders.direction) / np.array(self.encoders.counts_per_rev)
 
     @property
     def reading_std(self) -> Array:
-        """(3,) standard deviation of a reading, rad: noise and rounding, of variance noise_counts^2 + 1/12 counts^2."""
+        """Standard deviation (3,) of a reading, rad, from noise and rounding: noise_counts^2 + 1/12 counts^2."""
         return np.abs(self.radians_per_count) * np.sqrt(self.encoders.noise_counts**2 + 1 / 12)
 
     def theta(self, counts: ArrayLike) -> Array:
@@ -269,12 +272,15 @@ class Rig(Shown, RigTable):
         return np.concatenate([turned[..., :1], rods], axis=-1)
 
     def mounted_theta(self, counts: ArrayLike) -> Array:
-        """Like `theta`, but theta2 of a single rod equals theta1: the reading of encoder 2 is ignored."""
+        """Absolute angles from counts, as `theta`, but with theta2 = theta1 for a single rod.
+
+        The reading of encoder 2 is then ignored.
+        """
         theta = self.theta(counts)
         return theta if self.rods.number == 2 else theta[..., [0, 1, 1]]
 
     def positions(self, theta: ArrayLike) -> Array:
-        """Readings of ideal encoders at given absolute angles; the inverse of `theta`, not rounded.
+        """Readings of ideal encoders at given absolute angles, without rounding: the inverse of `theta`.
 
         Args:
             theta: (..., 3) absolute angles, rad
@@ -291,20 +297,20 @@ class Rig(Shown, RigTable):
 
 
 def load_rig(name: str | Path) -> Rig:
-    """Read a rig file by path, or a built-in one by its bare name (`paper`).
+    """Read a rig file by its path, or a built-in one by its bare name (`paper`).
 
     Raises:
-        ConfigError: not found or not valid; the message names file, key and value.
+        ConfigError: the file is not found or not valid; the message names file, key and value.
     """
     path = find_config("rigs", name)
     return read_config(path, Rig).read_from(path)
 
 
 def parse_rig(text: str) -> Rig:
-    """Parse the text of a rig file; stores the hash of this text.
+    """Parse the text of a rig file; the hash of the text is stored in the rig.
 
     Raises:
-        ConfigError: not valid.
+        ConfigError: the text is not valid.
     """
     rig = parse_config(text, "the rig file", Rig)
     rig._sha256 = hashlib.sha256(text.encode()).hexdigest()

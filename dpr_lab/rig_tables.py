@@ -1,4 +1,4 @@
-"""Tables of a rig file with the range and meaning of each key."""
+"""Tables of a rig file, with the range and meaning of each key."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -12,7 +12,7 @@ from dpr_lab.joint_angles import JointAngles
 from dpr_lab.shown import listed
 
 Positive = Annotated[float, Field(gt=0, le=1e6, strict=True)]
-"""Largest accepted value, SI."""
+"""Positive number, SI units, at most 1e6."""
 
 
 def _shown(name: str) -> str:
@@ -37,9 +37,9 @@ def _in_radians(value: Any) -> Any:
 
 
 Length = Annotated[float, Field(gt=0, le=10, strict=True), BeforeValidator(_in_metres)]
-"""Length, m, of at most 10 m."""
+"""Length, m: positive, at most 10 m."""
 Angle = Annotated[float, Field(ge=-100, le=100, strict=True), BeforeValidator(_in_radians)]
-"""Angle, rad: at most several turns."""
+"""Angle, rad: between -100 and 100, which is several turns."""
 
 
 class RigTable(BaseModel):
@@ -54,9 +54,8 @@ class Parameter(RigTable):
     nominal: Positive
     """Best guess: initial value of a search and a diagnosis."""
     lower: Positive | None = None
-    """Lower bound of the search. Both bounds may be omitted if the value is measured. A friction coefficient that
-    may be zero has a small lower bound, such as 1e-6, because the search works with ratios.
-    """
+    """Lower bound of the search. Both bounds may be omitted if the value is measured. The lower bound of a friction
+    coefficient that may be zero must be small but positive, for example 1e-6, because the search works with ratios."""
     upper: Positive | None = None
     """Upper bound of the search."""
     measured: Positive | None = None
@@ -81,7 +80,7 @@ class Parameter(RigTable):
 
 CountsPerRev = Annotated[int, Field(ge=4, le=1 << 31, strict=True)]
 Count = Annotated[int, Field(ge=-(1 << 31), lt=1 << 31, strict=True)]
-"""Range of a 32-bit counter."""
+"""Integer in the range of a 32-bit counter."""
 
 
 class Encoders(RigTable):
@@ -96,11 +95,11 @@ class Encoders(RigTable):
     noise_counts: Annotated[float, Field(ge=0, le=1e6, strict=True)] = 0.5
     """Standard deviation of a reading at rest, counts; used for limits of rest and rounding."""
     joint2: Literal["relative", "absolute"] = "relative"
-    """Whether the encoder of joint 2 measures the outer rod relative to the inner rod, or relative to the arm."""
+    """Reference of the encoder of joint 2: the inner rod (`relative`), or the arm (`absolute`)."""
     zero_counts: tuple[Count, Count, Count] = (0, 0, 0)
     """Readings with the rods hanging and the arm at 0; capture warns if the readings differ."""
     direction: tuple[Literal[-1, 1], Literal[-1, 1], Literal[-1, 1]] = (1, 1, 1)
-    """1, or -1 for an encoder that counts backwards."""
+    """Sign of the counts: 1, or -1 for an encoder that counts backwards."""
     rezeroed: bool = False
     """Whether the encoders of joints 1 and 2 are zeroed before each recording, as for incremental encoders without
     an index. Coulomb friction holds a hanging rod away from the vertical, so each recording then has its own
@@ -137,20 +136,21 @@ class AddedMass(RigTable):
     rod: Literal["inner", "outer"]
     """Rod to which it is attached."""
     mass: Positive
-    """Mass, kg."""
+    """Attached mass, kg."""
     position: Positive
-    """Distance from the pivot of this rod, m."""
+    """Distance of the mass from the pivot of this rod, m."""
 
 
 Mounting = Literal["both", "inner", "outer", "clamped"]
-"""Moving parts: both rods, the inner or the outer one alone on joint 1, or both with the elbow clamped."""
+"""Moving parts: both rods, the inner or outer rod alone on joint 1, or both rods with a clamped elbow."""
 
 
 class Rods(RigTable):
-    """Rods that are mounted during recordings. A single rod is mounted on joint 1 and measured by encoder 1.
+    """Rods that are mounted during recordings.
 
-    The encoder of joint 2 is mounted on the inner rod and is removed with it; its reading is ignored. With a clamped
-    elbow, a capture compares theta1 with the pose; the angle of the clamp may differ from that of the pose by 0.2 rad.
+    A single rod is mounted on joint 1 and measured by encoder 1. The encoder of joint 2 is mounted on the inner rod and
+    is removed with it; its reading is ignored. With a clamped elbow, a capture compares theta1 with the pose; the angle
+    of the clamp may differ from that of the pose by 0.2 rad.
     """
 
     mounted: Literal["both", "inner", "outer"] = "both"
@@ -166,7 +166,7 @@ class Rods(RigTable):
 
     @property
     def mounting(self) -> Mounting:
-        """Mounted rods and elbow as one value."""
+        """Mounted rods and mode of the elbow as one value."""
         return "clamped" if self.elbow == "clamped" else self.mounted
 
     @property
@@ -176,21 +176,25 @@ class Rods(RigTable):
 
     @property
     def placed(self) -> int:
-        """Number of angles that an operator sets at a pose: a single rod or a clamped elbow leaves theta1."""
+        """Number of angles that the operator sets at a pose: theta1 alone for a single rod or a clamped elbow."""
         return 2 if self.mounting == "both" else 1
 
     @property
     def names(self) -> tuple[str, str]:
-        """Names of the rods at theta1 and theta2; of a single rod both."""
+        """Names of the rods at theta1 and theta2.
+
+        For a single rod both names are equal.
+        """
         return ("inner rod", "outer rod") if self.number == 2 else (f"{self.mounted} rod", f"{self.mounted} rod")
 
 
 InnerMode = Literal["free", "prescribed"]
-"""Mode of the inner rod: it swings freely, or its encoder prescribes its motion (a strong geared motor, or a hand)."""
+"""Mode of the inner rod. `free`: it swings freely. `prescribed`: its encoder gives its motion, which a strong geared
+motor or a hand causes."""
 
 
 class Joints(RigTable):
-    """Components on the joints during a swing."""
+    """Modes and components of the joints of the rods during a swing."""
 
     inner: InnerMode = "free"
     """`prescribed`: the encoder of joint 1 gives its motion, and its torque need not be known; the outer rod alone is
@@ -205,7 +209,10 @@ ArmMode = Literal["clamped", "free", "prescribed", "driven"]
 
 
 class ArmTable(RigTable):
-    """The arm during a swing. A run stores it; `import table --arm` overrides it for one recording."""
+    """The arm during a swing.
+
+    A run stores this table. `import table --arm` overrides the mode for one recording.
+    """
 
     mode: ArmMode = "clamped"
     """`free` and `driven` need `L0` in `[rig]`; `driven` needs `[motor]`. `prescribed`: the arm is moved by hand or
@@ -230,11 +237,14 @@ class ArmTable(RigTable):
 
 
 INPUT_UNITS = {"torque": "N m", "current": "A", "voltage": "V", "acceleration": "rad/s²"}
-"""Unit of each input of the arm's drive."""
+"""Input of the arm's drive -> its unit."""
 
 
 class MotorTable(RigTable):
-    """Drive of the arm and the constants of its motor; none of them is needed to identify ratios."""
+    """Drive of the arm, with the constants of its motor.
+
+    None of the constants is needed to identify ratios.
+    """
 
     input: Literal["torque", "current", "voltage", "acceleration"]
     """Quantity in the input column: torque at the joint (N m), current (A), voltage (V), or acceleration of the arm
@@ -288,5 +298,5 @@ class RigGeometry(RigTable):
 
     @staticmethod
     def on_earth(g: float) -> bool:
-        """Whether a gravitational acceleration, m/s^2, is possible on the surface of the earth."""
+        """Whether a gravitational acceleration, m/s^2, occurs at the surface of the earth."""
         return 9.76 <= g <= 9.84

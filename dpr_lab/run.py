@@ -18,14 +18,14 @@ from dpr_lab.setup import ArmMotion, Setup, Torques, inner_torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
-"""Causes of missing samples: late device, damaged on the link, two values for one tick, or never arrived. A device with
-drives has the additional cause `torque`: the torques of the sample never arrived.
-"""
+"""Causes of missing samples: the device was too slow, the sample was damaged on the link, two values arrived for one
+tick, or it never arrived. A device with drives has the additional cause `torque`: the torques of the sample never
+arrived."""
 
 
 @dataclass(frozen=True, slots=True)
 class FilmNoise:
-    """Noise of angles from a video, measured by the scatter of the constant lengths of the rods in the picture."""
+    """Noise of angles from a video, estimated from the scatter of the rods' lengths in the picture."""
 
     std: tuple[float, ...]
     """Standard deviation of the absolute angle of each tracked rod, rad."""
@@ -37,8 +37,8 @@ class FilmNoise:
 class Run(Shown):
     """One recorded release.
 
-    Time is device time, t = (tick - release tick) / rate, or the time of an imported table. t = 0 is the release; at
-    samples with t < 0, the rods are at rest. Missing samples are absent from `t`; nothing is resampled.
+    Time is device time, t = (tick - release tick) / rate, or the time of an imported table. The release is at t = 0. At
+    samples with t < 0 the rods are at rest. Missing samples are absent from `t`; nothing is resampled.
     """
 
     name: str
@@ -48,29 +48,31 @@ class Run(Shown):
     theta: Array
     """(n, 3) measured absolute angles of arm, inner and outer rod, rad; 0 = upright, pi = hanging."""
     counts: Integers | None
-    """(n, 3) complete position counts; None for an imported table of angles."""
+    """(n, 3) unwrapped position counts; None for an imported table of angles."""
     pose: str | None
-    """Name of the requested pose."""
+    """Name of the requested pose; None without one."""
     rig_name: str
     """Name of the rig."""
     rig_sha256: str
-    """SHA-256 of that rig file; empty for a rig made in memory."""
+    """SHA-256 of the rig file; empty for a rig created in memory."""
     rate_hz: float
-    """Nominal sample rate; the real instants are in `t`."""
+    """Nominal sample rate, Hz. The real instants are in `t`."""
     added_mass: AddedMass | None = None
-    """The attached known mass, if any."""
+    """Known mass that was attached; None without one."""
     mounting: Mounting = "both"
     """Mounted rods; for a single rod theta2 equals theta1."""
     torques: Array | None = None
-    """(n, 2) known torques of joint 1 and 2, N m, each held until the next sample; None for a free swing."""
+    """(n, 2) known torques of joints 1 and 2, N m, each held until the next sample; None for a free swing."""
     torque_kind: str = ""
-    """Kind of `torques` or `arm_input`, `measured` or `commanded`, if known."""
+    """Kind of `torques` or `arm_input`: `measured` or `commanded`; empty if unknown."""
     commanded: Array | None = None
-    """(n, 2) commanded torques, if `torques` are the measured ones and both are known."""
+    """(n, 2) commanded torques, N m, if they are known in addition to the measured ones in `torques`; otherwise
+    None."""
     input_delay_s: float = 0.0
-    """Delay between the logged and the acting torque, s, as far as known."""
+    """Known delay from the logged to the acting torque, s."""
     continuous: bool = False
-    """Whether known torques and inputs are samples of a continuous signal; otherwise each is held until the next."""
+    """Whether known torques and inputs are samples of a continuous signal; otherwise each value is held until the next
+    sample."""
     arm: ArmMotion | None = None
     """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
     arm_mode: ArmMode = "clamped"
@@ -78,20 +80,23 @@ class Run(Shown):
     inner: ArmMotion | None = None
     """Motion of the inner rod if joint 1 is prescribed; None for a free inner rod."""
     arm_input: Array | None = None
-    """(n,) input of a driven arm in the unit of the rig's `[motor]` input, each held until the next sample."""
+    """(n,) input of a driven arm in the unit of `[motor]` in the rig file, each value held until the next sample; None
+    without a drive."""
     commanded_input: Array | None = None
-    """(n,) commanded input of the arm, if `arm_input` is the measured one and both are known."""
+    """(n,) commanded input of the arm, if it is known in addition to the measured one in `arm_input`; otherwise
+    None."""
     complete: bool = True
-    """Whether the recording was completed; false for a recovered or cut one."""
+    """Whether the recording was completed; False for a recovered or cut recording."""
     lost: Mapping[str, int] = field(default_factory=dict)
-    """Samples lost, by cause (`LOSS_CAUSES`)."""
+    """Number of samples lost, by cause (`LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
-    """Rate of the device's clock against the host's, parts per million: by PING and PONG (`rate_ppm`, `rate_ppm_std`,
-    ...) and by the arrival of its samples (`arrival_ppm`, `arrival_margin_ppm`); empty if neither is known."""
+    """Rate of the device's clock relative to the host's clock, parts per million: from PING and PONG (`rate_ppm`,
+    `rate_ppm_std`, ...) and from the arrival times of its samples (`arrival_ppm`, `arrival_margin_ppm`). Empty if
+    neither is known."""
     file: Path | None = None
     """Run file or table from which it was read; None for a run created in memory."""
     sha256: str = ""
-    """SHA-256 of this file, or of the readings of a table that was imported in memory; empty otherwise."""
+    """SHA-256 of `file`, or of the readings of a table that was imported in memory; empty otherwise."""
     recorded_utc: str = ""
     """Time of recording, ISO 8601 date, or date and time; empty if unknown."""
     keep_rest: bool | None = None
@@ -99,13 +104,13 @@ class Run(Shown):
     recording by a device, which reports its release.
     """
     arm_read: bool | None = None
-    """For an imported table: whether it has a column of the arm. None for a recording by a device."""
+    """For an imported table: whether it contains the angle of the arm. None for a recording by a device."""
     film_noise: FilmNoise | None = None
-    """For a table of points in a video: the noise of its angles."""
+    """Noise of the angles, for a table of points in a video; otherwise None."""
     at_edges: bool = False
-    """For a table with a row for each count of an encoder: each row has the angle of the edge between two counts."""
+    """Whether the table has a row for each encoder count, so that each angle is that of the edge between two counts."""
     notes: tuple[str, ...] = ()
-    """Notes of the reader or importer for the operator (gaps kept, duplicate rows removed)."""
+    """Notes of the reader or importer for the operator, for example on gaps or on removed rows."""
 
     def _heading(self) -> str:
         pose = f", pose {self.pose}" if self.pose else ""
@@ -120,7 +125,7 @@ class Run(Shown):
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
     def driven_by(self, kind: str | None) -> Run:
-        """A copy of the run with one kind of torques or arm input, `measured` or `commanded`; None: the default.
+        """Copy of the run with one kind of torques or arm input, `measured` or `commanded`; None: the default kind.
 
         Raises:
             RunError: the run has no torques or inputs of that kind.
@@ -140,7 +145,7 @@ class Run(Shown):
 
     @property
     def both_kinds(self) -> bool:
-        """Whether measured and commanded torques, or inputs of the arm, are known."""
+        """Whether both measured and commanded torques, or inputs of the arm, are known."""
         return self.commanded is not None or self.commanded_input is not None
 
     @property
@@ -154,12 +159,12 @@ class Run(Shown):
         return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm, self.inner)
 
     def between_rows(self, torques: Torques) -> Torques:
-        """Torques of the rows as they act between rows: held until the next row, or as a continuous signal."""
+        """Torques of the rows as they act between the rows: held until the next row, or as a continuous signal."""
         return torques.as_samples() if self.continuous and len(torques.t) > 1 else torques
 
     @property
     def rest(self) -> Array:
-        """(m, 3) angles before the release, rad; m = 0 when none were recorded."""
+        """Angles (m, 3) before the release, rad; m = 0 if none were recorded."""
         return self.theta[self.t < 0]
 
     @property
@@ -178,7 +183,10 @@ class Run(Shown):
 
     @property
     def readings_sha256(self) -> str:
-        """Hash of all data that a fit uses: equal after another import of the same table."""
+        """Hash of all data that a fit uses.
+
+        It is equal after another import of the same table.
+        """
         unread = ("name", "file", "sha256", "recorded_utc", "keep_rest", "arm_read", "notes")
         digest = hashlib.sha256()
         if self.arm_mode not in ("free", "driven"):
@@ -199,7 +207,7 @@ class Run(Shown):
         return digest.hexdigest()
 
     def only(self, keep: Flags) -> Run:
-        """Indices of the samples (n,) to keep."""
+        """Copy of the run with the samples for which `keep` (n,) is true."""
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
         commanded = None if self.commanded is None else self.commanded[keep]
@@ -218,12 +226,15 @@ class Run(Shown):
 
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
-    """Runs as a tuple; a single run counts as one."""
+    """Runs as a tuple; a single run becomes a tuple of one."""
     return (runs,) if isinstance(runs, Run) else tuple(runs)
 
 
 def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
-    """Number the names that occur more than once, because results are listed by the names of runs."""
+    """Runs with distinct names: names that occur more than once are numbered.
+
+    Results are listed by the names of runs.
+    """
     named: dict[str, Run] = {}
     for run in runs:
         numbered = (f"{run.name} ({i})" for i in count(2))
@@ -233,12 +244,12 @@ def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
 
 
 def moves(runs: Iterable[Run]) -> bool:
-    """Whether the arm of a run was free or driven."""
+    """Whether the arm was free or driven in any of the runs."""
     return any(run.arm_mode in ("free", "driven") for run in runs)
 
 
 def refuse_moving_arms(runs: Iterable[Run]) -> None:
-    """Refuse runs whose arm was free or driven.
+    """Check that the arm was neither free nor driven in any run.
 
     Raises:
         RunError: the arm of a run was free or driven.
@@ -254,12 +265,12 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
 
 
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
-    """Kinds of known torques of these runs."""
+    """Kinds of known torques in these runs."""
     return tuple(sorted({run.torque_kind for run in runs if run.torques is not None} - {""}))
 
 
 def _flat(value: Any) -> Iterator[Any]:
-    """Numbers, texts and arrays in a value, through dataclasses, tuples and mappings."""
+    """Numbers, texts and arrays within a value, including those in dataclasses, tuples and mappings."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {member.name: getattr(value, member.name) for member in fields(value)}
     if isinstance(value, Mapping):
@@ -279,22 +290,23 @@ def _bytes(part: Any) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class MountingSettings:
-    """Limits beyond which readings contradict the mounted rods."""
+    """Limits beyond which the readings contradict the stated mounting."""
 
     still: float = 0.1
-    """Maximum range of joint 2, rad, with a clamp or an encoder without a rod: backlash and drag of a bearing."""
+    """Maximum range of joint 2 with a clamp, or with an encoder without a rod, rad. Backlash and the drag of a bearing
+    cause smaller ranges."""
     tail: float = 0.01
-    """Share of the readings, at either end, that may be outside: single faults."""
+    """Share of the readings at either end of the range that is ignored, because single readings may be wrong."""
 
 
 MOUNTED = MountingSettings()
 
 
 def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
-    """(n, 3) angles of a run with this mounting: for a single rod theta2 equals theta1.
+    """Angles (n, 3) of a run with this mounting: theta2 = theta1 for a single rod.
 
     Raises:
-        RunError: joint 2 moves although no rod, or a clamped elbow, was given.
+        RunError: joint 2 moves although it should not: no rod is mounted on it, or the elbow is stated to be clamped.
     """
     turned = elbow_turn(theta, mounting)
     if turned > MOUNTED.still:
@@ -307,7 +319,10 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
 
 
 def elbow_turn(theta: Array, mounting: Mounting) -> float:
-    """Range of joint 2, rad, in a mounting in which it cannot turn; zero if both rods are mounted. Angles (n, 3)."""
+    """Range of joint 2, rad, from angles (n, 3), in a mounting in which it cannot turn.
+
+    Zero if both rods are mounted.
+    """
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [MOUNTED.tail, 1 - MOUNTED.tail]
@@ -319,7 +334,7 @@ def elbow_turn(theta: Array, mounting: Mounting) -> float:
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
     """Clock rate error of a device and its uncertainty, ppm.
 
-    By PING and PONG (`pong`) and by the arrival of samples (`arrival`).
+    They are from PING and PONG (`pong`), and from the arrival times of samples (`arrival`).
     """
     rates = {"pong": ("rate_ppm", "rate_ppm_std", sigmas), "arrival": ("arrival_ppm", "arrival_margin_ppm", 1.0)}
     return {
@@ -330,10 +345,10 @@ def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tu
 
 
 def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
-    """Lower bound of the clock rate error of a device, ppm, and the rate with its interval in words.
+    """Lower bound of the clock rate error of a device, ppm, and text with the rate and its interval.
 
-    The bound is the part of the error that the uncertainty does not explain, by PING and PONG or by the arrival of
-    samples, whichever is larger.
+    The bound is the part of the error that its uncertainty does not explain. The larger one of the bounds from PING and
+    PONG and from arrival times is used.
     """
     wrong = [(max(0.0, abs(rate) - margin), rate, margin) for rate, margin in clock_rates(clock).values()]
     least, rate, margin = max(wrong, default=(0.0, 0.0, 0.0))
@@ -341,7 +356,7 @@ def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
 
 
 def _clock_words(rate_ppm: float, margin_ppm: float) -> str:
-    """A rate in words, such as `5.0 % fast (4.6 to 5.4)`."""
+    """Text of a clock rate error, for example `5.0 % fast (4.6 to 5.4)`."""
     size, margin, unit, digits = abs(rate_ppm), margin_ppm, "ppm", 0
     if size >= 1000:
         size, margin, unit = size / 1e4, margin / 1e4, "%"
@@ -353,10 +368,10 @@ def _clock_words(rate_ppm: float, margin_ppm: float) -> str:
 
 
 def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
-    """Check that the clock rate of every recording is correct.
+    """Check the clock rate of every recording.
 
     Raises:
-        RunError: the clock of a device differs from the host's by more than that of any crystal.
+        RunError: the clock of a device differs from the host's clock by more than that of any crystal.
     """
     for run in runs:
         error, words = clock_error(run.clock)
@@ -370,10 +385,10 @@ def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
 
 
 def refuse_repeated(runs: Sequence[Run]) -> None:
-    """Check that no recording is given twice or is both fitted and held out.
+    """Check that no recording is given twice, or is both fitted and held out.
 
     Raises:
-        RunError: two runs contain the same recording, by the hashes of their files.
+        RunError: two runs contain the same recording, according to their hashes.
     """
     by_digest: dict[str, Run] = {}
     for run in runs:

@@ -1,4 +1,4 @@
-"""Known conditions of a run besides its readings: mounting and drive."""
+"""Known conditions of a run in addition to its readings: mounting, and known inputs."""
 
 from __future__ import annotations
 
@@ -15,36 +15,46 @@ from dpr_lab.rig_tables import AddedMass, Mounting
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Torques:
-    """Known joint torques; each value holds until the next instant, the first and the last beyond the record."""
+    """Known joint torques.
+
+    Each value is held until the next instant. The first and the last value also apply before and after the record.
+    """
 
     t: Array
-    """(n,) increasing, s since the release."""
+    """(n,) increasing times since the release, s."""
     joints: Array
     """(n, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
     kind: str = ""
-    """`measured` or `commanded`, if known."""
+    """Kind of the torques, `measured` or `commanded`; empty if unknown."""
     on_arm: Array | None = None
     """(n,) torque on a driven arm, N m; None if it is unknown."""
     scaled: bool = True
-    """Whether they are known in N m and thus determine the scale of all torques; False: known up to a factor."""
+    """Whether the torques are known in N m, so that they determine the scale of all torques. False: they are known up
+    to a factor."""
 
     @property
     def on_joints(self) -> bool:
-        """Whether a torque acts at joint 1 or 2."""
+        """Whether any torque acts at joint 1 or 2."""
         return _on_joints(self)
 
     @property
     def arm_knots(self) -> tuple[Array, Array]:
-        """(n + 2,) instants and (n + 2,) impulse on the arm up to each, N m s; empty without a torque on the arm."""
+        """Instants (n + 2,), s, and impulse on the arm up to each instant (n + 2,), N m s.
+
+        Empty without a torque on the arm.
+        """
         return _arm_knots(self)
 
     @property
     def knots(self) -> tuple[Array, Array]:
-        """(n + 2,) instants and (n + 2, 2) impulse on theta1, theta2 up to each, N m s; linear in between."""
+        """Instants (n + 2,), s, and impulses (n + 2, 2) on theta1 and theta2 up to each instant, N m s.
+
+        The impulses are linear between instants.
+        """
         return _knots(self)
 
     def earlier(self, share: float) -> Torques:
-        """Shift each torque to an earlier time, by a share (0 to 1) of the interval from the previous instant.
+        """Shift each torque to an earlier time, by a share (0 to 1) of the interval since the previous instant.
 
         With a share of 1/2, each torque is held in the interval around its instant, which is suitable for samples of a
         continuous signal.
@@ -52,10 +62,10 @@ class Torques:
         return replace(self, t=self.t - share * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
     def as_samples(self, parts: int = 8) -> Torques:
-        """The same torques as samples of a continuous signal, in steps of a fraction of the interval between rows.
+        """Torques as samples of a continuous signal, in `parts` steps between two rows.
 
-        The signal is piecewise cubic without overshoot (Fritsch & Carlson, SIAM J. Numer. Anal. 17, 238, 1980). Each
-        step has its mean torque.
+        The signal is piecewise cubic without overshoot (Fritsch & Carlson, SIAM J. Numer. Anal. 17, 238, 1980). The
+        torque of a step is the mean of the signal.
         """
         from scipy.interpolate import PchipInterpolator
 
@@ -68,9 +78,9 @@ class Torques:
         return replace(self, t=t, joints=means[:, :2], on_arm=None if self.on_arm is None else means[:, 2])
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
-        """(m, 2) mean generalised torques on theta1, theta2 between each of (m,) instants and the previous one, N m.
+        """Mean generalised torques (m, 2) on theta1, theta2 from the previous instant to each instant (m,), N m.
 
-        The mean is zero if there is no previous instant: at the first one, and if `first` (m,) is true.
+        The mean is zero without a previous instant: at the first one, and where `first` (m,) is true.
         """
         instants, (t, impulse) = np.asarray(instants, dtype=np.float64), self.knots
         until = np.stack([np.interp(instants, t, column) for column in impulse.T], axis=1)
@@ -105,21 +115,24 @@ def _arm_knots(torques: Torques) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmMotion:
-    """Known motion of an arm: its speed is linear between instants and constant outside them."""
+    """Known motion of an arm or an inner rod.
+
+    Its speed is linear between the instants, and constant before the first and after the last.
+    """
 
     t: Array
-    """(n,) increasing, s since the release."""
+    """(n,) increasing times since the release, s."""
     theta: Array
-    """(n,) theta0, rad."""
+    """(n,) angle, rad."""
     omega: Array
-    """(n,) speed of the arm, rad/s."""
+    """(n,) speed, rad/s."""
     noise: float = 0.0
-    """Standard deviation of the readings from which it was estimated, rad."""
+    """Standard deviation of the readings from which the motion was estimated, rad."""
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
-        """(m, 2) mean acceleration and squared speed between each of (m,) instants and the previous one, rad, s.
+        """Mean acceleration, rad/s^2, and mean squared speed, rad^2/s^2, from the previous instant to each one: (m, 2).
 
-        Without a previous instant, at the first one and where `first` (m,) is true, the speed is that of the instant.
+        Without a previous instant (at the first one, and where `first` (m,) is true), the speed is that of the instant.
         """
         instants = np.asarray(instants, dtype=np.float64)
         v, passed = np.interp(instants, self.t, self.omega), _since_before(instants, first)
@@ -128,26 +141,26 @@ class ArmMotion:
 
 
 def _since_before(instants: Array, first: Flags | None) -> Array:
-    """(m,) time since the previous instant; infinite without one."""
+    """Time (m,) since the previous instant, s; infinite without one."""
     passed = np.diff(instants, prepend=-np.inf)
     return passed if first is None else np.where(first, np.inf, passed)
 
 
 @dataclass(frozen=True, slots=True)
 class PrescribedJoint:
-    """Representation of a joint with a prescribed motion."""
+    """Representation of a joint with a prescribed motion in the equation of motion."""
 
     inertia: float = 1e6
-    """Assumed inertia of the inner rod, kg m^2: it is so large that the outer rod does not move it."""
+    """Assumed inertia of the inner rod, kg m^2. It is so large that the outer rod does not move the inner rod."""
 
 
 PRESCRIBED = PrescribedJoint()
 
 
 def inner_torques(motion: ArmMotion) -> Torques:
-    """Torque of joint 1 that gives an inner rod with the inertia of `PRESCRIBED` this motion.
+    """Torque of joint 1 that gives this motion to an inner rod with the inertia of `PRESCRIBED`.
 
-    The acceleration is constant from each row to the next.
+    The acceleration is constant between two rows.
     """
     alpha = np.append(np.diff(motion.omega) / np.diff(motion.t), 0.0)
     return Torques(motion.t, np.column_stack([PRESCRIBED.inertia * alpha, np.zeros(len(alpha))]), scaled=False)
@@ -155,24 +168,24 @@ def inner_torques(motion: ArmMotion) -> Torques:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """Mounting of a run and its known inputs."""
+    """Mounting and known inputs of a run."""
 
     mounting: Mounting = "both"
-    """Moving parts: both rods, the inner or outer one alone, or both with the elbow clamped."""
+    """Moving parts: both rods, the inner or outer rod alone, or both rods with a clamped elbow."""
     added: AddedMass | None = None
-    """The attached known mass."""
+    """Known mass that is attached; None without one."""
     elbow: float = 0.0
-    """Angle theta2 - theta1 of a clamped elbow, rounded to 0.1 rad, because smaller differences add no information
-    about the ratios. The simulation takes the exact angle from its initial state.
-    """
+    """Angle theta2 - theta1 of a clamped elbow, rad. It is rounded to 0.1 rad, because smaller differences add no
+    information about the ratios. The simulation uses the exact angle of the initial state."""
     torques: Torques | None = None
     """Torques that drove the joints; None for a free swing."""
     arm: ArmMotion | None = None
     """Motion of the arm if it is prescribed; None if it was clamped, free or driven."""
     inner: ArmMotion | None = None
-    """Motion of the inner rod if joint 1 is prescribed; its torque is then that of `inner_torques`."""
+    """Motion of the inner rod if joint 1 is prescribed; otherwise None. The torque of joint 1 is then that of
+    `inner_torques`."""
     arm_moves: bool = False
-    """Whether the arm moved by itself or by a drive, so that its angle is a reading and part of the state."""
+    """Whether the arm was free or driven, so that its angle is a reading and part of the state."""
 
     @property
     def alone(self) -> bool:
@@ -186,12 +199,12 @@ class Setup:
 
     @property
     def weighs(self) -> bool:
-        """Whether a known mass or torque makes the scale of all torques identifiable."""
+        """Whether a known mass or known torques make the scale of all torques identifiable."""
         return self.added is not None or (self.torques is not None and self.torques.scaled)
 
     @property
     def free(self) -> bool:
-        """Whether there is no known input: no torque, and no moving arm."""
+        """Whether there are no known inputs: neither torques nor a prescribed arm."""
         return self.torques is None and self.arm is None
 
     @property
@@ -201,7 +214,7 @@ class Setup:
 
     @property
     def starts(self) -> int:
-        """Number of initial-state variables: two angles and two speeds, or one angle and one speed."""
+        """Number of variables of the initial state: angles and speeds of the moving parts."""
         return {"both": 4, "clamped": 3}.get(self.mounting, 2) + 2 * self.arm_moves
 
 
@@ -210,5 +223,8 @@ BOTH = Setup()
 
 
 def only_inner(setups: Iterable[Setup]) -> bool:
-    """Whether the inner rod swings alone in every run, so that results are relative to its own inertia a."""
+    """Whether the inner rod swings alone in every run.
+
+    Results are then ratios to its own inertia a.
+    """
     return all(setup.mounting == "inner" for setup in setups)

@@ -1,4 +1,4 @@
-"""Display of public names at a prompt: results as a heading and a table, and `help()` with plain types."""
+"""Display of public objects at a prompt: results as a heading and a table, and `help()` with plain types."""
 
 import ast
 import inspect
@@ -15,7 +15,7 @@ from typing import Annotated, Any, ForwardRef, Literal, Union, get_args, get_ori
 Row = Sequence[str]
 
 FIXED_BY = {"data": "the recordings", "measured": "a measured value", "bound": "only its bounds"}
-"""Origin of a number: key in files and text for readers."""
+"""Origin of a value, as stored in files -> description."""
 
 
 class Shown(ABC):
@@ -28,7 +28,7 @@ class Shown(ABC):
         """Heading, one line."""
 
     def _rows(self) -> Sequence[Row]:
-        """The table; its first row contains the column names; [] if there is no table."""
+        """Rows of the table, of which the first contains the column names; empty without a table."""
         return []
 
     def __repr__(self) -> str:
@@ -49,17 +49,17 @@ class Shown(ABC):
 
 
 def listed(names: Sequence[str]) -> str:
-    """Text of a list: `a, b and c`."""
+    """Text of a list, for example `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
 def counted(number: int, noun: str) -> str:
-    """A number with its noun: `1 run`, `2 runs`."""
+    """Number with its noun, for example `1 run` or `2 runs`."""
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def percent(share: float, digits: int = 0) -> str:
-    """Text of a share: `98 %`, or `97.6 %` with one decimal digit."""
+    """Text of a share, for example `98 %`, or `97.6 %` with one decimal."""
     return f"{round(100 * share, digits) + 0.0:.{digits}f} %"  # -0.0 + 0.0 is 0.0
 
 
@@ -68,7 +68,7 @@ def _row(cells: Row, tag: str) -> str:
 
 
 class _Plain(str):
-    """A text that a signature shows without quotes."""
+    """Text that a signature shows without quotes."""
 
     __slots__ = ()
     __repr__ = str.__str__
@@ -76,18 +76,18 @@ class _Plain(str):
 
 @cache
 def explain(value: Any, name: str) -> Any:
-    """Give a public function or class its public name and readable help.
+    """Give a public function or class its public name and a readable help text.
 
     Args:
         value: a function or a class
-        name: under which it is public
+        name: public name
     """
     _sign_methods(value)
     if inspect.isfunction(value):
         value.__name__ = name
         _sign(value)
     elif hasattr(value, "model_rebuild"):
-        value.model_rebuild()  # a model is built on first use and has a signature only afterwards
+        value.model_rebuild()  # a model is built on first use; only then does it have a signature
         _sign(value)
     elif is_dataclass(value):
         _sign(value)
@@ -107,7 +107,7 @@ def _sign_methods(value: Any) -> None:
 
 
 def _explain_fields(cls: Any) -> None:
-    """Add the texts of the fields, so that `help` prints them."""
+    """Add the docstrings of the fields, so that `help` prints them."""
     cls.__slots__ = {**dict.fromkeys(cls.__slots__), **field_docs(cls)}
 
 
@@ -153,7 +153,7 @@ def plain_type(annotation: Any) -> str:
 
 
 def field_docs(cls: type) -> dict[str, str]:
-    """Text below each field of a dataclass in its source; empty without a source."""
+    """Docstring of each field of a dataclass, from its source; empty without a source."""
     try:
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
     except (OSError, SyntaxError):
@@ -172,5 +172,5 @@ def _annotated(annotation: Any) -> Any:
 
 
 def _short(default: Any, longest: int = 30) -> Any:
-    """A default value, or `...` if its text is too long for a signature."""
+    """Default value, or `...` if its text is too long for a signature."""
     return default if default is inspect.Parameter.empty or len(repr(default)) <= longest else _Plain("...")

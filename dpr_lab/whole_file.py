@@ -13,14 +13,16 @@ SPECIAL = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""Kinds of files on which a reader would block, in words."""
+"""Kind of a file on which a reader would block -> its name."""
 
 
 def regular(path: Path, error: type[DprError] = DprError) -> Path:
-    """Return a path that can be opened without blocking: a regular file, a folder, or a path that does not exist.
+    """Check that a path can be opened without blocking; returns the path.
+
+    Regular files, folders and missing paths are accepted.
 
     Args:
-        path: of an input
+        path: path of an input
         error: class of the exception
 
     Raises:
@@ -28,7 +30,7 @@ def regular(path: Path, error: type[DprError] = DprError) -> Path:
     """
     try:
         kind = SPECIAL.get(stat.S_IFMT(path.stat().st_mode))
-    except OSError:  # the file is missing or not accessible: opening it will report the error
+    except OSError:  # the file is missing or not accessible; opening it reports the error
         return path
     if kind is not None:
         raise error(f"{path}: is {kind}, not a regular file: save its data in a file first")
@@ -40,7 +42,7 @@ def read_text(path: Path, error: type[DprError] = DprError, encoding: str = "utf
 
     Raises:
         DprError: it is not a regular file, or cannot be read.
-        UnicodeDecodeError: it is not text of this encoding.
+        UnicodeDecodeError: it is not text in this encoding.
     """
     try:
         return regular(path, error).read_text(encoding=encoding)
@@ -49,11 +51,13 @@ def read_text(path: Path, error: type[DprError] = DprError, encoding: str = "utf
 
 
 def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:
-    """Create the folder of `path`, let `write` fill a temporary file in it, and replace `path` by this file.
+    """Write a file atomically: `write` fills a temporary file in the folder of `path`, which then replaces `path`.
+
+    The folder is created if it does not exist.
 
     Args:
         path: the file
-        write: fills the file whose path it receives, which has the same suffix
+        write: function that fills the file whose path it receives; the temporary file has the same suffix
         error: class of the exception
 
     Raises:
@@ -72,7 +76,7 @@ def write_whole(path: Path, write: Callable[[Path], object], error: type[DprErro
 
 
 def write_text(path: Path, text: str, error: type[DprError] = DprError) -> None:
-    """Write a text atomically, in UTF-8 with LF line ends.
+    """Write a text atomically, in UTF-8 and with LF at the end of lines.
 
     Raises:
         DprError: the folder or the file cannot be written.

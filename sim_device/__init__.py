@@ -1,1 +1,4 @@
-"""A simulated device: plant, encoders, operator and latch; it communicates only by bytes on a link."""
+"""Simulated device: plant, encoders, operator and latch.
+
+It communicates only by bytes on a link.
+"""

@@ -42,7 +42,7 @@ line reveals the truth"""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve until stopped; return the exit code."""
+    """Serve until stopped; returns the exit code."""
     options = _parser().parse_args(arguments)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:
@@ -124,9 +124,9 @@ def _tell(options: argparse.Namespace) -> int:
 
 
 def _hold(options: argparse.Namespace) -> int:
-    """A sealed plant whose truth exists only in memory, and is lost when this process ends.
+    """Keep a sealed plant, whose truth exists only in the memory of this process.
 
-    Each line with a JSON object is a release to record; any other line reveals the truth.
+    Each line of input with a JSON object requests the recording of a release. Any other line reveals the truth.
     """
     from dpr_lab.rig import parse_rig
     from sim_device.trials.trial import drawn_trial, recorded_next

@@ -1,4 +1,4 @@
-"""Assemble a simulated device from the options of the command line."""
+"""Assembly of a simulated device from the options of the command line."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,7 +28,7 @@ from sim_device.trials.request import parse_request, with_kind
 
 
 def hidden_plant(options: Options) -> HiddenPlant:
-    """The truth of a device with these options.
+    """Plant of a device with these options.
 
     Raises:
         ConfigError: a rig or plant file is missing or invalid, or the requested draw is impossible.
@@ -43,16 +43,12 @@ def hidden_plant(options: Options) -> HiddenPlant:
 
 
 def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceLink, Faults]:
-    """A device and its open link, ready for `serve`.
+    """Board and open link of a device, with its faults, ready for `serve`.
 
     Args:
         options: options of the device
-        at_once: whether a device in real time answers while its kernels are still being compiled; until then, its
-        operator does not move the rods
-
-    Raises:
-        ConfigError: an invalid file or fault.
-        LinkError: no such link, or it cannot be opened.
+        at_once: whether a device in real time answers while its kernels are still being compiled; its operator does not
+            move the rods until then
     """
     rig, plant = load_rig(options.rig), hidden_plant(options)
     drives = _drives(options, plant.config)
@@ -79,7 +75,11 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
 
 def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | None:
-    """Drives that replay the given, sealed or drawn table, or that of the arm; None for free swings."""
+    """Drives of a device; None for free swings.
+
+    Joint drives replay the given, sealed or drawn table of torques. The drive of the arm runs the given table, or the
+    program of the plant file.
+    """
     if (arm := arm_drive_of(plant)) is not None:
         return arm if options.torques is None else replaying(arm, options.torques)
     sealed = Path(options.rig).parent / SEALED_TORQUES
@@ -91,7 +91,7 @@ def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | No
 
 
 def with_drives(info: DeviceInfo, drives: JointDrives | ArmDrive | None) -> DeviceInfo:
-    """Identity that a board with these drives reports."""
+    """Identity of a board, extended by its drives."""
     if drives is None:
         return info
     if isinstance(drives, ArmDrive):
@@ -101,7 +101,7 @@ def with_drives(info: DeviceInfo, drives: JointDrives | ArmDrive | None) -> Devi
 
 
 def _firmware(name: str) -> tuple[Callable[[DeviceInfo, SimulatedRods, Clock, Faults], Board], Framing]:
-    """The board with a firmware, and the framing of that firmware for a serial line."""
+    """Function that creates a board with a firmware, and the framing of this firmware for a serial line."""
     if name == "python":
         return PythonBoard, SerialCodec
     from sim_device.firmware.c_board import CBoard

@@ -1,4 +1,4 @@
-"""Faults on request: effects of a bad cable, a failing board or a broken encoder on a recording."""
+"""Faults that can be requested: a bad cable, a failing board, a broken encoder."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from sim_device.random_streams import RandomStream, generator
 
 @dataclass(frozen=True, slots=True)
 class FaultKind:
-    """Meaning and target of a fault value."""
+    """Meaning of a fault's value, and the part of the device that it affects."""
 
     site: Literal["frame", "byte", "board", "encoder", "time", "identity"]
     meaning: str
@@ -55,17 +55,17 @@ FAULTS: dict[str, FaultKind] = {
     "major": FaultKind("identity", "major version of the protocol that the device claims", 255, whole=True),
     "schema": FaultKind("identity", "schema hash that the device claims", 0xFFFFFFFF, whole=True),
 }
-"""Faults by their name on the command line. All can be given several times and combined."""
+"""Name of a fault on the command line -> its description. Faults can be given several times and combined."""
 
 STRAY_BYTES = 24
-"""Bytes that `garbage` inserts before a write."""
+"""Number of bytes that `garbage` inserts before a write."""
 
 MISSED_AFTER_S = 0.25
-"""Time after the release at which an encoder misses several counts."""
+"""Time after the release at which an encoder misses several counts, s."""
 
 
 class Faults:
-    """Requested faults and their random stream."""
+    """Requested faults, with their random numbers."""
 
     def __init__(self, values: dict[str, float] | None = None, seed: int = 0) -> None:
         self._values = values or {}
@@ -77,11 +77,14 @@ class Faults:
         return self._values.get(name)
 
     def strikes_bytes(self) -> bool:
-        """Whether any fault changes bytes, which a CAN bus would not transmit."""
+        """Whether any fault changes bytes.
+
+        On a CAN bus, frames with changed bytes would not be transmitted.
+        """
         return any(FAULTS[name].site == "byte" for name in self._values)
 
     def frames(self, frames: list[Frame]) -> list[Frame]:
-        """The frames that arrive."""
+        """Frames that arrive when these frames are sent."""
         drop, twice, swap = (self._values.get(name, 0.0) for name in ("drop", "duplicate", "reorder"))
         frames = self._without_events(frames) if self._events_to_lose else frames
         for drive in (Torque, ArmInput):
@@ -112,7 +115,7 @@ class Faults:
         return [frame for frame, gone in zip(frames, lost, strict=True) if not (gone and frame.number == number)]
 
     def _untrue(self, frame: Frame) -> Frame:
-        """A PONG or STATUS with false content."""
+        """Frame with false content in place of a PONG or STATUS, if this fault is requested."""
         if frame.number == NUMBERS[Pong] and "pong_scale" in self._values:
             pong = decode(frame)
             assert isinstance(pong, Pong)
@@ -132,7 +135,7 @@ class Faults:
         return data[: self._rng.integers(1, len(data))]
 
     def taken(self, count: int) -> NDArray[np.bool_]:
-        """(count,) whether the board takes a sample in time."""
+        """Whether the board takes each of `count` samples in time: (count,)."""
         late = self._values.get("overrun", 0.0)
         return self._rng.random(count) >= late if late else np.ones(count, dtype=np.bool_)
 
@@ -142,7 +145,7 @@ class Faults:
         return replace(info, major=int(major), schema_hash=int(schema))
 
     def to_host(self, data: bytes) -> bytes:
-        """The bytes that arrive at the host."""
+        """Bytes that arrive at the host when these bytes are sent."""
         garbage = self._values.get("garbage", 0.0)
         stray = self._rng.bytes(STRAY_BYTES) if data and garbage and self._rng.random() < garbage else b""
         return stray + self.flipped(data)
@@ -158,17 +161,20 @@ class Faults:
         return struck.tobytes()
 
     def connected(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Counts (n, 3) of the encoders; that of joint 2 is constant if it is not connected to a rod."""
+        """Counts (n, 3) of the encoders.
+
+        The count of joint 2 is constant if its encoder is not connected to a rod.
+        """
         constant = self._values.get("constant_encoder2")
         return counts if constant is None else np.column_stack([counts[:, :2], np.full(len(counts), int(constant))])
 
     def counts(
         self, counts: NDArray[np.int64], released_at: NDArray[np.int64], since: NDArray[np.float64]
     ) -> NDArray[np.int64]:
-        """(n, 3) counts of a swing as the encoders read them.
+        """Counts (n, 3) of a swing with the requested encoder faults.
 
         Args:
-            counts: (n, 3) without faults
+            counts: (n, 3) counts without faults
             released_at: (3,) counts at the release
             since: (n,) time since the release, s
         """

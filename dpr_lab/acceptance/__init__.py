@@ -1,1 +1,1 @@
-"""Acceptance test of a rig: equivalence tests of the limits in a file, based on a diagnosis."""
+"""Acceptance test of a rig: equivalence tests of given limits, based on a diagnosis."""

@@ -1,4 +1,4 @@
-"""Errors of free runs of a corrected model over a horizon."""
+"""Errors of free runs of a corrected model over a given duration."""
 
 from collections.abc import Sequence
 
@@ -15,10 +15,10 @@ from dpr_lab.run import Run
 
 
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
-    """Run -> root mean square error of a free run of the corrected model from the start, rad.
+    """Run -> root mean square error of a free run of the corrected model from the start of the swing, rad.
 
     Args:
-        runs: the runs; one that is shorter than the horizon is left out
+        runs: the runs; runs that are shorter than the horizon are left out
         rig: the rig
         diagnosis: the diagnosis with the corrected model
         horizon_s: duration of the free run, s

@@ -37,14 +37,13 @@ from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
-"""Minimum probability of a cause for its size to fail a limit, and minimum probability of its absence for it to pass
-one.
-"""
+"""Minimum probability that an effect is the cause, for its size to fail a limit. Also the minimum probability that an
+effect is absent, for its limit to pass."""
 
 NOT_OF_SPEED = tuple(
     f"{law}_joint{joint}" for law in ("load_friction", "hysteresis", "friction_drift") for joint in (0, 1, 2)
 )
-"""Friction that depends on more than the speed of the joint."""
+"""Friction effects whose torque is not a function of the joint's speed alone."""
 
 Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
@@ -52,39 +51,39 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class JudgedLimit:
-    """Result for one limit."""
+    """Result of the test of one limit."""
 
     quantity: str
-    """Name of the quantity: `coulomb_joint2.torque_Nm`, or a ratio."""
+    """Name of the quantity: an amplitude such as `coulomb_joint2.torque_Nm`, or a ratio."""
     unit: str
-    """Unit of the numbers, SI."""
+    """SI unit of the numbers."""
     lower: float | None
-    """Lower limit; None: no limit."""
+    """Lower limit; None without one."""
     upper: float | None
-    """Upper limit; None: no limit."""
+    """Upper limit; None without one."""
     interval90: Range | None
-    """90 % interval of the quantity; None if the recordings give none."""
+    """90 % interval of the quantity; None if the recordings give no interval."""
     answer: Answer
     """Result of the test."""
     reason: str
-    """Reason why it is not decidable; empty otherwise."""
+    """Reason why the limit is not decidable; empty otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Results for all limits from one diagnosis."""
+    """Results of the tests of all limits, from one diagnosis."""
 
     answer: Answer
-    """`fail` if a limit fails, else `not decidable` if one is, else `pass`."""
+    """Overall result: `fail` if a limit fails, otherwise `not decidable` if one is not decidable, otherwise `pass`."""
     sentence: str
-    """The underlying diagnosis in words."""
+    """Sentence of the underlying diagnosis."""
     limits: tuple[JudgedLimit, ...]
     """Results in the order of the file."""
     recordings: tuple[str, ...] = ()
-    """Releases that are expected to decide further limits, in the order of recording."""
+    """Releases that are expected to decide further limits, in the order in which to record them."""
     would_decide: tuple[str, ...] = ()
-    """Quantities of these limits; the forecast assumes that each value is half its limit, or at the centre of its
-    range."""
+    """Quantities whose limits these releases are expected to decide. The forecast assumes that each value is half its
+    limit, or at the centre of its range."""
 
 
 def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float] | None = None) -> Acceptance:
@@ -93,7 +92,7 @@ def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float
     Args:
         diagnosis: the diagnosis of the recordings, with its evidence
         limits: the limits of the rig
-        free_run_rad: run -> error of a free run over the horizon of the limit, rad; empty without such a limit
+        free_run_rad: run -> error of a free run over the horizon of the limit, rad; None without such a limit
     """
     free = _free_run(diagnosis, limits, free_run_rad or {})
     judged = (*_effects(diagnosis, limits), *_frictions(diagnosis, limits), *_ratios(diagnosis, limits), *free)
@@ -130,7 +129,7 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
-    """Interval of the largest friction torque up to a speed."""
+    """Interval of the largest friction torque at speeds up to `speed`."""
     from scipy.special import chdtri  # slow to import, and every diagnosis imports this module
 
     u = np.array(curve.speed_rad_per_s)
@@ -143,9 +142,9 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
-    """Reason why the friction torque may not be a function of the speed, or may be another effect.
+    """Reason why the friction torque of a joint may not be a function of its speed, or may be another effect.
 
-    Empty if it is certain.
+    Empty if it is certainly a function of the speed.
     """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:
@@ -170,7 +169,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
-    """The median error over releases; its logarithm is assumed to be normal."""
+    """Test of the median free-run error over releases; the logarithm of the error is assumed to be normal."""
     from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
 
     if (limit := limits.free_run) is None:
@@ -225,20 +224,20 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
 
 
 def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, high: float) -> Range:
-    """An interval at the assumed b, widened to both ends of the interval of b."""
+    """Interval of a size at the assumed b, widened to both ends of the interval of b."""
     amplitude = next(amplitude for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
     factors = _scale_factors(diagnosis, amplitude.scale_power)
     return min(low * factor for factor in factors), max(high * factor for factor in factors)
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """(b / b0)^power at the assumed b0 and at both ends of its interval."""
+    """Factors (b / b0)^power of a size, for the assumed b0 and both ends of the interval of b."""
     scale = diagnosis.scale
     return [1.0] if scale is None else [(b / scale.b) ** power for b in (scale.b, *scale.interval90)]
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:
-    """Reason why no interval of this diagnosis is valid; empty if they are valid."""
+    """Reason why this diagnosis gives no valid intervals; empty if they are valid."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
@@ -250,7 +249,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Named effect that could be present instead of this one; empty if there is none."""
+    """Named effect that may be present in place of this effect, as a reason; empty without one."""
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:
@@ -264,13 +263,13 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
-    """Reason why the recordings do not determine a ratio, as with one rod alone; empty if they do."""
+    """Reason why the recordings do not determine a ratio, for example with one rod alone; empty if they do."""
     stated = diagnosis.stated_ratios
     return "" if ratio in stated else f"these recordings determine {listed(list(stated))}, not {ratio}"
 
 
 def _doubted(named: NamedEffect) -> str:
-    """Reason why the ratios depend on a named effect; empty if its class is certain."""
+    """Reason why the ratios depend on a named effect; empty if the class of this effect is certain."""
     if named.probability >= SURE:
         return ""
     return f"the ratios depend on the cause, and the probability of {named.name} is {percent(named.probability)}"
@@ -287,7 +286,10 @@ def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
 
 
 def _unsure(diagnosis: Diagnosis, effect: str) -> str:
-    """Reason why an effect that is too large may be another one; empty if it is certain or was not named."""
+    """Reason why an effect that exceeds its limit may be another effect.
+
+    Empty if the effect is certain or was not named.
+    """
     for named in diagnosis.effects:
         if named.name == effect:
             sure = named.probability * named.odds.get(effect, 1 / len(named.members))

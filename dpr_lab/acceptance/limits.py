@@ -34,10 +34,10 @@ Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 class EffectLimit(RigTable):
-    """Maximum absolute size of one amplitude of an effect."""
+    """Limit on the absolute size of an amplitude of an effect."""
 
     max: Positive
-    """Maximum in `unit`."""
+    """Maximum absolute size, in `unit`."""
     unit: str
     """Unit of the amplitude, as in docs/effects.md."""
 
@@ -46,13 +46,13 @@ class RatioLimit(RigTable):
     """Permitted range of a ratio: a nominal value with a tolerance, or bounds."""
 
     nominal: Finite | None = None
-    """Centre of the range, with `tolerance`."""
+    """Centre of the range; used with `tolerance`."""
     tolerance: Positive | None = None
-    """Half the width of the range, with `nominal`."""
+    """Half width of the range; used with `nominal`."""
     min: Finite | None = None
-    """Lower bound; None: no bound."""
+    """Lower bound; None: unbounded."""
     max: Finite | None = None
-    """Upper bound; None: no bound."""
+    """Upper bound; None: unbounded."""
     unit: str
     """Unit of the ratio."""
 
@@ -68,54 +68,54 @@ class RatioLimit(RigTable):
 
     @property
     def bounds(self) -> tuple[float | None, float | None]:
-        """Lower and upper bound; None: no bound."""
+        """Lower and upper bound; None: unbounded."""
         if self.nominal is None or self.tolerance is None:
             return self.min, self.max
         return self.nominal - self.tolerance, self.nominal + self.tolerance
 
 
 class FrictionLimit(RigTable):
-    """Largest permitted friction torque of a joint up to a speed, in both directions."""
+    """Limit on the friction torque of a joint up to a speed, in both directions."""
 
     max: Positive
-    """Friction torque, viscous friction included, in `unit`."""
+    """Maximum friction torque including viscous friction, in `unit`."""
     speed_rad_s: Positive
-    """Speed of the joint up to which the limit applies, rad/s."""
+    """Maximum speed of the joint at which the limit applies, rad/s."""
     unit: str
-    """`N m`."""
+    """Unit of `max`: `N m`."""
 
 
 class FreeRunLimit(RigTable):
-    """Largest permitted error of a free run of the corrected model from the start of a release."""
+    """Limit on the error of a free run of the corrected model from the start of a release."""
 
     max: Positive
-    """Root mean square error of a reading, in `unit`."""
+    """Maximum root mean square error of a reading, in `unit`."""
     horizon_s: Annotated[float, Field(ge=0.5, le=60, strict=True)]
     """Duration of the free run, s."""
     unit: str
-    """`rad`."""
+    """Unit of `max`: `rad`."""
 
 
 class Limits(RigTable):
     """Limits of a rig."""
 
     effects: dict[str, dict[str, EffectLimit]] = Field(default={})
-    """Effect -> amplitude -> limit of its size."""
+    """Effect -> amplitude -> limit on its size."""
     ratios: dict[str, RatioLimit] = Field(default={})
-    """Ratio -> its range."""
+    """Ratio -> its permitted range."""
     friction: dict[Literal["joint0", "joint1", "joint2"], FrictionLimit] = Field(default={})
-    """Joint -> limit of its friction torque."""
+    """Joint -> limit on its friction torque."""
     free_run: FreeRunLimit | None = None
-    """Limit of the free-run error; None without one."""
+    """Limit on the free-run error; None without one."""
 
     @property
     def has_any(self) -> bool:
-        """Whether there is a limit."""
+        """Whether the file contains at least one limit."""
         return bool(self.ratios or any(self.effects.values()) or self.friction or self.free_run)
 
 
 def friction_quantity(joint: str, limit: FrictionLimit) -> str:
-    """Name of the quantity of a friction limit: `friction of joint1 up to 6 rad/s`."""
+    """Name of the quantity of a friction limit, for example `friction of joint1 up to 6 rad/s`."""
     return f"friction of {joint} up to {limit.speed_rad_s:g} rad/s"
 
 
@@ -127,11 +127,11 @@ def load_limits(path: Path, model: type[AnyLimits]) -> AnyLimits:
 
     Args:
         path: the file
-        model: `Limits`, or `PlanLimits` for a file that may also contain the limits of a plan
+        model: `Limits`, or `PlanLimits` for a file that may also contain limits of a plan
 
     Raises:
-        ConfigError: the file is not readable, contains no limit, or has a wrong key, name, unit or value; the message
-        names them.
+        ConfigError: the file is not readable, contains no limit, or has a wrong key, name, unit or value, which the
+            message names.
     """
     limits = read_config(path, model)
     if not limits.has_any:
@@ -143,10 +143,10 @@ def load_limits(path: Path, model: type[AnyLimits]) -> AnyLimits:
 
 
 def refuse_other_limits(path: Path, limits: Limits) -> None:
-    """Refuse limits with unknown names of effects, amplitudes or ratios, or with another unit.
+    """Check the names and units in a limits file.
 
     Raises:
-        ConfigError: a wrong name or unit; the message names it.
+        ConfigError: an unknown effect, amplitude or ratio, or another unit; the message names it.
     """
     for name, amplitudes in limits.effects.items():
         _known(path, "effects", "effect", name, EFFECTS)

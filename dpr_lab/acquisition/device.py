@@ -173,10 +173,7 @@ class Device:
             raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
 
     def hold(self, pose_number: int = 0) -> None:
-        """Engage the latch.
-
-        A display at the device shows the number of the pose, from 1 in the order of the rig file.
-        """
+        """Engage the latch; a display shows the number of the pose (from 1, in the order of the rig file)."""
         self._command(Hold(pose=pose_number))
 
     def stream(self, rate_hz: int) -> None:
@@ -195,10 +192,7 @@ class Device:
         self._command(Stream(rate_hz=rate_hz))
 
     def release(self) -> None:
-        """Open the latch.
-
-        The device reports the tick of the opening in an EVENT.
-        """
+        """Open the latch; the device reports the tick of the opening in an EVENT."""
         self._command(Release())
 
     def stop(self) -> None:
@@ -256,10 +250,7 @@ class Device:
         return self.clock()[0]
 
     def close(self) -> None:
-        """Close the link; repeated calls have no effect.
-
-        A streaming device stops when its lease expires.
-        """
+        """Close the link; repeated calls have no effect. A streaming device stops when its lease expires."""
         self._closing.set()
         self._reader.join()
         self._transport.close()
@@ -361,10 +352,7 @@ class Device:
         return [before] if before is not None else []
 
     def _driven(self, rows: list[Row]) -> Sequence[AnyRow]:
-        """Samples with their torques, for a device with drives.
-
-        The torques of a sample arrive later, so samples are delayed.
-        """
+        """Samples with their torques, for a device with drives; samples are delayed until their torques arrive."""
         return rows if self._torques is None else self._torques.take(rows)
 
     def _note_torque(self, torque: Torque | ArmInput) -> None:

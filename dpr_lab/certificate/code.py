@@ -1,4 +1,4 @@
-"""Versions of code, libraries and machine that compute a diagnosis."""
+"""Versions of code, libraries and machine with which a diagnosis was made."""
 
 import hashlib
 import importlib.metadata
@@ -18,7 +18,7 @@ LIBRARIES = ("python", "numpy", "scipy", "numba")
 
 
 def made_with() -> dict[str, str]:
-    """Versions and hash of the running code, with the fields of `dpr_lab.certificate.document.MadeWith`."""
+    """Versions and hash of the running code, by the field names of `dpr_lab.certificate.document.MadeWith`."""
     return {
         "dpr_lab": ", ".join([__version__, *packages()]),
         "code": _hash(Path(__file__).parents[1], fingerprint(*GROUPS)),
@@ -30,7 +30,7 @@ def made_with() -> dict[str, str]:
 
 @cache
 def _hash(package: Path, added: str) -> str:
-    """SHA-256 of the names and bytes of all Python files of a package, and of the additions of plugins."""
+    """SHA-256 of the names and contents of all Python files of a package, and of the code of plugins."""
     digest = hashlib.sha256(added.encode())
     for file in sorted(package.rglob("*.py")):
         digest.update(f"{file.relative_to(package).as_posix()}\0{file.stat().st_size}\0".encode())
@@ -41,7 +41,7 @@ def _hash(package: Path, added: str) -> str:
 def compare_code(
     certified: MadeWith, current: Mapping[str, str], *, other_code: bool, same_libraries: bool
 ) -> list[Verified]:
-    """Compare code and libraries with those of a certificate; the machine may differ.
+    """Compare code and libraries with those of a certificate; the machine is not compared.
 
     Args:
         certified: versions in the certificate

@@ -1,4 +1,4 @@
-"""Choices and origin of a certificate, which a repetition of the diagnosis cannot verify."""
+"""Choices and origin stated in a certificate, which a repetition of the diagnosis cannot verify."""
 
 from collections.abc import Iterator, Mapping
 
@@ -11,7 +11,10 @@ EVERYTHING = f"all {len(EFFECTS)} effects"
 
 
 def choices_of(certificate: Certificate) -> list[Declared]:
-    """Free choices of the certified diagnosis; the note of a choice that is not the default gives the default."""
+    """Free choices of the certified diagnosis.
+
+    The note of a choice names the default if the choice differs from it.
+    """
     choices, recordings = certificate.choices, certificate.recordings
     library, without = choices.library, ", ".join(choices.without)
     return [
@@ -42,7 +45,8 @@ def origin_of(certificate: Certificate, current: Mapping[str, str]) -> list[Decl
 
     Args:
         certificate: the certificate
-        current: versions of the running code (`dpr_lab.certificate.code.made_with`); notes give those that differ
+        current: versions of the running code (`dpr_lab.certificate.code.made_with`); notes name the versions that
+            differ
     """
     return [Declared("policy", str(certificate.policy)), *_made_with(certificate, current), _signed(certificate)]
 

@@ -1,7 +1,7 @@
 """The certificate file: recordings, rig, choices, code and claims of one diagnosis.
 
-The file contains no tolerances and no rules; these are the policy of the code (`dpr_lab.certificate.policy`). The seal
-is a hash without a key: it detects damage and accidental edits, but anyone can compute it again after an edit.
+The file contains no tolerances and no rules: these are the policy of the code (`dpr_lab.certificate.policy`). The seal
+is a hash without a key. It detects damage and accidental edits, but can be computed again after an intended edit.
 """
 
 import hashlib
@@ -20,13 +20,17 @@ from dpr_lab.whole_file import regular
 
 Policy = Literal[2]
 POLICY: Policy = get_args(Policy)[0]
-"""Version of claims, tolerances and permitted choices; it increases with every change of these rules."""
+"""Version of the policy: claims, tolerances and permitted choices. It increases with every change of these rules."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 def _path(text: str) -> str:
-    """Check that a text can be the path of a file."""
+    """Validate the text of a file path.
+
+    Raises:
+        ValueError: the text cannot be a path.
+    """
     if "\0" in text or any(len(os.fsencode(part)) > 255 for part in Path(text).parts):
         raise ValueError("is not a path")
     return text
@@ -47,15 +51,15 @@ class CertifiedRecording(_Part):
     file: FilePath
     """Path relative to the folder of the certificate."""
     sha256: Sha256
-    """Hash of the file. Importing the same table again gives another file."""
+    """Hash of the file. Another import of the same table gives another file."""
     readings: Sha256
-    """`dpr_lab.run.Run.readings_sha256`: hash of everything that a fit uses of the run."""
+    """Hash of all data of the run that a fit uses (`dpr_lab.run.Run.readings_sha256`)."""
     held_out: bool
-    """Whether the run only validated the diagnosis and was not fitted."""
+    """Whether the run was not fitted and only validated the diagnosis."""
 
 
 class CertifiedRig(_Part):
-    """The rig file."""
+    """Rig file of a certificate."""
 
     file: FilePath
     """Path relative to the folder of the certificate, or the name of a built-in rig."""
@@ -64,7 +68,7 @@ class CertifiedRig(_Part):
 
 
 class CertifiedLimits(_Part):
-    """The limits file of an acceptance test."""
+    """Limits file of the acceptance test in a certificate."""
 
     file: FilePath
     """Path relative to the folder of the certificate."""
@@ -73,18 +77,18 @@ class CertifiedLimits(_Part):
 
 
 class CertifiedChoices(_Part):
-    """Free choices of the diagnosis; `verify` shows them first."""
+    """Free choices of the diagnosis. `verify` prints them first."""
 
     library: Annotated[tuple[str, ...], Field(min_length=1)] | None
     """Names of the candidate effects; None: all."""
     without: tuple[str, ...]
     """Names of excluded effects."""
     max_effects: int = Field(ge=1, le=8)
-    """Maximum number of effects at once."""
+    """Maximum number of named effects."""
     seed: int = Field(ge=0, lt=1 << 63)
     """Seed of the bootstrap."""
     any_clock: bool
-    """Whether runs are accepted if their device clock is less accurate than a crystal."""
+    """Whether runs are accepted although the clock of their device is less accurate than a crystal."""
     torque: Literal["measured", "commanded"] | None
     """Kind of torques to use for runs that contain both; None: measured."""
 
@@ -100,9 +104,9 @@ class MadeWith(_Part):
     """Code, libraries and machine that computed the claims."""
 
     dpr_lab: Annotated[str, Field(min_length=1, max_length=1000)]
-    """Version, and names and versions of the packages with plugins."""
+    """Version of dpr-lab, and names and versions of the packages with plugins."""
     code: Sha256
-    """Hash of all Python files of the package and of the plugins."""
+    """Hash of all Python files of dpr-lab and of its plugins."""
     python: Version
     numpy: Version
     scipy: Version
@@ -114,34 +118,34 @@ class CertifiedClaim(_Part):
     """A claim of a certificate."""
 
     value: Annotated[str, Field(max_length=65536)] | Number
-    """Text or number, SI."""
+    """Value of the claim: a text, or a number in SI units."""
     interval90: tuple[Number, Number] | None
-    """90 % interval; None for a text or a number without one."""
+    """90 % interval of a number; None for a text, or a number without an interval."""
 
 
 class Signature(_Part):
     """Signature of a certificate."""
 
     public_key: str = Field(pattern="^ssh-ed25519 [A-Za-z0-9+/]{68}$")
-    """Key of the signer in OpenSSH form, without comment."""
+    """Public key of the signer in OpenSSH format, without comment."""
     value: str = Field(pattern="^[0-9a-f]{128}$")
     """Ed25519 signature of `Certificate.content`, in hexadecimal digits."""
 
 
 class Certificate(_Part):
-    """Claims of a diagnosis with everything that is required to repeat it."""
+    """Claims of a diagnosis, with all data that a repetition requires."""
 
     policy: Policy
     recordings: list[CertifiedRecording] = Field(min_length=1)
     rig: CertifiedRig
     limits: CertifiedLimits | None = None
-    """Limits whose test results are claimed too; None if there are none."""
+    """Limits file whose test results are also claimed; None without limits."""
     choices: CertifiedChoices
     made_with: MadeWith
     claims: dict[str, CertifiedClaim]
     signature: Signature | None
     seal: str = ""
-    """SHA-256 of `content`; detects damage and accidental edits."""
+    """SHA-256 of `content`, which detects damage and accidental edits."""
 
     @model_validator(mode="after")
     def _has_a_fitted_run(self) -> Self:
@@ -151,23 +155,26 @@ class Certificate(_Part):
 
     @property
     def content(self) -> bytes:
-        """Canonical JSON of everything except signature and seal; limits are left out if there are none."""
+        """Canonical JSON of all fields except signature and seal.
+
+        `limits` is left out if there are none.
+        """
         absent = {"limits"} if self.limits is None else set[str]()
         fields = self.model_dump(mode="json", exclude={"signature", "seal"} | absent)
         return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
 
     def sealed(self) -> Self:
-        """Return a copy with its seal."""
+        """Copy of the certificate with its seal."""
         return self.model_copy(update={"seal": hashlib.sha256(self.content).hexdigest()})
 
     def compare_seal(self) -> list[Verified]:
-        """One line if the seal does not match the content; otherwise none."""
+        """Failed verification of the seal; empty if the seal matches the content."""
         if self.seal == self.sealed().seal:
             return []
         return [Verified("seal", self.seal, None, False, "the certificate was changed after it was written")]
 
     def runs(self, folder: Path, *, held_out: bool) -> tuple[Path, ...]:
-        """Paths of the fitted or of the held-out recordings."""
+        """Paths of the fitted recordings or, with `held_out`, of the held-out recordings."""
         return tuple(folder / recording.file for recording in self.recordings if recording.held_out is held_out)
 
     def rig_in(self, folder: Path) -> str:
@@ -176,7 +183,7 @@ class Certificate(_Part):
         return str(path) if path.is_file() else self.rig.file
 
     def to_text(self) -> str:
-        """Text of the file."""
+        """Content of the certificate file."""
         return self.model_dump_json(indent=1) + "\n"
 
 
@@ -198,7 +205,10 @@ def load_certificate(path: Path) -> Certificate:
 
 
 def _text(path: Path, max_mb: int = 16) -> str:
-    """Read a file of limited size; a certificate of a thousand recordings has less than 1 MB."""
+    """Content of a file of limited size.
+
+    A certificate of a thousand recordings has less than 1 MB.
+    """
     try:
         if regular(path, RunError).stat().st_size > max_mb << 20:
             raise RunError(f"{path}: is not a certificate: larger than {max_mb} MB")
@@ -210,7 +220,10 @@ def _text(path: Path, max_mb: int = 16) -> str:
 
 
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Refuse repeated keys: people may read the first value, programs use the last."""
+    """Convert key-value pairs to a mapping; repeated keys are refused.
+
+    A reader may see the first value of a repeated key, whereas programs use the last one.
+    """
     values: dict[str, Any] = {}
     for key, value in pairs:
         if key in values:

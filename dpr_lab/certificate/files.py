@@ -39,7 +39,7 @@ def certify_limits(path: Path, folder: Path) -> CertifiedLimits:
 
 
 def compare_limits(certificate: Certificate, folder: Path) -> list[Verified]:
-    """Compare the limits file with its hash; no line without limits."""
+    """Compare the limits file with its hash; empty without limits."""
     if certificate.limits is None:
         return []
     path, certified = folder / certificate.limits.file, certificate.limits.sha256
@@ -57,7 +57,8 @@ def _relative(path: Path, folder: Path) -> str:
 def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
     """Compare a run file with its hashes.
 
-    The hash of the readings decides: importing the same table again gives another file with the same readings.
+    The hash of the readings is decisive, because another import of the same table gives another file with the same
+    readings.
     """
     try:
         holds, now, reason = _compare(certified, folder / certified.file)
@@ -69,7 +70,7 @@ def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
 
 
 def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
-    """Whether the file is the certified one, its hash, and the reason."""
+    """Whether a file is the certified recording, its hash, and the reason for the result."""
     if not path.is_file():
         return False, None, "does not exist"
     now = sha256_of(path)

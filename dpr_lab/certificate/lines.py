@@ -1,33 +1,33 @@
-"""Lines of the result of a verification."""
+"""Results of a verification, one for each statement of a certificate."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """A statement of a certificate and its verification."""
+    """Result of the verification of one statement."""
 
     claim: str
     """Name of the claim or of the file."""
     certified: str | float | None
-    """Value in the certificate; None: missing."""
+    """Value in the certificate; None if it is missing."""
     now: str | float | None
-    """Value of the repetition; None if there is no value to compare with."""
+    """Value of the repetition; None if there is none to compare with."""
     holds: bool
     """Whether the two agree within the tolerance."""
     reason: str = ""
-    """Reason why the claim fails, or a remark on a valid claim."""
+    """Reason why the claim does not hold, or a remark on a claim that holds."""
     within: float | None = None
-    """Tolerance of a claim; 0: must be equal; None: a file or a signature."""
+    """Tolerance of a claim, 0 for equality; None for a file or a signature."""
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """A statement of a certificate that a repetition cannot verify: a free choice or its origin."""
+    """Statement of a certificate that a repetition cannot verify: a free choice, or a part of its origin."""
 
     name: str
-    """Name of the choice or of the origin."""
+    """Name of the choice, or of the part of the origin."""
     value: str
     """Value in the certificate."""
     note: str = ""
-    """The default, or the value of the running code, if it differs."""
+    """Default of the choice, or value of the running code, if it differs from the stated value."""

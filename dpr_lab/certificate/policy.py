@@ -1,10 +1,9 @@
-"""Claims of a certificate and their tolerances.
+"""Claims that a certificate must contain, and their tolerances.
 
-These rules are part of the code, not of the file: a certificate with a missing, added or changed claim is not valid.
-Changed rules require a new policy (`dpr_lab.certificate.document.POLICY`).
-
-Names and verdicts must be equal. The tolerances of numbers are those that compare the results of different versions of
-this program (tests/golden). They follow from the repeated diagnosis, so editing the file cannot widen them.
+These rules are part of the code and not of the file: a certificate with a missing, additional or changed claim is not
+valid. A change of the rules requires a new policy (`dpr_lab.certificate.document.POLICY`). Names and verdicts must be
+equal. The tolerances of numbers are those by which the results of different versions of this program are compared
+(tests/golden). They follow from the repeated diagnosis, so editing the file cannot widen them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,14 +23,15 @@ Ends = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """Tolerances of numbers."""
+    """Tolerances of claimed numbers."""
 
     share: float = 0.02
-    """Tolerance of a probability or a share of the gap, and of the ends of its interval."""
+    """Tolerance of a probability or of a share of the gap, and of the ends of its interval."""
     of_interval: float = 0.1
-    """Tolerance of other numbers and of the ends of their intervals, as a fraction of the interval's width."""
+    """Tolerance of any other number and of the ends of its interval, relative to the width of the interval."""
     of_typical: float = 1e-3
-    """Minimum tolerance as a fraction of the parameter's typical size; an interval at a bound has no width."""
+    """Minimum tolerance, relative to the typical size of the parameter. It is needed because an interval at a bound has
+    no width."""
 
 
 TOLERANCES = Tolerances()
@@ -39,10 +39,10 @@ TOLERANCES = Tolerances()
 
 @dataclass(frozen=True, slots=True)
 class RequiredClaim:
-    """A claim that the policy requires of a diagnosis."""
+    """Claim that the policy requires, with its tolerances."""
 
     claim: CertifiedClaim
-    """Value and interval."""
+    """Claimed value and its interval."""
     within: float = 0.0
     """Tolerance of the value; 0 for a text, which must be equal."""
     of_interval: float = 0.0
@@ -50,7 +50,7 @@ class RequiredClaim:
 
 
 def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) -> dict[str, RequiredClaim]:
-    """Claims that policy 2 requires of a certificate of this diagnosis, by name.
+    """Claims that the policy requires of a certificate of this diagnosis, by name.
 
     Args:
         diagnosis: the diagnosis
@@ -79,7 +79,10 @@ def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) 
 
 
 def _limit_claims(acceptance: Acceptance) -> dict[str, RequiredClaim]:
-    """The result of each limit and of all limits together; the bounds are in the limits file, which has a hash."""
+    """Claims on the result of each limit and of all limits together.
+
+    The bounds are not claimed: they are in the limits file, which has a hash.
+    """
     claims = {f"limit of {limit.quantity}": _text(limit.answer) for limit in acceptance.limits}
     return claims | {"all limits": _text(acceptance.answer)}
 
@@ -112,13 +115,20 @@ def _number(value: float, interval90: Ends, typical: float) -> RequiredClaim:
 
 
 def _scale(scale: Scale) -> RequiredClaim:
-    """The b of absolute sizes: an estimate, or a value of the rig file, which a repetition uses unchanged."""
+    """Claim on the b of absolute sizes.
+
+    If b is an estimate, its tolerance is that of the fit. If it is a value of the rig file, a repetition uses it
+    unchanged.
+    """
     claim, within = CertifiedClaim(value=scale.b, interval90=scale.interval90), _tolerance(scale.interval90, scale.b)
     return RequiredClaim(claim, within if scale.known else TOLERANCES.of_typical * scale.b, within)
 
 
 def _size(size: EffectSize, typical: float) -> RequiredClaim:
-    """An absolute size with the tolerance of the fit; its interval includes the uncertainty of the scale."""
+    """Claim on an absolute size, with the tolerance of the fit.
+
+    Its interval includes the uncertainty of the scale.
+    """
     interval90 = size.interval90_with_scale or size.interval90
     claim = CertifiedClaim(value=size.value, interval90=interval90)
     return RequiredClaim(claim, _tolerance(size.interval90, typical), _tolerance(interval90, typical))
@@ -132,7 +142,10 @@ def _tolerance(interval90: Ends, typical: float) -> float:
 def compare_claims(
     certified: Mapping[str, CertifiedClaim], diagnosis: Diagnosis, acceptance: Acceptance | None = None
 ) -> list[Verified]:
-    """Compare the claims of a certificate with those that the policy requires; arguments as for `required_claims`."""
+    """Compare the claims of a certificate with those that the policy requires.
+
+    Arguments are those of `required_claims`.
+    """
     required = required_claims(diagnosis, acceptance)
     lines = [_compare(name, certified.get(name), claim) for name, claim in required.items()]
     unknown = (

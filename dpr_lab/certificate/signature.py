@@ -1,6 +1,6 @@
-"""Ed25519 signatures of certificates with keys of OpenSSH or OpenSSL, by the library `cryptography`.
+"""Ed25519 signatures of certificates with keys of OpenSSH or OpenSSL, based on the library `cryptography`.
 
-Private keys are read and never written.
+Private keys are only read, and never written.
 """
 
 import base64
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 CONTEXT = b"dpr-lab certificate\n"
-"""Prefix of the signed bytes, so that the signature of a certificate is not valid for other data."""
+"""Prefix of the signed bytes. It prevents the use of the signature for data other than a certificate."""
 
 MISSING = "signatures require the library cryptography: pip install 'dpr-lab[signing]'"
 MAKE_A_KEY = "make one with: ssh-keygen -t ed25519 -f my_key"
@@ -66,7 +66,7 @@ def _private(data: bytes, password: bytes | None) -> object:
 
 
 def load_public_key(path: Path) -> str:
-    """Read a public key in PEM or OpenSSH form; return it in OpenSSH form without comment.
+    """Read a public key in PEM or OpenSSH form; returns it in OpenSSH form without comment.
 
     Raises:
         ConfigError: the file does not exist or is not an Ed25519 public key, or `cryptography` is not installed.
@@ -92,14 +92,17 @@ def load_public_key(path: Path) -> str:
 
 
 def sign(certificate: Certificate, key: "Ed25519PrivateKey") -> Certificate:
-    """Return the certificate with a signature of its content."""
+    """Copy of a certificate with a signature of its content."""
     value = key.sign(CONTEXT + certificate.content).hex()
     signature = Signature(public_key=_as_openssh(key.public_key()), value=value)
     return certificate.model_copy(update={"signature": signature})
 
 
 def is_valid(certificate: Certificate) -> bool:
-    """Whether the signature is valid for the content and the stated key; requires `cryptography`."""
+    """Whether the signature is valid for the content and the public key in the certificate.
+
+    The library `cryptography` is required.
+    """
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_ssh_public_key
@@ -115,11 +118,11 @@ def is_valid(certificate: Certificate) -> bool:
 
 
 def compare_signature(certificate: Certificate, trusted: str | None) -> list[Verified]:
-    """Verify the signature of a certificate; no lines without a signature or without `cryptography`.
+    """Verify the signature of a certificate; empty without a signature or without `cryptography`.
 
     Args:
         certificate: the certificate
-        trusted: the required public key, from `load_public_key`; None: any key or no signature
+        trusted: the required public key, from `load_public_key`; None: any key, or no signature
     """
     required = fingerprint(trusted) if trusted else None
     if certificate.signature is None:

@@ -1,17 +1,18 @@
 """Update of a diagnosis by the result of a recommended check.
 
-The hypotheses about one named effect are its candidates (the members of its class, equally probable before any check,
-and its alternatives) and a cause that is none of them. With p_c the probability of hypothesis c, and L_c the predictive
-density of the result under it, Bayes' theorem gives
+The hypotheses about one named effect are its candidates and a cause that is none of them. The candidates are the
+members of its class, which are equally probable before any check, and its alternatives. With p_c the probability of
+hypothesis c, and L_c the predictive density of the result under it, Bayes' theorem gives
 
     p_c after  =  p_c L_c / sum over all of p_j L_j,          p_none = max(1 - sum over candidates of p_c, p_least),
 
     Bayes factor of c  =  L_c / (sum over j != c of p_j L_j / sum over j != c of p_j).
 
-The densities of a measured amplitude are those of `dpr_lab.gap.advice.measurement`. A recording has the predictive cost
-of each candidate, fitted with the other named effects and tempered as in `dpr_lab.gap.classes.posterior`; it contains
-no information about a cause that was not fitted, whose probability does not change. The old recordings are not fitted
-again. Equations (57) and (58) of docs/theory.md.
+The densities of a measured amplitude are those of `dpr_lab.gap.advice.measurement`. For a recording, the predictive
+cost of each candidate is used. The candidate is fitted together with the other named effects, and its density is
+tempered as in `dpr_lab.gap.classes.posterior`. A recording contains no information about a cause that was not fitted,
+so the probability of this cause does not change. The old recordings are not fitted again. Equations (57) and (58) of
+docs/theory.md.
 """
 
 from collections.abc import Mapping
@@ -43,7 +44,7 @@ def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
 
 
 def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Diagnosis:
-    """The diagnosis after a check.
+    """Diagnosis after a check.
 
     Args:
         diagnosis: the diagnosis that recommends the check
@@ -51,8 +52,8 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
         answer: its result
 
     Raises:
-        RunError: the answer is of the wrong kind, is impossible, or is not predicted by any candidate and not
-        confirmed; runs that cannot be fitted.
+        RunError: the answer is of another kind than the check, or impossible; no candidate predicts it and it is not
+            confirmed; or runs cannot be fitted.
     """
     kind = kind_of(check)
     if answer.given != kind.takes:
@@ -62,7 +63,7 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
-    """Probability of each member of a named effect's class and of each of its alternatives."""
+    """Probability of each candidate: the members of a named effect's class, and its alternatives."""
     if done := _done(diagnosis, about):
         return {name: p for name, p in done[-1].after.items() if name != NONE_OF_THEM}
     named = _named(diagnosis, about)
@@ -71,7 +72,7 @@ def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
 
 
 def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
-    """Probability of each candidate and of none of them; they add up to one."""
+    """Probability of each candidate and of a cause that is none of them; they add up to one."""
     if (done := _done(diagnosis, about)) and NONE_OF_THEM in done[-1].after:
         return dict(done[-1].after)
     probabilities = candidates(diagnosis, about)
@@ -91,7 +92,7 @@ def _named(diagnosis: Diagnosis, about: str) -> NamedEffect:
 def posterior(
     prior: Mapping[str, float], log_densities: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Probabilities after a result, and the logarithm to base 10 of each Bayes factor against all others together.
+    """Probabilities after a result, and the base-10 logarithm of each Bayes factor against all other hypotheses.
 
     Args:
         prior: hypothesis -> probability
@@ -110,7 +111,7 @@ def posterior(
 
 
 def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, result: Result) -> Diagnosis:
-    """The diagnosis with the probabilities after a result."""
+    """Diagnosis with the probabilities after a result."""
     before = hypotheses(diagnosis, check.about)
     after, factors = posterior(before, result.log_densities)
     done = CheckDone(
@@ -142,10 +143,10 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 
 
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
-    """Checks that are not done, with their expected information about the updated probabilities, largest first.
+    """Checks that are not done, with their expected information about the updated probabilities, the largest first.
 
-    For an ideal measurement this is the remaining entropy. Any other check is assumed to give the same fraction of this
-    information as before the result.
+    For an ideal measurement this is the remaining entropy. Any other check is assumed to give the same fraction of the
+    remaining entropy as before the result.
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(open_checks, key=lambda check: -check.expected_bits)
@@ -164,7 +165,7 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
-    """Probability that some cause is outside the library: the largest over the named effects, checked or not."""
+    """Probability of a cause outside the library: the largest value over all named effects, checked or not."""
     checked = {
         previous.check.about: previous.after[NONE_OF_THEM]
         for previous in diagnosis.checks_done
@@ -176,7 +177,7 @@ def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
 
 
 def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
-    """Remedies without that of an effect that is no longer the most probable cause."""
+    """Remedies, without that of an effect which is no longer the most probable cause."""
     if likeliest(done.after) == about:
         return diagnosis.remedies
     return [remedy for remedy in diagnosis.remedies if not remedy.startswith(f"For {about}:")]
@@ -185,7 +186,10 @@ def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
 def _standing(
     diagnosis: Diagnosis, about: str, after: Mapping[str, float]
 ) -> tuple[list[NamedEffect], list[RivalEffect]]:
-    """Named effects and alternatives; members of a class that a check separated become alternatives."""
+    """Named effects and alternatives after a check.
+
+    Members of a class that the check separated become alternatives.
+    """
     named = _named(diagnosis, about)
     total = sum(after[name] for name in named.members)
     members = [name for name in named.members if after[name] > CHECK.dropped * total]

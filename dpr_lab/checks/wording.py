@@ -10,12 +10,15 @@ from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
 
 
 def likeliest(probabilities: Mapping[str, float]) -> str:
-    """Hypothesis with the highest probability; the first of equal ones."""
+    """Hypothesis with the highest probability; the first one of several with equal probability."""
     return max(probabilities, key=lambda name: probabilities[name])
 
 
 def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[Verdict, str]:
-    """Verdict and sentence after a check; the sentence starts with the cause that is now most probable."""
+    """Verdict and sentence after a check.
+
+    The sentence starts with the cause that is now the most probable one.
+    """
     about, after = done.check.about, likeliest(done.after)
     before = f"Before the checks: {diagnosis.sentence.rpartition('Before the checks: ')[2]}"
     result = f"After check {done.check.id} ({done.result}):"
@@ -42,7 +45,7 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
 
 
 def bayes_factor(done: CheckDone, name: str) -> str:
-    """A Bayes factor as text: `25`, `0.04`, `3000`, `> 10^6`."""
+    """A Bayes factor as text, for example `25`, `0.04`, `3000` or `> 10^6`."""
     power = done.log10_bayes_factor.get(name, 0.0)
     if abs(power) > CHECK.largest_power:
         return f"{'>' if power > 0 else '<'} 10^{np.sign(power) * CHECK.largest_power:.0f}"

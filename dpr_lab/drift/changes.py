@@ -1,13 +1,13 @@
 """Significant changes of parameters between groups of runs, with simultaneous intervals.
 
-Model of the parameter q of run k:
+The model of the parameter q of run k is
 
-    q_k = (mean of its group) + (effect of its pose) + e_k,    e_k independent, of standard deviation s
+    q_k = (mean of its group) + (effect of its pose) + e_k,    e_k independent, of standard deviation s.
 
-where s follows from runs of the same group and pose, or from successive runs if no group has several runs; it is at
-least the standard deviation from the noise of a run alone. Contrasts c of the group means are tested: each group minus
-the first, and for each change point the mean of all later groups minus that of all earlier ones. One critical value
-holds for all contrasts and all parameters simultaneously: the quantile of
+s is estimated from runs of the same group and pose, or from successive runs if no group has several runs. It is at
+least the standard deviation due to the noise of a single run. Contrasts c of the group means are tested: each group
+minus the first, and for each change point the mean of all later groups minus that of all earlier ones. One critical
+value applies to all contrasts and all parameters simultaneously: the quantile of
 
     max |c . mean| / (s |c|)
 
@@ -29,23 +29,23 @@ from dpr_lab.drift.estimates import Estimates
 from dpr_lab.errors import RunError
 
 Basis = Literal["runs of one group", "neighbouring runs", "the noise of each run"]
-"""Source of the standard deviation of a run."""
+"""Data from which the standard deviation of a run is estimated."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriftSettings:
-    """Settings of the test."""
+    """Settings of the test for drift."""
 
     false_alarms: float = 0.012
-    """Family-wise error rate: probability of any significant change without drift; below 2 % in trials as well."""
+    """Family-wise error rate: probability of any significant change without drift. In trials it is below 2 %."""
     draws: int = 20_000
-    """Number of simulations; the critical value is then accurate to about 0.01."""
+    """Number of simulated data sets. The critical value is then accurate to about 0.01."""
     fewest_repeats: int = 2
-    """Minimum degrees of freedom within groups and poses to estimate the standard deviation from them."""
+    """Minimum degrees of freedom within groups and poses, for estimating the standard deviation of a run from them."""
     fewest_neighbours: int = 6
-    """Minimum number of runs to estimate the standard deviation from successive runs."""
+    """Minimum number of runs, for estimating the standard deviation of a run from successive runs."""
     within: float = 1e-9
-    """Numerical tolerance for an estimable contrast."""
+    """Numerical tolerance of the test whether a contrast is estimable."""
 
 
 SETTINGS = DriftSettings()
@@ -53,14 +53,14 @@ SETTINGS = DriftSettings()
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Change of a parameter's mean from the first group."""
+    """Difference of a parameter's mean between a group and the first group."""
 
     group: int
     """Index of the group."""
     change: float
-    """Mean of the group minus that of the first group, SI."""
+    """Mean of the group minus mean of the first group, SI units."""
     interval: tuple[float, float]
-    """Interval of the change, simultaneous with those of all parameters, groups and change points, SI."""
+    """Interval of `change`, simultaneous with the intervals of all parameters, groups and change points, SI units."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,26 +70,26 @@ class ParameterChange:
     name: str
     """Name of the parameter."""
     first: float
-    """Mean of the first group, at the mean pose, SI."""
+    """Mean of the first group at the mean pose, SI units."""
     scatter: float
     """Standard deviation of one run, SI."""
     differences: tuple[Difference, ...]
-    """Changes of every later group from the first."""
+    """Differences of each later group from the first group."""
     after: int
-    """Index of the group before the most likely change point."""
+    """Index of the last group before the most likely change point."""
     step: float
-    """Change at that point: mean of all later groups minus that of all earlier ones, SI."""
+    """Mean of all groups after the change point minus mean of all groups before it, SI units."""
     step_interval: tuple[float, float]
-    """Interval of the step, simultaneous with all others, SI."""
+    """Interval of `step`, simultaneous with all other intervals, SI units."""
     between: tuple[str, str]
     """Names of the two groups of the most significant contrast: the first and a later group, or the groups before and
     after a change point."""
     change: float
-    """Value of that contrast, SI."""
+    """Value of the most significant contrast, SI units."""
     change_interval: tuple[float, float]
-    """Interval of the contrast, simultaneous with all others, SI."""
+    """Interval of `change`, simultaneous with all other intervals, SI units."""
     p: float
-    """Adjusted p-value: probability of an equally large contrast of any parameter without drift."""
+    """Adjusted p-value: probability that any parameter has a contrast this large without drift."""
     moved: bool
     """Whether the change is significant."""
 
@@ -105,7 +105,7 @@ class Drift:
     parameters: tuple[ParameterChange, ...]
     """Result for each parameter."""
     basis: Basis
-    """Source of the standard deviation of a run."""
+    """Data from which the standard deviation of a run was estimated."""
     critical: float
     """Critical value of a contrast, in standard errors."""
     false_alarms: float
@@ -119,14 +119,15 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class _Design:
-    """Linear maps of the values of the runs."""
+    """Linear maps from the values of the runs to contrasts, group mean and residuals."""
 
     contrasts: Array
-    """(contrasts, runs): each later group minus the first, then the change points."""
+    """(contrasts, runs) weights: each later group minus the first, then the change points."""
     first: Array
-    """(runs,) mean of the first group."""
+    """(runs,) weights of the mean of the first group."""
     scatter: Array
-    """(m, runs) residuals with a sum of squares of `norm` variances; m = 0 if the variance is not estimable."""
+    """(m, runs) weights of residuals whose sum of squares is `norm` variances; m = 0 if the variance is not
+    estimable."""
     norm: float
     """Degrees of freedom of the residuals."""
     basis: Basis
@@ -219,12 +220,12 @@ def _design(
 
 
 def _scatter(design: _Design, values: Array) -> Array:
-    """(parameters,) standard deviation of one run; zero if it is not estimable."""
+    """Standard deviation (parameters,) of one run; zero if it is not estimable."""
     return np.sqrt(np.sum((design.scatter @ values) ** 2, axis=0) / design.norm)
 
 
 def _null_distribution(design: _Design, parameters: int, settings: DriftSettings, rng: np.random.Generator) -> Array:
-    """(draws,) largest contrast of any parameter, in standard errors, of simulated runs without drift."""
+    """Largest contrast of any parameter, in standard errors, of simulated runs without drift: (draws,)."""
     simulated = rng.standard_normal((design.contrasts.shape[1], settings.draws * parameters))
     t = np.abs(design.contrasts @ simulated).T / np.linalg.norm(design.contrasts, axis=1)
     largest = t.max(axis=1)

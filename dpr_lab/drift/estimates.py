@@ -1,4 +1,4 @@
-"""Estimates of ratios and of sizes of given effects, fitted to each run alone."""
+"""Ratios and sizes of given effects, fitted to each run alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,21 +24,21 @@ from dpr_lab.setup import only_inner
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """Estimates of each run, in the order of time."""
+    """Estimates from each run, in the order of time."""
 
     runs: tuple[str, ...]
     """Names of the runs."""
     poses: tuple[str, ...]
-    """Pose of each run; the bias of estimates by model error differs between poses."""
+    """Pose of each run. Model errors bias the estimates differently at each pose."""
     names: tuple[str, ...]
     """Names of the parameters."""
     values: Array
-    """(runs, parameters) estimates, SI."""
+    """(runs, parameters) estimates, SI units."""
     std: Array
-    """(runs, parameters) standard deviations from the noise of each run, SI."""
+    """(runs, parameters) standard deviations due to the noise of each run, SI units."""
     b: float | None = None
-    """Assumed inertia of absolute sizes, kg m^2; None if the runs identify it. Sizes that scale with it are ratios
-    to it, and their names end in `/b` or `*b`; `/a` or `*a` of an inner rod alone."""
+    """Assumed inertia for absolute sizes, kg m^2; None if the runs identify it. Sizes that scale with it are ratios to
+    it, and their names end in `/b` or `*b` (`/a` or `*a` for an inner rod alone)."""
     inertia: str = "b"
     """Name of the assumed inertia: `a` for an inner rod alone, otherwise `b`."""
 
@@ -53,13 +53,10 @@ def estimate_each(
     """Fit every run alone, in segments of 0.5 s.
 
     Args:
-        runs: in the order of time
+        runs: the runs in the order of time
         rig: lengths, masses and encoders
         effects: named effects of a diagnosis with all parameters; their amplitudes are fitted too
-        start: (6,) initial values of the ratios and of b; the rig file's values by default
-
-    Raises:
-        RunError: a run cannot be fitted.
+        start: (6,) initial values of the ratios and of b; None: values of the rig file
     """
     initial = nominal_ratios(rig) if start is None else start
     fits = [_estimate(run, rig, effects or {}, initial) for run in runs]
@@ -110,7 +107,7 @@ def _estimate(
 
 
 def _scale_power(parameter: FreeParameter) -> int:
-    """Exponent with which an amplitude scales with b, which a run alone does not identify."""
+    """Exponent of b with which an amplitude scales; a single run does not identify b."""
     effect = EFFECTS.get(parameter.effect)
     return next((p.scale_power for p in effect.parameters if p.name == parameter.name), 0) if effect else 0
 

@@ -15,17 +15,17 @@ class Occasion:
     name: str
     """Name of the run."""
     at: datetime | None
-    """Time of recording; None for an imported table without a date."""
+    """Time of the recording; None for an imported table without a date."""
     label: str
     """The operator's note, or the folder of the file if there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroupSettings:
-    """Rules for a new group."""
+    """Rules that separate groups."""
 
     pause: timedelta = timedelta(hours=1)
-    """Minimum pause between two sessions; a rig cools down during a pause."""
+    """Minimum pause between two sessions. A rig cools down during a pause."""
 
 
 GROUPS = GroupSettings()
@@ -33,12 +33,12 @@ GROUPS = GroupSettings()
 
 @dataclass(frozen=True, slots=True)
 class Grouped:
-    """Order of runs in time, and the group of each."""
+    """Order of the runs in time, and the group of each run."""
 
     order: tuple[int, ...]
     """Indices of the given runs, in the order of time if all dates are known."""
     group: tuple[int, ...]
-    """Index of the group of each run, in that order."""
+    """Index of the group of each run, in the order `order`."""
     names: tuple[str, ...]
     """Names of the groups, in the order of their first runs."""
 
@@ -95,4 +95,4 @@ KEYS: Mapping[str, Callable[[Sequence[Occasion]], list[str]]] = {
     "session": _sessions,
     "label": lambda runs: [run.label for run in runs],
 }
-"""Name of a grouping -> function that names the group of each run, for runs in the order of time."""
+"""Name of a grouping -> function that returns the group name of each run, for runs in the order of time."""

@@ -1,4 +1,4 @@
-"""Estimates of ratios of rods, arm and drive, fitted to each run of a free or driven arm alone."""
+"""Ratios of rods, arm and drive, fitted to each run of a free or driven arm alone."""
 
 from collections.abc import Sequence
 
@@ -15,17 +15,13 @@ from dpr_lab.run import Run
 
 @solvable
 def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> Estimates:
-    """Fit every run alone; ratios that a run does not determine are left out for all.
+    """Fit every run alone; ratios that some run does not determine are left out.
 
     Args:
-        runs: in the order of time, all with the same mode of the arm
+        runs: the runs in the order of time, all with the same mode of the arm
         rig: lengths, masses and encoders
-        clearest: largest relative standard deviation of a ratio that is compared; for friction, which may be near zero,
-        it is relative to the largest estimate
-
-    Raises:
-        RunError: a run cannot be fitted, the runs differ in the mode of the arm, or no ratio is determined by all.
-        IdentificationError: the values of the rig file cannot be simulated.
+        clearest: maximum relative standard deviation of a ratio that is compared; for friction, which may be near zero,
+            relative to the largest estimate
     """
     modes = sorted({run.arm_mode for run in runs})
     if len(modes) > 1:

@@ -1,1 +1,1 @@
-"""Reproduction of the published experiment: tables, search and figures, compared with the printed ones."""
+"""Reproduction of the published experiment: tables, search and figures, compared with the published ones."""

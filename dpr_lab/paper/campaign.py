@@ -23,9 +23,8 @@ TRUTHS: dict[Grid, Array] = {
     "on": TRUE,
     "off": TRUE * np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE)),
 }
-"""True parameters: the published ones, which are in the middle of the coding grid, or each multiplied by a random
-factor.
-"""
+"""Grid -> true parameters of a search. `on`: the published values, which are in the middle of the coding grid. `off`:
+each of these values multiplied by a random factor."""
 
 HISTORY = ("best_cost", "best_fitness", "population_fitness")
 
@@ -35,7 +34,7 @@ class SearchCase:
     """One search of the campaign."""
 
     reading: str
-    """Interpretation of H, a name in `READINGS`."""
+    """Interpretation of H: a name in `READINGS`."""
     grid: Grid
     seed: int
 
@@ -46,27 +45,27 @@ class Found:
 
     case: SearchCase
     best: Array
-    """(9,) parameters, SI."""
+    """(9,) best parameters, SI units."""
     H: float
-    """H in the interpretation of the search."""
+    """H of the best parameters, in the interpretation of the search."""
     E: dict[str, Array]
-    """(3,) E from X1, X2, X3 for each name in `TERMS`."""
+    """For each name in `TERMS`, E (3,) from the poses X1, X2, X3."""
     generations: int
     evaluations: int
     gate_opened: int | None
-    """First generation at which step (4) allows dynamic encoding and feedback mutation; None: never."""
+    """First generation in which step (4) permits dynamic encoding and feedback mutation; None: never."""
     wall_s: float
     cpu_s: float
     history: dict[str, list[float]]
-    """Columns `HISTORY` over the generations."""
+    """Values of the columns `HISTORY`, one per generation."""
 
     @property
     def percent(self) -> Array:
-        """(9,) signed errors of the nine parameters, %."""
+        """(9,) signed relative errors of the nine parameters, %."""
         return 100 * (self.best / TRUTHS[self.case.grid] - 1)
 
     def ratio_percent(self, rig: Rig) -> Array:
-        """(5,) signed errors of the five ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
+        """(5,) signed relative errors of the ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
         return ratio_percent(self.best, TRUTHS[self.case.grid], rig)
 
     @property
@@ -75,7 +74,7 @@ class Found:
         return self.H <= BEST_H
 
     def record(self, rig: Rig) -> dict[str, Any]:
-        """The result as lists and numbers, for JSON."""
+        """Result as lists and numbers, for JSON."""
         case = {field.name: getattr(self.case, field.name) for field in fields(SearchCase)}
         values = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("case", "E")}
         return (
@@ -92,7 +91,7 @@ class Found:
 
 
 def ratio_percent(Z: Array, truth: Array, rig: Rig) -> Array:
-    """(5,) signed errors of the five ratios of one set of nine parameters, %."""
+    """Signed relative errors (5,) of the five ratios for one set of nine parameters, %."""
     L1, g = rig.L1, rig.g
     return 100 * (ratios(base_parameters(Z, L1, g)) / ratios(base_parameters(truth, L1, g)) - 1)
 
@@ -125,15 +124,15 @@ def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> Found:
 
 
 def run_searches(wanted: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[Found]:
-    """Run searches in parallel, each on one core, and yield them as they end.
+    """Run searches in parallel, each on one core, and yield their results as they end.
 
-    Separate processes are more efficient than the threads of a single search, whose batches are often too small for all
+    Separate processes are more efficient than the threads of one search, whose batches are often too small for all
     cores.
 
     Args:
         wanted: the searches
         rig: bounds, lengths, poses
-        settings: the published ones, perhaps with fewer generations
+        settings: the published settings, possibly with fewer generations
         workers: number of processes; with 1 the searches run in this process
     """
     if workers == 1:

@@ -14,7 +14,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """An inconsistent claim of the publication, and the evidence."""
+    """Inconsistent claim of the publication, with the evidence."""
 
     claim: str
     evidence: str

@@ -1,6 +1,6 @@
-"""Printed numbers of the publication (docs/theory.md), digit by digit; nothing is computed here.
+"""Numbers printed in the publication (docs/theory.md), digit by digit; nothing is computed here.
 
-Rows of parameters are in the order of `dpr_lab.rig.PARAMETERS`, SI.
+The parameters of a row are in the order of `dpr_lab.rig.PARAMETERS`, SI units.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 
 TRUE = np.array([0.2, 0.2, 0.1, 0.1, 0.208, 0.001, 0.001, 0.00133, 0.00133])
-"""(9,) the "actual" parameters of section 4.1 of the publication."""
+"""(9,) "actual" parameters of section 4.1 of the publication."""
 
 POSES = ("X1", "X2", "X3")
 
@@ -47,16 +47,16 @@ def _numbers(text: str) -> Array:
 
 
 TABLE_1 = _numbers(_TABLE_1)
-"""(7, 10) nine parameters and E(Z)."""
+"""(7, 10) rows of Table 1: nine parameters and E(Z)."""
 
 TABLE_2 = _numbers(_TABLE_2)
-"""(3, 4) number of the group in Table 1 and E(Z) from X1, X2 and X3."""
+"""(3, 4) rows of Table 2: number of the group in Table 1, and E(Z) from X1, X2 and X3."""
 
 TABLE_3 = _numbers(_TABLE_3)
-"""(10, 10) nine parameters and H(Z), best last."""
+"""(10, 10) rows of Table 3: nine parameters and H(Z), the best one last."""
 
 PERCENT_ERRORS = np.array([0.15, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0, 0.74, 0.14])
-"""(9,) errors of Table 3's last row, section 4.2, %."""
+"""(9,) relative errors of the last row of Table 3, %, as printed in section 4.2."""
 
 BEST_H = float(TABLE_3[-1, -1])
 """H of the best published chromosome."""
@@ -69,4 +69,4 @@ FIGURES = {
     " generation 100, slower progress with feedback mutation, and a final improvement by dynamic encoding"
     " and variable precision.",
 }
-"""Content of each figure according to the publication; its pictures are not reproduced here."""
+"""Name of a figure -> its content according to the publication. The published pictures are not included."""

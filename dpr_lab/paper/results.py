@@ -26,7 +26,7 @@ class Reproduction:
 
     settings: IgaSettings
     results: tuple[Found, ...]
-    """Searches in the order of `campaign.search_cases`."""
+    """Results of the searches, in the order of `campaign.search_cases`."""
     ours: Recomputed
     tables: tuple[PaperTable, ...]
     verdicts: tuple[str, ...]
@@ -34,9 +34,9 @@ class Reproduction:
 
     @property
     def best(self) -> Found:
-        """Search shown in the figures: true values on the grid, smallest E in angles from X1.
+        """Search shown in the figures: true values on the grid, and smallest E of the angles from X1.
 
-        H of different interpretations is not comparable.
+        Values of H in different interpretations are not comparable.
         """
         return min((f for f in self.results if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
 
@@ -53,15 +53,12 @@ def reproduce(
     """Run the published experiment.
 
     Args:
-        rig: the published one
-        settings: the published ones, perhaps with fewer generations
-        seeds: searches for each interpretation of H and each grid
-        readings: names of `READINGS`
+        rig: the published rig
+        settings: the published settings, possibly with fewer generations
+        seeds: number of searches for each interpretation of H and each grid
+        readings: names in `READINGS`
         workers: number of searches in parallel
-        on_search: called with each search as it ends
-
-    Raises:
-        ValueError: no seed, or an unknown interpretation.
+        on_search: called with each search when it ends
     """
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")
@@ -100,7 +97,7 @@ def record(result: Reproduction, rig: Rig) -> dict[str, Any]:
 
 
 def save(result: Reproduction, rig: Rig, out_dir: Path) -> Path:
-    """Write `paper.json`, one CSV for each table, the figures, `contradictions.md` and `paper.md`.
+    """Write `paper.json`, one CSV per table, the figures, `contradictions.md` and `paper.md`.
 
     Returns:
         path of `paper.md`

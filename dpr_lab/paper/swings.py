@@ -1,4 +1,4 @@
-"""E(Z), docs/theory.md (2), of the published experiment: 10 s from X1, X2, X3, against the true parameters."""
+"""E(Z), docs/theory.md (2), of the published experiment: 10 s from X1, X2, X3, relative to the true parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from dpr_lab.rig import Rig
 from dpr_lab.search.problem import Objective
 
 STEP = 0.005
-"""Simulation interval and Runge-Kutta step, s (section 4.1 of the publication)."""
+"""Sampling interval and Runge-Kutta step of the simulation, s (section 4.1 of the publication)."""
 
 INSTANTS = STEP * np.arange(2001)
-"""(2001,) sampling instants of the 10 s, s."""
+"""(2001,) sampling instants of the 10 s of a swing, s."""
 
 
 def _angles(error: Array) -> Array:
@@ -31,21 +31,21 @@ TERMS: dict[str, Callable[[Array], Array]] = {
     "relative angles": lambda error: JointAngles(relative2=True).of_rods(_angles(error)),
     "angles and speeds": lambda error: error,
 }
-"""Interpretations of E(Z): the errors that are squared and summed.
+"""Interpretation of E(Z) -> function that returns the errors which are squared and summed.
 
-docs/theory.md (2) contains angles and speeds; the printed values are compatible with angles alone; an encoder at joint
-2 measures theta2 - theta1.
+docs/theory.md (2) contains angles and speeds, but the printed values are compatible with angles alone. An encoder at
+joint 2 measures theta2 - theta1.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One interpretation of the cost H(Z), which the publication leaves open."""
+    """Interpretation of the cost H(Z), which the publication does not define uniquely."""
 
     poses: tuple[str, ...]
-    """Poses over which E is summed to H."""
+    """Names of the poses whose E is summed to H."""
     speeds: bool
-    """Whether E contains speeds as well as angles."""
+    """Whether E contains speeds in addition to angles."""
     why: str
 
 
@@ -56,17 +56,17 @@ READINGS = {
 
 
 def start_states(rig: Rig) -> Array:
-    """(3, 4) theta1, theta2, omega1, omega2 of X1, X2, X3 at the release, rad and rad/s."""
+    """Initial states (3, 4) of X1, X2, X3: theta1, theta2, rad, and omega1, omega2, rad/s."""
     return np.array([[rig.poses[pose].theta1, rig.poses[pose].theta2, 0.0, 0.0] for pose in POSES])
 
 
 def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> Array:
-    """Zero-input responses of one set of parameters.
+    """Zero-input responses for one set of parameters.
 
     Args:
-        Z: (9,) parameters, SI
+        Z: (9,) parameters, SI units
         rig: L1, g and poses
-        step: longest Runge-Kutta step, s
+        step: maximum Runge-Kutta step, s
 
     Returns:
         (3, 2001, 4) theta1, theta2, omega1, omega2 from X1, X2, X3 at `INSTANTS`, rad and rad/s
@@ -77,30 +77,30 @@ def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> Array:
 
 
 def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
-    """E(Z) of one set of parameters in every interpretation of `TERMS`.
+    """E(Z) of one set of parameters in every interpretation in `TERMS`.
 
     Args:
-        Z: (9,) parameters, SI
-        truth: (3, 2001, 4) the swings to compare with
+        Z: (9,) parameters, SI units
+        truth: (3, 2001, 4) swings with the true parameters
         rig: L1, g and poses
 
     Returns:
-        (3,) E from X1, X2, X3 by interpretation; rad^2, with speeds also (rad/s)^2
+        Name of an interpretation -> E (3,) from X1, X2, X3, in rad^2; with speeds also (rad/s)^2
     """
     error = swings(Z, rig) - truth
     return {name: np.sum(term(error) ** 2, axis=(1, 2)) for name, term in TERMS.items()}
 
 
 def objective(reading: Reading, truth: Array, rig: Rig) -> Objective:
-    """Cost of a population in one interpretation of H.
+    """Cost function of a population in one interpretation of H.
 
     Args:
-        reading: poses and terms
-        truth: (3, 2001, 4) the swings to reproduce
+        reading: the interpretation: poses and terms
+        truth: (3, 2001, 4) swings with the true parameters
         rig: L1, g and poses
 
     Returns:
-        (n, 9) candidates -> (n, poses) E
+        function that maps candidates (n, 9) to their E (n, poses)
     """
     places = [POSES.index(pose) for pose in reading.poses]
     starts = start_states(rig)[places]

@@ -1,4 +1,4 @@
-"""Published tables, printed and recomputed, and the conclusions from them."""
+"""Published tables, printed and recomputed, with the conclusions from them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ class PaperTable:
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
-    """E of all printed rows of parameters."""
+    """Recomputed E for all printed rows of parameters."""
 
     table1: dict[str, Array]
-    """(7, 3) rows and poses, by the names of `TERMS`."""
+    """Name in `TERMS` -> E (7, 3) for the rows of Table 1 and the three poses."""
     table3: dict[str, Array]
-    """(10, 3) rows and poses, by the names of `TERMS`."""
+    """Name in `TERMS` -> E (10, 3) for the rows of Table 3 and the three poses."""
 
 
 def recompute(rig: Rig) -> Recomputed:
@@ -61,7 +61,7 @@ def table1(ours: Recomputed) -> PaperTable:
 
 
 def table2(ours: Recomputed) -> PaperTable:
-    """Table 2: groups 1, 4 and 6 from the three poses; recomputed with angles, then with angles and speeds."""
+    """Table 2: E of groups 1, 4 and 6 from the three poses, printed and in every interpretation."""
     rows = [
         (
             str(int(group)),
@@ -76,7 +76,7 @@ def table2(ours: Recomputed) -> PaperTable:
 
 
 def table3(ours: Recomputed, rig: Rig) -> PaperTable:
-    """Table 3: H of the ten printed rows in several interpretations, and the errors of the rows."""
+    """Table 3: H of the ten printed rows in several interpretations, and the errors of their parameters."""
     angles, speeds = ours.table3["angles"], ours.table3["angles and speeds"]
     columns = (
         "row",
@@ -103,7 +103,7 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
 
 
 def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
-    """The repeated searches: H, and errors of the nine parameters and of the five ratios."""
+    """Table of the repeated searches: H, and errors of the nine parameters and of the five ratios."""
     columns = (
         "H",
         "grid",
@@ -143,7 +143,7 @@ def ratios(results: Sequence[Found], rig: Rig) -> PaperTable:
 
 
 def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
-    """Agreement with the publication, one sentence for each interpretation of H and each grid."""
+    """Sentences on the agreement with the publication, one for each interpretation of H and each grid."""
     return [
         _verdict(reading, grid, group, rig)
         for reading in READINGS
@@ -153,7 +153,7 @@ def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
 
 
 def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_percent: float = 1.0) -> str:
-    """Number of searches in a group that reach the published H, and the published accuracy of all nine parameters."""
+    """Sentence on a group of searches: how many reach the published H and the published accuracy of all parameters."""
     costs = [f.H for f in group]
     nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
     five = sum(bool((np.abs(f.ratio_percent(rig)) <= within_percent).all()) for f in group)

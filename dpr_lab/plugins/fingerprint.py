@@ -1,4 +1,4 @@
-"""Name, version and sources of plugins in one text, for data that depend on their code."""
+"""Name, version and source hash of plugins as one text, for data that depend on the code of plugins."""
 
 import hashlib
 import importlib.util
@@ -9,14 +9,14 @@ from dpr_lab.plugins.installed import announced, without_current_folder
 
 
 def fingerprint(*groups: str) -> str:
-    """Name, version and hash of the sources of each plugin of some groups, one per line; empty without plugins."""
+    """Name, version and source hash of each plugin in some groups, one plugin per line; empty without plugins."""
     used = sorted({(p.package, p.version, p.module.partition(".")[0]) for p in announced() if p.group in groups})
     return "".join(f"{package} {version} {module} {_source_hash(module)}\n" for package, version, module in used)
 
 
 @cache
 def _source_hash(module: str) -> str:
-    """SHA-256 of the Python files of a module or package, which is not imported."""
+    """SHA-256 of the Python files of a module or package; the module is not imported."""
     digest = hashlib.sha256()
     with without_current_folder():
         try:

@@ -1,4 +1,4 @@
-"""Installed plugins, found without importing them."""
+"""Search for installed plugins; they are not imported."""
 
 import os
 import sys
@@ -10,15 +10,15 @@ from importlib.metadata import EntryPoint, distributions
 from pathlib import Path
 
 GROUPS = ("effects", "readers", "transports", "searches", "exports")
-"""Tables that a plugin can add rows to."""
+"""Groups of plugins: tables to which a plugin can add rows."""
 
 OFF = "DPR_LAB_NO_PLUGINS"
-"""Environment variable that turns plugins off unless it is empty."""
+"""Environment variable that disables all plugins unless it is empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """One entry point of an installed package."""
+    """Plugin: an entry point of an installed package."""
 
     group: str
     name: str
@@ -33,12 +33,12 @@ class Plugin:
 
 
 def announced() -> tuple[Plugin, ...]:
-    """All installed plugins, in the order of package and name; empty while plugins are turned off."""
+    """All installed plugins, sorted by package and name; empty while plugins are disabled."""
     return () if os.environ.get(OFF) else _installed()
 
 
 def packages() -> tuple[str, ...]:
-    """`NAME VERSION` of each package that has plugins."""
+    """Name and version, `NAME VERSION`, of each package with plugins."""
     return tuple(sorted({f"{plugin.package} {plugin.version}" for plugin in announced()}))
 
 
@@ -48,7 +48,7 @@ def _installed() -> tuple[Plugin, ...]:
     names: set[str] = set()
     for distribution in distributions(path=_import_folders()):
         name = str(distribution.metadata["Name"]) if _mentions_us(distribution.read_text("entry_points.txt")) else ""
-        if not name or name in names:  # the first one on the path is imported
+        if not name or name in names:  # for several packages with one name, the first on the path is imported
             continue
         names.add(name)
         for entry in distribution.entry_points:
@@ -74,7 +74,7 @@ def _import_folders() -> list[str]:
 
 @contextmanager
 def without_current_folder() -> Iterator[None]:
-    """Remove the current folder from `sys.path`, where `python -m` and `python -c` insert it."""
+    """Context without the current folder in `sys.path`, where `python -m` and `python -c` insert it."""
     before = list(sys.path)
     first = sys.path[:1] if sys.flags.safe_path else [f for f in sys.path[:1] if f in _import_folders()]
     sys.path[:] = first + [folder for folder in before[1:] if folder]

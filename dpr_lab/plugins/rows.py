@@ -15,22 +15,22 @@ _origins: dict[tuple[str, str], Plugin] = {}
 
 
 def skipped() -> tuple[str, ...]:
-    """One sentence for each skipped plugin, with the reason."""
+    """Sentences with the reason why a plugin was skipped, one for each skipped plugin."""
     return tuple(f"plugin {plugin} is skipped: {reason}" for plugin, reason in _skipped.items())
 
 
 def reason_skipped(plugin: Plugin) -> str:
-    """Reason why a plugin was skipped; empty if it was not, or if its table was not used so far."""
+    """Reason why a plugin was skipped; empty if it was not skipped, or if its table has not been used yet."""
     return _skipped.get(plugin, "")
 
 
 def origin(group: str, row: str) -> Plugin | None:
-    """The plugin that added a row to a table; None for a row of dpr-lab, or a missing one."""
+    """Plugin that added a row to a table; None for a row of dpr-lab or a missing row."""
     return _origins.get((group, row))
 
 
 def failure(error: BaseException) -> str:
-    """Sentence for an exception that a plugin raised, or a library that it called; empty if dpr-lab raised it."""
+    """Sentence for an exception that a plugin, or a library called by it, raised; empty for an exception of dpr-lab."""
     by_module = {plugin.module.partition(".")[0]: plugin for plugin in announced()}
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
@@ -56,11 +56,11 @@ def plugin_rows(
     """Rows that plugins add to a table: name -> row.
 
     Args:
-        group: of `GROUPS`
+        group: name of the table, one of `GROUPS`
         kind: class of the rows
         taken: names of the table's own rows, which no plugin may replace
-        name_of: name of a row, from the name of its entry point and the row
-        refusal: reason why a row cannot be used; empty if it can
+        name_of: function that returns the name of a row, from the name of its entry point and the row
+        refusal: function that returns the reason why a row cannot be used; empty if it can
     """
     added: dict[str, Row] = {}
     for plugin in announced():

@@ -1,6 +1,6 @@
 """CAN bus (python-can): `can://socketcan/can0?bitrate=1000000`, or any other backend except slcan.
 
-Frames are received in a separate loop, because the Notifier thread of python-can ends at a bus error.
+The Notifier thread of python-can ends at a bus error, so frames are received by a loop of this module.
 """
 
 import fnmatch
@@ -26,30 +26,29 @@ from firmware_protocol.messages import Frame
 
 @dataclass(frozen=True, slots=True)
 class CanSettings:
-    """Settings of a CAN bus, and the number of bits of a sample."""
+    """Settings of a CAN bus, and the number of bits that a sample takes."""
 
     bitrate: int = 1_000_000
     """Default bit rate, bit/s."""
     sample_bits: int = 135
-    """Bits of an 8-byte frame with an 11-bit identifier and the maximum bit stuffing."""
+    """Number of bits of an 8-byte frame with an 11-bit identifier and maximum bit stuffing."""
     slcan_sample_bits: int = 22 * 10
-    """Bits of the same frame as the 22 characters of an slcan line, each with start and stop bit."""
+    """Number of bits of the same frame in slcan: a line of 22 characters, each with start and stop bit."""
     slcan_tty_baud: int = 115_200
-    """Baud rate of the port of an adapter; USB adapters ignore it."""
+    """Baud rate of the adapter's port. USB adapters ignore it."""
     slcan_settle_s: float = 2.0
-    """Waiting time after opening, s: an adapter that resets when its port opens ignores the bit rate until it has
-    booted.
-    """
+    """Waiting time after the port is opened, s. An adapter that resets at this moment ignores the bit rate until it has
+    booted."""
     send_timeout_s: float = 1.0
-    """Time after which a bus that accepts no more frames counts as lost, s."""
+    """Time after which a bus that accepts no frames counts as lost, s."""
     read_at_most_s: float = 0.02
-    """Maximum duration of a read on a busy bus, s, because keepalives are sent between reads."""
+    """Maximum duration of a read on a busy bus, s. Keepalives are sent between reads."""
 
 
 CAN = CanSettings()
 
 CAN_ERR_BUSOFF = 0x40
-"""Bit in the identifier of an error frame: the controller has left the bus (linux/can/error.h)."""
+"""Bit in the identifier of an error frame for a controller that has left the bus (linux/can/error.h)."""
 
 # python-can raises NameError for kvaser without a driver
 _NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)
@@ -58,9 +57,9 @@ _NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)
 def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a CAN bus.
 
-    Options: `bitrate`; for slcan adapters also `tty_baud` (those behind a real UART) and `settle_s`. With `uid`, the
-    UID of a device or its last digits, the device is searched on all channels that the backend finds, or on those that
-    match a name with `*`, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
+    Options: `bitrate`; for slcan adapters also `tty_baud` (if they are behind a real UART) and `settle_s`. With `uid`,
+    the UID of a device or its last digits, the device is searched on all channels that the backend finds. With a `*` in
+    the name of the channel, only matching channels are searched, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
 
     Raises:
         LinkUrlError: unknown backend or option, or no channel.
@@ -110,7 +109,7 @@ def _bus_capacity(bitrate: int) -> Capacity:
 
 
 def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
-    """Channels found by the backend that match; a name without `*` is returned unchanged."""
+    """Channels of the backend that match a pattern; a name without `*` is returned unchanged."""
     if pattern and "*" not in pattern:
         return [pattern]
     try:
@@ -121,7 +120,7 @@ def _matching_channels(url: LinkUrl, pattern: str) -> list[str]:
 
 
 class CanBus:
-    """`Transport` over one python-can bus."""
+    """`Transport` over one bus of python-can."""
 
     def __init__(self, url: str, bus: can.BusABC, capacities: tuple[Capacity, ...]) -> None:
         self.url = url
@@ -139,7 +138,7 @@ class CanBus:
             raise self._lost(error) from error
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived, waiting at most `timeout` s for the first."""
+        """All frames that have arrived; waits at most `timeout` s for the first one."""
         frames: list[Frame] = []
         message = self._next(timeout)
         until = time.monotonic() + CAN.read_at_most_s
@@ -147,7 +146,7 @@ class CanBus:
             if message.is_error_frame:
                 self._note_error(message.arbitration_id)
             elif message.is_extended_id or message.is_remote_frame or message.is_fd:
-                pass  # traffic of other nodes on the same bus
+                pass  # frames of other nodes on the same bus
             else:
                 frames.append(Frame(message.arbitration_id, bytes(message.data)))
             message = self._next(0.0) if time.monotonic() < until else None

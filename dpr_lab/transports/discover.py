@@ -1,4 +1,4 @@
-"""Links of this computer: serial ports and CAN backends."""
+"""Search for links of this computer: serial ports and CAN backends."""
 
 import glob
 import os
@@ -19,29 +19,30 @@ class SerialPortFound:
     """Text after `serial://` in a URL."""
     description: str
     serial_number: str
-    """USB serial number, which stays the same if the device path changes; empty if there is none."""
+    """USB serial number; empty if there is none. Unlike the device path, it does not change when devices are plugged in
+    again."""
     problem: str
-    """Reason why it cannot be used, and what to do; empty if it can."""
+    """Reason why the port cannot be used, with a remedy; empty if it can be used."""
 
 
 @dataclass(frozen=True, slots=True)
 class Links:
-    """Result of `discover`."""
+    """Links of this computer, as found by `discover`."""
 
     serial: tuple[SerialPortFound, ...]
     can_interfaces: tuple[str, ...]
     """Network interfaces that `can://socketcan/NAME` can open."""
     can_backends: tuple[str, ...]
-    """Backends of python-can; those for adapters of a vendor also need its driver."""
+    """Backends of python-can. Backends for adapters of a vendor also need the driver of this vendor."""
 
 
 def discover() -> Links:
-    """Find links without opening any."""
+    """Find the links of this computer without opening any."""
     return Links(serial_ports(), can_interfaces(), can_backends())
 
 
 def serial_ports() -> tuple[SerialPortFound, ...]:
-    """Serial ports of this computer, ordered by name."""
+    """Serial ports of this computer, sorted by name."""
     return tuple(
         SerialPortFound(port.device, port.description or "", port.serial_number or "", _problem(port.device))
         for port in sorted(list_ports.comports())
@@ -49,18 +50,18 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
 
 
 def matching_ports(pattern: str) -> list[str]:
-    """Serial ports that match a name with `*`; for an empty name all ports that can be opened."""
+    """Serial ports that match a name with `*`; for an empty name, all ports that can be opened."""
     return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
 
 
 def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:
-    """CAN network interfaces of a Linux kernel; empty on other systems."""
+    """CAN network interfaces of the Linux kernel; empty on other systems."""
     arphrd_can = "280"
     return tuple(sorted(kind.parent.name for kind in root.glob("*/type") if kind.read_text().strip() == arphrd_can))
 
 
 def can_backends() -> tuple[str, ...]:
-    """Names accepted in `can://NAME/CHANNEL`; empty if python-can is not installed."""
+    """Names for `can://NAME/CHANNEL`; empty if python-can is not installed."""
     if find_spec("can") is None:
         return ()
     from can.interfaces import BACKENDS

@@ -17,21 +17,22 @@ from dpr_lab.transports.url import LinkUrl, whole_number
 
 @dataclass(frozen=True, slots=True)
 class SerialSettings:
-    """Settings of a serial port, and the number of bits of a sample."""
+    """Settings of a serial port, and the number of bits that a sample takes."""
 
     baud: int = 921_600
     """Default baud rate."""
     sample_bits: int = 14 * 10
-    """Bits of identifier, eight data bytes, CRC, COBS overhead and delimiter, each byte with start and stop bit."""
+    """Number of bits of a sample: identifier, eight data bytes, CRC, COBS overhead and delimiter, each byte with start
+    and stop bit."""
     read_slice_s: float = 0.05
-    """Fixed timeout of pyserial, s: changing it reconfigures the port and can corrupt data."""
+    """Timeout of pyserial, s. It is fixed, because changing it reconfigures the port and can corrupt data."""
     write_timeout_s: float = 3.0
-    """Time after which a port that accepts no more bytes counts as lost, s."""
+    """Time after which a port that accepts no bytes counts as lost, s."""
 
 
 SERIAL = SerialSettings()
 
-# Exceptions of pyserial for an unplugged device: its own exception, a bare OSError(EIO) from in_waiting, or a TypeError
+# Exceptions of pyserial for an unplugged device: its own one, a bare OSError(EIO) from in_waiting, or a TypeError
 # if another thread closed the descriptor.
 _GONE = (serial.SerialException, OSError, TypeError)
 
@@ -39,8 +40,8 @@ _GONE = (serial.SerialException, OSError, TypeError)
 def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a serial port for exclusive use by this process.
 
-    With the option `uid`, the UID of a device or its last digits, the device is searched on all ports, or on those that
-    match a name with `*`, as in `serial:///dev/ttyACM*?uid=51d000000001`.
+    With the option `uid`, the UID of a device or its last digits, the device is searched on all ports. With a `*` in
+    the name of the port, only matching ports are searched, as in `serial:///dev/ttyACM*?uid=51d000000001`.
 
     Raises:
         LinkUrlError: no port is given, or an option is not valid.
@@ -74,7 +75,7 @@ class SerialPort:
             raise LinkError(f"{url}: {_why_not_opened(name, baud, error)}") from error
 
     def read(self, timeout: float) -> bytes:
-        """All bytes that have arrived, waiting at most about `timeout` s for the first."""
+        """All bytes that have arrived; waits at most about `timeout` s for the first one."""
         deadline = time.monotonic() + timeout
         try:
             while True:

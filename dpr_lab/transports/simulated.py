@@ -1,7 +1,7 @@
 """Simulated device in a child process: `sim://?plant=paper&seed=1&clock=fast&bus=can`.
 
-The child communicates over a pseudo-terminal (or slcan, or TCP) exactly like a device. This side opens the URL that the
-child prints and treats it like any other link.
+The child communicates over a pseudo-terminal (or slcan, or TCP), like a real device. It prints the URL of its link,
+which this module opens like any other link.
 """
 
 import json
@@ -22,23 +22,22 @@ from firmware_protocol.messages import Frame
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """Time limits of the simulated device."""
+    """Time limits for the simulated device."""
 
     start_s: float = 180.0
     first_start_s: float = 600.0
-    """Maximum duration of the start, s: the first start on a computer compiles the dynamics, which takes long on a
-    busy one.
-    """
+    """Maximum duration of the first start on a computer, s. It is long because the first start compiles the
+    dynamics."""
     told_s: float = 5.0
-    """Time after which a first start is reported as compiling, s; errors in the arguments are reported earlier."""
+    """Time after which a first start is reported as compiling, s. Errors in the arguments are reported earlier."""
     stop_s: float = 2.0
-    """Waiting time for each way to end the child, s, from closing its stdin to killing it."""
+    """Waiting time after each attempt to end the child, s. The attempts range from closing its stdin to killing it."""
 
 
 PATIENCE = Patience()
 
 LINKS = {"pty": "pty", "can": "slcan", "tcp": "tcp:0"}
-"""Value of the option `bus` -> `--link` of the child."""
+"""Value of the option `bus` -> value of the option `--link` of the child."""
 DEFAULT_BUS = "tcp" if sys.platform == "win32" else "pty"  # Windows has no pseudo-terminals
 
 
@@ -53,13 +52,13 @@ def compiles_first(link: str) -> bool:
 def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     """Start a simulated device and connect to it.
 
-    Options: `bus` (pty, can, tcp) and the options explained by `python -m sim_device --help`: `rig`, `plant`, `seed`,
+    Options: `bus` (pty, can, tcp), and the options explained by `python -m sim_device --help`: `rig`, `plant`, `seed`,
     `clock`, `firmware` (python, c), `draw` (true), `draw_effects`, `baud`, `uid`, `drift_ppm`, `hand_error`, `torques`
     and `fault` (NAME=VALUE, several separated by commas).
 
     Raises:
-        LinkUrlError: an option that is unknown or that the device refuses; with its message.
-        LinkError: the device did not start; with its message.
+        LinkUrlError: an option is unknown, or the device refuses it; the message is that of the device.
+        LinkError: the device did not start; the message is that of the device.
     """
     options = url.options(_OPTIONS)
     if url.host or url.path.strip("/"):
@@ -69,7 +68,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     telling.start()
     try:
         link = open_transport(_ready_url(url.text, child))
-        compiling_simulator()  # meanwhile the device already answers
+        compiling_simulator()  # meanwhile the device answers already
         return SimulatedTransport(url.text, child, link)
     except BaseException:
         child.end(PATIENCE.stop_s)
@@ -79,7 +78,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
 
 
 def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
-    """Command line of the child."""
+    """Command line of the child process."""
     words = dict(options)
     arguments = ["--link", LINKS[words.pop("bus", DEFAULT_BUS)], "--rig", words.pop("rig", str(rig_file or "paper"))]
     for fault in words.pop("fault", "").split(","):
@@ -90,7 +89,7 @@ def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
 
 
 class SimulatedTransport:
-    """`Transport` to a child process that ends when the transport is closed."""
+    """`Transport` to a simulated device in a child process, which ends when the transport is closed."""
 
     def __init__(self, url: str, child: ChildProgram, link: Transport) -> None:
         self.url = url
@@ -99,7 +98,7 @@ class SimulatedTransport:
 
     @property
     def errors(self) -> dict[str, int]:
-        """Damaged frames so far, by cause."""
+        """Number of damaged frames so far, by cause."""
         return self._link.errors
 
     @property
@@ -112,7 +111,7 @@ class SimulatedTransport:
         self._link.send(frame)
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived, waiting at most `timeout` s for the first."""
+        """All frames that have arrived; waits at most `timeout` s for the first one."""
         try:
             return self._link.receive(timeout)
         except DeviceLost as error:
@@ -125,7 +124,7 @@ class SimulatedTransport:
 
 
 def _ready_url(url: str, child: ChildProgram) -> str:
-    """URL of the child from its first line.
+    """URL of the child's link, from the first line that it prints.
 
     Raises:
         LinkUrlError: the child refuses its arguments.

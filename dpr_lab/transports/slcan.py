@@ -1,6 +1,6 @@
 """CAN adapter with Lawicel's ASCII protocol over a serial port: `can://slcan/dev/ttyACM0?bitrate=1000000`.
 
-This implementation replaces that of python-can, which parses the line byte by byte and needs a third of a core at 1
+This implementation replaces that of python-can, which parses each line byte by byte and takes a third of a core at 1
 kHz.
 """
 
@@ -25,15 +25,19 @@ BITRATE_LETTERS = {
     1_000_000: b"S8",
 }
 LONGEST_LINE = 64
-"""Maximum length of a line of an adapter (a frame has 22 bytes): a longer line is noise."""
+"""Maximum length of a line of an adapter, bytes. A frame has 22; a longer line is noise."""
 
 _FRAME = re.compile(rb"t([0-7][0-9A-Fa-f]{2})([0-8])([0-9A-Fa-f]{0,16})")
 _NO_FRAME = re.compile(rb"(|[zZ]|[VNF][0-9A-Za-z]*|[TrR][0-9A-Fa-f]*)")
-"""Answers of the adapter, and extended and remote frames of other nodes."""
+"""Pattern of lines without a frame for this host: answers of the adapter, and extended and remote frames of other
+nodes."""
 
 
 class SlcanDecoder:
-    """Decoder of the frames in the bytes of an adapter, in pieces of any length."""
+    """Decoder of the frames in the bytes from an adapter.
+
+    The bytes may arrive in pieces of any length.
+    """
 
     def __init__(self) -> None:
         self.errors = 0
@@ -41,7 +45,7 @@ class SlcanDecoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Add received bytes; return the frames of completed lines."""
+        """Decode received bytes; returns the frames of the lines that are now complete."""
         *lines, rest = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
         if len(rest) > LONGEST_LINE:
             self.errors += 1
@@ -58,18 +62,18 @@ class SlcanDecoder:
 
 
 class SlcanBus:
-    """`Transport` over one adapter, whose port this process uses exclusively.
+    """`Transport` over one adapter, whose port is used exclusively by this process.
 
     Args:
         url: URL given by the operator
         path: serial port of the adapter
         bitrate: bit rate of the bus, bit/s
         tty_baud: baud rate of the port, bit/s
-        settle: boot time of the adapter after its port was opened, s
+        settle: boot time of the adapter after its port is opened, s
         capacities: capacities of bus and port
 
     Raises:
-        LinkUrlError: a bit rate that slcan does not define.
+        LinkUrlError: slcan does not define the bit rate.
         LinkError: unknown or busy port.
     """
 
@@ -87,7 +91,7 @@ class SlcanBus:
 
     @property
     def errors(self) -> dict[str, int]:
-        """Damaged lines so far."""
+        """Number of damaged lines so far, by cause."""
         return {"crc": 0, "framing": self._decoder.errors}
 
     def send(self, frame: Frame) -> None:
@@ -95,7 +99,7 @@ class SlcanBus:
         self._port.write(b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().upper().encode("ascii")))
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived, waiting at most `timeout` s for the first byte."""
+        """All frames that have arrived; waits at most `timeout` s for the first byte."""
         frames = self._decoder.feed(self._port.read(timeout))
         return Received(time.monotonic(), tuple(frames), b"".join(map(encode_frame, frames)))
 

@@ -1,4 +1,4 @@
-"""Whether a link can lead to a simulated device, whose time may differ from real time."""
+"""Detection of links that may lead to a simulated device, whose time may differ from real time."""
 
 import os
 import re
@@ -9,14 +9,13 @@ from dpr_lab.transports.discover import matching_ports
 from dpr_lab.transports.url import LinkUrl, parse_url
 
 _PSEUDO_TERMINAL = re.compile(r"/dev/(pts/\d+|ttys\d+)")
-"""Name patterns of pseudo-terminals on Linux and macOS."""
+"""Pattern of the names of pseudo-terminals on Linux and macOS."""
 
 
 def leads_to_software(url: str) -> bool:
     """Whether the link of a URL is inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
 
-    The link of a serial port, an adapter or another computer is not inside it, even if the device declares simulated
-    time.
+    A serial port, an adapter or another computer is never inside it, even if the device declares simulated time.
     """
     try:
         link = parse_url(url)

@@ -1,7 +1,7 @@
 """TCP connection: `socket://192.168.1.20:5555`.
 
-This client replaces `socket://` of pyserial, whose in_waiting is 0 or 1, and which discards data when the peer closes
-and while the connection opens.
+This client replaces `socket://` of pyserial. There, in_waiting is only 0 or 1, and data are discarded when the peer
+closes and while the connection opens.
 """
 
 import select
@@ -17,8 +17,8 @@ def open_tcp(url: LinkUrl, rig_file: Path | None) -> BytesLink:
     """Connect to a device that listens on TCP.
 
     Raises:
-        LinkUrlError: no address in the URL.
-        LinkError: nothing accepts the connection there.
+        LinkUrlError: the URL contains no address.
+        LinkError: no program accepts the connection at this address.
     """
     url.options({})
     host, _, port = url.host.rpartition(":")
@@ -28,7 +28,7 @@ def open_tcp(url: LinkUrl, rig_file: Path | None) -> BytesLink:
 
 
 class TcpPort:
-    """Byte port over one TCP connection."""
+    """Byte port over a TCP connection."""
 
     def __init__(self, url: str, host: str, port: int, connect_timeout: float = 3.0, send_timeout: float = 1.0) -> None:
         self._url = url
@@ -41,7 +41,7 @@ class TcpPort:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, timeout: float) -> bytes:
-        """All bytes that have arrived, waiting at most `timeout` s for the first."""
+        """All bytes that have arrived; waits at most `timeout` s for the first one."""
         try:
             ready, _, _ = select.select([self._socket], [], [], timeout)
             data = self._socket.recv(65_536) if ready else None

@@ -13,28 +13,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """Capacity of a link and the load of one sample."""
+    """Capacity of a link, and the part of it that a sample takes."""
 
     name: str
-    """Name for the operator: `115200 baud`."""
+    """Name for the operator, for example `115200 baud`."""
     bits_per_s: int
     bits_per_sample: int
     remedy: str
-    """Remedy if the samples exceed the capacity."""
+    """Advice for samples that exceed the capacity."""
     usable_share: float = 0.8
-    """Share of the link that samples may use; the rest is reserved for answers, status and arbitration."""
+    """Share of the capacity that samples may use. The rest is reserved for answers, status and arbitration."""
 
     @property
     def max_rate_hz(self) -> int:
-        """Maximum sample rate within this share, Hz."""
+        """Maximum sample rate within the usable share, Hz."""
         return int(self.usable_share * self.bits_per_s / self.bits_per_sample)
 
     def with_frames(self, frames: int) -> Capacity:
-        """Capacity for a device that sends several frames with each sample, such as its torques."""
+        """Capacity for a device that sends several frames per sample, for example its torques."""
         return replace(self, bits_per_sample=frames * self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
-        """Load of a sample rate on the link, with the calculation."""
+        """Sentence on the load of a sample rate on the link, with the calculation."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
@@ -42,10 +42,10 @@ class Capacity:
         )
 
     def check(self, rate_hz: int) -> None:
-        """Refuse a sample rate that the link cannot carry.
+        """Check that the link can carry a sample rate.
 
         Raises:
-            LinkError: with the calculation and the maximum rate.
+            LinkError: it cannot; the message contains the calculation and the maximum rate.
         """
         if rate_hz > self.max_rate_hz:
             raise LinkError(f"{self.load(rate_hz)}: choose at most {self.max_rate_hz} Hz or {self.remedy}")
@@ -56,31 +56,34 @@ class Received:
     """Result of one read of a link."""
 
     host_time: float
-    """`time.monotonic()` right after the read, s."""
+    """Time right after the read, `time.monotonic()`, s."""
     frames: tuple[Frame, ...]
     raw: bytes
-    """Received bytes. For a CAN bus, its frames in serial framing."""
+    """Received bytes; for a CAN bus, the received frames in serial framing."""
 
 
 class Transport(Protocol):
-    """An open link to a device.
+    """Open link to a device.
 
-    `send` may be called while another thread is inside `receive`; everything else belongs to one thread.
+    `send` may be called while another thread is inside `receive`. All other methods belong to one thread.
     """
 
     @property
     def url(self) -> str:
-        """URL with which it was opened."""
+        """URL of the link."""
         ...
 
     @property
     def errors(self) -> dict[str, int]:
-        """Damaged frames so far, by cause: `crc` and `framing`, zero if the link has none."""
+        """Number of damaged frames so far, by cause: `crc` and `framing`.
+
+        They are zero for a link without such errors.
+        """
         ...
 
     @property
     def capacities(self) -> tuple[Capacity, ...]:
-        """Limits on the sample rate; empty if the link has none."""
+        """Capacities that limit the sample rate; empty for a link without limits."""
         ...
 
     def send(self, frame: Frame) -> None:
@@ -92,7 +95,7 @@ class Transport(Protocol):
         ...
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived, waiting at most `timeout` s for the first byte.
+        """All frames that have arrived; waits at most `timeout` s for the first byte.
 
         Raises:
             DeviceLost: the link is lost.

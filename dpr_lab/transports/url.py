@@ -1,4 +1,4 @@
-"""Link URLs: scheme://place?option=value, with a message for every error."""
+"""Link URLs of the form scheme://place?option=value, with a message for every error."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ _LINKS = {
     re.compile("/dev/|COM[0-9]"): "serial://{}?baud=921600",
     re.compile("v?can[0-9]"): "can://socketcan/{}?bitrate=1000000",
 }
-"""Form of the name of a port or an interface -> link URL with this name."""
+"""Pattern of the name of a port or an interface -> link URL that contains this name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,19 +23,19 @@ class LinkUrl:
     """Text given by the operator."""
     scheme: str
     host: str
-    """Part between `//` and the first slash, with upper and lower case: `COM3`, `slcan`, `127.0.0.1:5555`."""
+    """Part between `//` and the first slash, case-sensitive: `COM3`, `slcan`, `127.0.0.1:5555`."""
     path: str
-    """Part from the first slash on, or empty."""
+    """Part from the first slash on; may be empty."""
     query: tuple[tuple[str, str], ...]
 
     def options(self, known: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
-        """Values of the query, converted by the function of each known option.
+        """Values of the options in the query, converted from text.
 
         Args:
             known: option name -> function that converts its text, or raises ValueError("is not ...")
 
         Raises:
-            LinkUrlError: an option that is unknown, repeated or not valid.
+            LinkUrlError: an option is unknown, repeated or not valid.
         """
         parameters: dict[str, Any] = {}
         for name, text in self.query:
@@ -79,7 +79,7 @@ def whole_number(text: str) -> int:
 
 
 def seconds(text: str) -> float:
-    """Parse a time in s, not negative."""
+    """Parse a time in s that is not negative."""
     try:
         value = float(text)
     except ValueError:
@@ -90,7 +90,7 @@ def seconds(text: str) -> float:
 
 
 def one_of(*choices: str) -> Callable[[str], str]:
-    """Function that accepts only the given words."""
+    """Function that accepts only the given words and returns them unchanged."""
 
     def read(text: str) -> str:
         if text not in choices:

@@ -1,1 +1,1 @@
-"""The board: the device role of the protocol, in Python or in C, and its clock."""
+"""The board: its clock, and the device role of the protocol in Python or in C."""

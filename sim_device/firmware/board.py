@@ -7,7 +7,10 @@ from firmware_protocol.messages import Frame
 
 
 class Board(Protocol):
-    """A board on a link: frames in, frames out, wall time as an argument."""
+    """Board on a link: it converts received frames to frames to send.
+
+    The wall time is an argument.
+    """
 
     streamed: float
     """Device time spent streaming since the first start, s."""
@@ -18,15 +21,18 @@ class Board(Protocol):
         ...
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """Messages to send by the wall time `wall`, s; `blocked` if the link accepts no more."""
+        """Messages to send by the wall time `wall`, s.
+
+        `blocked` states that the link accepts no more frames.
+        """
         ...
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
-        """Process a frame that arrived at the wall time `wall`, s; return the answers."""
+        """Process a frame that arrived at the wall time `wall`, s; returns the answers."""
         ...
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
-        """Register the samples among frames for which the link had no room."""
+        """Register the samples in frames for which the link had no room."""
         ...
 
     def reset(self) -> None:

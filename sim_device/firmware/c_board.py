@@ -1,4 +1,4 @@
-"""The simulated board with the reference firmware in C; otherwise equivalent to `PythonBoard`."""
+"""Simulated board with the reference firmware in C, which behaves like `PythonBoard`."""
 
 from collections.abc import Iterable
 
@@ -16,7 +16,10 @@ from sim_device.plant.rods import SimulatedRods
 
 
 class CBoard:
-    """The hardware of a board on a link, with its firmware: latch, timer, encoders; wall time is an argument."""
+    """Board on a link: the reference firmware with latch, timer and encoders.
+
+    The wall time is an argument.
+    """
 
     def __init__(self, info: DeviceInfo, rods: SimulatedRods, clock: Clock, faults: Faults | None = None) -> None:
         self._info, self._rods, self._clock, self._faults = info, rods, clock, faults or Faults()
@@ -30,7 +33,7 @@ class CBoard:
         self._act(self._clock.now)
 
     def reset(self) -> None:
-        """Restart the board, as after a power failure: the latch opens unless it is open, and all state is lost."""
+        """Restart the board, as after a power failure: a closed latch opens, and all state is lost."""
         if self._firmware.latched:
             self._rods.let_go(self._clock.now, self._info.rate_default_hz)
         self._start()
@@ -41,7 +44,10 @@ class CBoard:
         return self._firmware.state in STREAMS
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """Messages to send by the wall time `wall`, s; `blocked` if the link accepts no more."""
+        """Messages to send by the wall time `wall`, s.
+
+        `blocked` states that the link accepts no more frames.
+        """
         now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz, blocked)
         frames = self._firmware.poll(self._millis(wall))
         self._act(now)
@@ -54,14 +60,14 @@ class CBoard:
         return frames + self._samples(wall, first, count)
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
-        """Process a frame that arrived at the wall time `wall`, s; return the answers."""
+        """Process a frame that arrived at the wall time `wall`, s; returns the answers."""
         now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz)
         frames = self._firmware.receive(frame, self._millis(wall), self._ticks.at(now))
         self._act(now)
         return frames
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
-        """Register the samples among frames for which the link had no room."""
+        """Register the samples in frames for which the link had no room."""
         self._firmware.note_dropped(sum(map(is_sample, frames)))
 
     def _millis(self, wall: float) -> int:
@@ -78,7 +84,10 @@ class CBoard:
             self._ticks, self._next_tick = TickBase(now, actions.rate_hz), 0
 
     def _idle_reading(self, now: float) -> NDArray[np.int64]:
-        """(1, 4) newest reading; earlier readings are discarded while nothing is streamed."""
+        """Newest reading (1, 4).
+
+        While nothing is streamed, earlier readings are discarded.
+        """
         tick = self._next_tick - 1
         return np.concatenate([[tick], self._rods.idle_counts(now, tick)])[None]
 
@@ -95,7 +104,7 @@ class CBoard:
 
 
 def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
-    """Frames that remain when the board loses some samples, together with the torques at their ticks."""
+    """Frames that remain when the board loses some samples together with the torques at their ticks."""
     arrived: list[Frame] = []
     following, gone = iter(missing), False
     for frame in frames:

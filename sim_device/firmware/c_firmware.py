@@ -1,4 +1,7 @@
-"""Python interface of the reference firmware: frames, time and readings as input, frames and actions as output."""
+"""Python interface of the reference firmware.
+
+Inputs are frames, times and readings; outputs are frames and actions.
+"""
 
 import ctypes
 import struct
@@ -13,13 +16,13 @@ from firmware_protocol.messages import DEVICE_NODE, MAX_DATA, Frame, State, Torq
 from sim_device.firmware.c_library import library_path
 
 FRAMES = 2048
-"""Frames that the library stores until they are fetched (`DPR_HOST_FRAMES`)."""
+"""Maximum number of frames that the library stores until they are fetched (`DPR_HOST_FRAMES`)."""
 
 READINGS = FRAMES // 16
-"""Maximum number of readings per poll, limited by the stored frames."""
+"""Maximum number of readings per poll, so that their frames can be stored."""
 
 SHORTEST_LINE = 5
-"""Bytes of the shortest frame on a byte stream."""
+"""Number of bytes of the shortest frame on a byte stream."""
 
 _FRAME = struct.Struct(f"=HB{MAX_DATA}sx")
 _READING = np.dtype(
@@ -110,10 +113,12 @@ def load() -> ctypes.PyDLL:
 
 
 class Firmware:
-    """The firmware of one board; milliseconds, ticks and readings are supplied by the caller.
+    """Firmware of one board.
+
+    The caller supplies milliseconds, ticks and readings.
 
     Raises:
-        ConfigError: there is no compiler to build it with.
+        ConfigError: the firmware cannot be built, because there is no compiler.
     """
 
     def __init__(self, info: DeviceInfo, node: int = DEVICE_NODE, library: ctypes.PyDLL | None = None) -> None:
@@ -141,7 +146,7 @@ class Firmware:
         return self._library.dpr_host_next_tick(self._host)
 
     def receive(self, frame: Frame, millis: int, ticks: float) -> list[Frame]:
-        """Process a frame that arrived at a time (ms, and ticks with fraction); return the answers."""
+        """Process a frame that arrived at a time given in ms and in ticks with fraction; returns the answers."""
         tick, fraction = divmod(ticks, 1.0)
         time = (millis & 0xFFFFFFFF, int(tick) & 0xFFFFFFFF, min(int(fraction * 65536), 65535))
         self._library.dpr_host_receive(self._host, byref(_packed(frame)), *time)
@@ -154,13 +159,13 @@ class Firmware:
         torques: NDArray[np.int64] | None = None,
         inputs: NDArray[np.int64] | None = None,
     ) -> list[Frame]:
-        """Run lease, fault and reading checks; return the messages.
+        """Check lease, fault and readings; returns the messages to send.
 
         Args:
-            millis: current time
-            readings: (n, 4) tick and counters
-            torques: (n, kinds, 2) in units, of the kinds of its identity
-            inputs: (n, kinds) of the drive of the arm, in the same way
+            millis: current time, ms
+            readings: (n, 4) tick and three counters
+            torques: (n, kinds, 2) torques in units, for the kinds in the identity
+            inputs: (n, kinds) inputs of the arm's drive in units, for the kinds in the identity
         """
         rows = self._rows(readings, torques, inputs)
         frames: list[Frame] = []
@@ -177,7 +182,7 @@ class Firmware:
         torques: NDArray[np.int64] | None,
         inputs: NDArray[np.int64] | None,
     ) -> NDArray[np.void]:
-        """(n,) of `dpr_reading_t`."""
+        """Readings as an array (n,) of `dpr_reading_t`."""
         rows = np.zeros(0 if readings is None else len(readings), _READING)
         if readings is not None:
             rows["tick"], rows["counts"] = readings[:, 0].astype(np.int32), readings[:, 1:].astype(np.int32)
@@ -192,7 +197,7 @@ class Firmware:
         return self._library.dpr_host_actions(self._host)
 
     def set_fault(self, fault: int) -> None:
-        """Set the fault of its hardware; 0 for none."""
+        """Set the fault of the hardware; 0 for none."""
         self._library.dpr_host_set_fault(self._host, fault)
 
     def note_dropped(self, samples: int) -> None:
@@ -204,7 +209,7 @@ class Firmware:
 
 
 class CFraming:
-    """Framing for a UART by the encoder and decoder of the firmware."""
+    """Framing for a UART with the encoder and decoder of the firmware."""
 
     def __init__(self, library: ctypes.PyDLL | None = None) -> None:
         self._library = library or load()
@@ -212,18 +217,18 @@ class CFraming:
         self._line = ctypes.create_string_buffer(64)
 
     def encode(self, frame: Frame) -> bytes:
-        """COBS frame with its delimiter."""
+        """Bytes of a frame: COBS with delimiter."""
         length = self._library.dpr_frame_encode(byref(_packed(frame)), self._line)
         return self._line.raw[:length]
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """The undamaged frames; there is never an answer."""
+        """Undamaged frames in received bytes, and an empty answer."""
         frames = ctypes.create_string_buffer((len(data) // SHORTEST_LINE + 2) * _FRAME.size)
         return _unpacked(frames, self._library.dpr_host_decode(self._decoder, data, len(data), frames)), b""
 
     @property
     def errors(self) -> dict[str, int]:
-        """Damaged packets so far, by cause."""
+        """Number of damaged packets so far, by cause."""
         crc, framing = c_uint32(), c_uint32()
         self._library.dpr_host_errors(self._decoder, byref(crc), byref(framing))
         return {"crc": crc.value, "framing": framing.value}

@@ -1,4 +1,4 @@
-"""The reference firmware as a shared library: built by `make -C firmware_protocol/c`, or compiled on first use."""
+"""Reference firmware as a shared library, built by `make -C firmware_protocol/c` or compiled on first use."""
 
 import hashlib
 import os
@@ -24,7 +24,7 @@ COMPILERS = ("cc", "gcc", "clang")
 
 
 def library_path() -> Path:
-    """The library built from the current sources.
+    """Path of the library for the current sources.
 
     Raises:
         ConfigError: it must be compiled, but there is no C compiler or the compiler failed.
@@ -40,7 +40,7 @@ def library_path() -> Path:
 
 
 def compile_to(target: Path, *flags: str) -> None:
-    """Compile core and host port; the file is written atomically.
+    """Compile core and host port to a library; the file is written atomically.
 
     Raises:
         ConfigError: there is no C compiler, or it failed.

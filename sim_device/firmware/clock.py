@@ -1,4 +1,4 @@
-"""Device time: the count of the device's crystal, in real time or faster."""
+"""Device time, as counted by the device's crystal, in real time or faster."""
 
 import math
 from collections.abc import Mapping
@@ -10,53 +10,53 @@ CLOCKS: dict[str, Mapping[State, float]] = {
     "realtime": {},
     "fast": {State.IDLE: 20.0, State.HOLDING: 20.0, State.STREAMING: 20.0, State.RELEASED: 60.0},
 }
-"""Clocks by name: device seconds per wall second in each state; 1 if a state is not listed.
+"""Name of a clock -> device seconds per wall second in each state; 1 for a state that is not listed.
 
-Before a release the ratio is smaller, because the host determines the duration and must not be flooded meanwhile.
+Before a release the ratio is smaller, because the host determines the duration of these states and must not be flooded.
 """
 
 LONGEST_STEP = 0.01
-"""Maximum wall time by which the fast clock advances at once, s; the rest of a longer stall is skipped."""
+"""Maximum wall time by which the fast clock advances at once, s. The rest of a longer stall is skipped."""
 
 
 PATIENCE = 6.0
-"""Factor by which the lease lasts longer under the fast clock, because the host has more work per wall second."""
+"""Factor by which the fast clock extends the lease, because the host has more work per wall second."""
 
 
 @dataclass(slots=True)
 class Clock:
-    """Device seconds since power-up.
+    """Device time since power-up, s.
 
-    Wall times are arguments; the clock itself does not read the time.
+    Wall times are arguments; the clock does not read the time.
     """
 
     pace: Mapping[State, float] = field(default_factory=dict)
-    """A value of `CLOCKS`."""
+    """Device seconds per wall second in each state: a value of `CLOCKS`."""
     drift_ppm: float = 0.0
-    """Error of the crystal: device time = true time * (1 + drift_ppm 1e-6)."""
+    """Error of the crystal, ppm: device time = true time * (1 + drift_ppm 1e-6)."""
     most_ticks_hz: float = math.inf
-    """Maximum ticks per wall second of a fast clock."""
+    """Maximum number of ticks per wall second of a fast clock."""
     now: float = 0.0
     _wall: float | None = None
 
     @property
     def simulated(self) -> bool:
-        """Whether device time runs apart from wall time."""
+        """Whether device time differs from wall time."""
         return bool(self.pace)
 
     @property
     def rate(self) -> float:
-        """Device seconds per true second of the plant."""
+        """Device seconds per true second."""
         return 1.0 + self.drift_ppm * 1e-6
 
     def watch(self, wall: float) -> float:
-        """The time for the lease of the host, s, at the wall time `wall`."""
+        """Time for the lease of the host at the wall time `wall`, s."""
         return wall / PATIENCE if self.simulated else wall
 
     def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:
-        """Device time at the wall time `wall`, s, of a device with `rate_hz` ticks per second.
+        """Device time at the wall time `wall`, s, for a device with `rate_hz` ticks per second.
 
-        A fast clock stops while the link is `blocked`; a real clock does not.
+        A fast clock stops while the link is `blocked`; a real clock continues.
         """
         passed = 0.0 if self._wall is None else wall - self._wall
         self._wall = wall

@@ -1,4 +1,4 @@
-"""The simulated board: the device role of the protocol, with readings of the simulated rods."""
+"""Simulated board: the device role of the protocol, with readings of the simulated rods."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ from sim_device.plant.rods import SimulatedRods
 
 FIRMWARE = "1.0.0"
 RATE_DEFAULT_HZ = 1000
-"""Ticks per second until the host requests another rate."""
+"""Ticks per second until the host requests another rate, Hz."""
 REPORTS_HZ = 10
-"""POSITION and STATUS messages per second."""
+"""Number of POSITION and of STATUS messages per second."""
 
 
 def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> DeviceInfo:
@@ -47,29 +47,29 @@ def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> Devi
 
 @dataclass(frozen=True, slots=True)
 class TickBase:
-    """Ticks over device time: tick `first` at `origin`, then `rate_hz` per second."""
+    """Relation of ticks to device time: tick `first` is at `origin`, and `rate_hz` ticks per second follow."""
 
     origin: float
     rate_hz: int
     first: int = 0
 
     def at(self, now: float) -> float:
-        """Number of ticks, with fraction, at the device time `now`."""
+        """Number of ticks, with fraction, at the device time `now`, s."""
         return self.first + (now - self.origin) * self.rate_hz
 
     def times(self, first: int, count: int) -> NDArray[np.float64]:
-        """(count,) device times of the ticks `first`, `first` + 1, ..., s."""
+        """Device times (count,) of the ticks `first`, `first` + 1, ..., s."""
         return self.origin + (np.arange(first, first + count) - self.first) / self.rate_hz
 
 
 def streamed(
     rods: SimulatedRods, ticks: TickBase, released_at: int | None, first: int, count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """(count, 3) counts at the ticks from `first` on, and (count,) whether a sample is lost inside the board.
+    """Counts (count, 3) at the ticks from `first` on, and whether each sample is lost inside the board: (count,).
 
     Args:
         rods: the measured rods
-        ticks: instants of the ticks
+        ticks: relation of ticks to device time
         released_at: tick of the release; None while the rods are held
         first: the first tick
         count: number of ticks
@@ -86,22 +86,22 @@ def is_sample(frame: Frame) -> bool:
 
 @dataclass(slots=True)
 class Counters:
-    """Samples since STREAM, as STATUS reports them."""
+    """Numbers of samples since STREAM, for STATUS."""
 
     taken: int = 0
     overruns: int = 0
     dropped: int = 0
 
     def count(self, in_time: bool) -> None:
-        """Register a tick, whose sample was taken in time or not."""
+        """Count a tick, whose sample was taken in time or not."""
         self.taken += in_time
         self.overruns += not in_time
 
 
 class PythonBoard:
-    """A board on a link: frames in, frames out, wall time as an argument.
+    """Board on a link: it converts received frames to frames to send.
 
-    The lease and the ticks are measured by `clock`.
+    The wall time is an argument. `clock` measures the lease and the ticks.
     """
 
     def __init__(self, info: DeviceInfo, rods: SimulatedRods, clock: Clock, faults: Faults | None = None) -> None:
@@ -127,7 +127,10 @@ class PythonBoard:
         return self._session.streams
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """Messages to send by the wall time `wall`, s; `blocked` if the link accepts no more."""
+        """Messages to send by the wall time `wall`, s.
+
+        `blocked` states that the link accepts no more frames.
+        """
         now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz, blocked)
         frames = self._carry_out(self._session.check_lease(self._clock.watch(wall), self._next_tick), now)
         first, self._next_tick = self._next_tick, max(self._next_tick, int(self._ticks.at(now)) + 1)
@@ -135,12 +138,12 @@ class PythonBoard:
         return frames + (self._samples(first, count) if self._session.streams else self._reports(first, count, now))
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
-        """Process a frame that arrived at the wall time `wall`, s; return the answers."""
+        """Process a frame that arrived at the wall time `wall`, s; returns the answers."""
         now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz)
         return self._carry_out(self._session.receive(frame, self._clock.watch(wall)), now)
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:
-        """Register the samples among frames for which the link had no room."""
+        """Register the samples in frames for which the link had no room."""
         self._counters.dropped += sum(map(is_sample, frames))
 
     def _carry_out(self, answer: Answer, now: float) -> list[Frame]:
@@ -165,7 +168,7 @@ class PythonBoard:
         return []
 
     def _let_go(self) -> list[Frame]:
-        """The latch opens at the instant of the next sample, which is the first sample of the swing."""
+        """Open the latch at the instant of the next sample, which becomes the first sample of the swing."""
         self._release_tick = self._next_tick
         self._rods.let_go(float(self._ticks.times(self._release_tick, 1)[0]), self._ticks.rate_hz)
         return [self._session.released(self._release_tick)]

@@ -1,1 +1,1 @@
-"""Links between device and host: serial over a pty, TCP on the loopback, CAN as SLCAN or in-process."""
+"""Links between device and host: serial over a pseudo-terminal, TCP on the loopback, CAN as SLCAN or in-process."""

@@ -1,4 +1,4 @@
-"""Frames over a byte stream: interfaces of port and codec, and the queue between them."""
+"""Transmission of frames over a byte stream: interfaces of port and codec, and the queue between them."""
 
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
@@ -10,23 +10,23 @@ from sim_device.links.link import LIMITS, HostAddress
 
 
 class Port(Protocol):
-    """A byte stream to a single host."""
+    """Byte stream to a single host."""
 
     @property
     def connected(self) -> bool:
-        """Whether a host has the port open."""
+        """Whether a host has opened the port."""
         ...
 
     def read(self) -> bytes:
-        """The bytes that have arrived, without waiting."""
+        """Bytes that have arrived; does not wait."""
         ...
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write without waiting; return the number of accepted bytes."""
+        """Write without waiting; returns the number of accepted bytes."""
         ...
 
     def wait(self, timeout: float, to_write: bool) -> None:
-        """Return when there is something to read, room to write if asked for, or after `timeout` seconds."""
+        """Wait for bytes to read, for room to write if `to_write`, or for `timeout` s."""
         ...
 
     def close(self) -> None:
@@ -35,38 +35,41 @@ class Port(Protocol):
 
 
 class FrameCodec(Protocol):
-    """Frames as bytes."""
+    """Conversion of frames to bytes and back."""
 
     def encode(self, frame: Frame) -> bytes:
         """Bytes of one frame."""
         ...
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Frames in the bytes of the host, and bytes of the immediate answer."""
+        """Frames in the bytes from the host, and bytes to answer immediately."""
         ...
 
 
 Framing: TypeAlias = Callable[[], FrameCodec]
-"""Creates a codec, one for every host that connects."""
+"""Function that creates a codec; each host that connects gets its own."""
 
 
 class SerialCodec:
-    """Framing of messages for a UART or a socket."""
+    """Framing of messages on a UART or a socket."""
 
     def __init__(self) -> None:
         self._decoder = FrameDecoder()
 
     def encode(self, frame: Frame) -> bytes:
-        """COBS frame with its delimiter."""
+        """Bytes of a frame: COBS with delimiter."""
         return encode_frame(frame)
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """The undamaged frames."""
+        """Undamaged frames in received bytes, and an empty answer."""
         return self._decoder.feed(data), b""
 
 
 class ByteLink:
-    """Frames over a byte port; the queue is bounded, unless the sender observes `blocked`."""
+    """Link that transmits frames over a byte port.
+
+    Its queue is bounded; a sender that observes `blocked` loses no frames.
+    """
 
     def __init__(
         self, address: HostAddress, port: Port, new_codec: Framing, faults: Faults, queue_bytes: float
@@ -84,7 +87,10 @@ class ByteLink:
         return len(self._queue) > LIMITS.blocked_bytes
 
     def receive(self) -> list[Frame]:
-        """The frames that have arrived; a new host starts with an empty queue."""
+        """Frames that have arrived.
+
+        A new host starts with an empty queue.
+        """
         connected = self._port.connected
         if self._was_connected and not connected:
             self._queue.clear()
@@ -95,7 +101,7 @@ class ByteLink:
         return self._faults.frames(frames)
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Queue frames and write as many bytes as the port accepts."""
+        """Queue frames and write as many bytes as the port accepts; returns the dropped frames."""
         dropped, fresh = list[Frame](), bytearray()
         for frame in self._faults.frames(frames):
             data = self._faults.framed(self._codec.encode(frame))
@@ -109,12 +115,12 @@ class ByteLink:
         return dropped
 
     def wait(self, timeout: float) -> None:
-        """Wait for the host."""
+        """Wait for the host for at most `timeout` s."""
         self._port.wait(timeout, to_write=bool(self._queue))
 
     def bus_off(self) -> None:
         """Send nothing from now on."""
 
     def close(self) -> None:
-        """Cut the link."""
+        """Close the link."""
         self._port.close()

@@ -1,4 +1,4 @@
-"""Frames on a CAN bus."""
+"""Transmission of frames on a CAN bus."""
 
 from collections import deque
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class CanLink:
-    """Frames on a python-can bus, which keeps the queue."""
+    """Link on a python-can bus, which has its own queue."""
 
     def __init__(self, address: HostAddress, bus: "can.BusABC", faults: Faults) -> None:
         self.address, self.blocked = address, False
@@ -36,13 +36,13 @@ class CanLink:
         return []
 
     def wait(self, timeout: float) -> None:
-        """Wait for a frame."""
+        """Wait for a frame for at most `timeout` s."""
         message = self._bus.recv(timeout)
         if message is not None:
             self._arrived.append(message)
 
     def bus_off(self) -> None:
-        """An error frame with the class that SocketCAN uses for bus-off (CAN_ERR_BUSOFF)."""
+        """Send an error frame with the class that SocketCAN uses for bus-off (CAN_ERR_BUSOFF)."""
         import can
 
         self._bus.send(can.Message(arbitration_id=0x40, is_error_frame=True, dlc=8, data=bytes(8)))

@@ -1,4 +1,4 @@
-"""Interface of a link: the address for a host, and the frames in both directions."""
+"""Interface of a link: the address for a host, and the transmission of frames."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -8,23 +8,23 @@ from firmware_protocol.messages import Frame
 
 @dataclass(frozen=True, slots=True)
 class LinkLimits:
-    """Capacities of links and of the simulated board."""
+    """Capacities of the links and of the simulated board."""
 
     rate_max_hz: int = 4000
-    """Maximum sample rate of the simulated board on any link."""
+    """Maximum sample rate of the simulated board on any link, Hz."""
     used_share: float = 0.8
-    """Fraction of a link for samples; the remainder is for all other messages."""
+    """Share of a link's capacity that samples may use. The rest is for all other messages."""
     serial_sample_bits: int = 14 * 10
-    """Bits of a sample on a UART: 14 bytes, each with start and stop bit."""
+    """Number of bits of a sample on a UART: 14 bytes, each with start and stop bit."""
     can_sample_bits: int = 135
-    """Bits of a sample on CAN: 8 data bytes with the maximum number of stuff bits."""
+    """Number of bits of a sample on CAN: 8 data bytes with the maximum number of stuff bits."""
     fast_samples_hz: float = 60_000.0
-    """Maximum samples per wall second under the fast clock, about the capacity of a host in Python."""
+    """Maximum number of samples per wall second under the fast clock; about the capacity of a host in Python."""
     slcan_fast_samples_hz: float = 4_000.0
-    """Maximum for an SLCAN host, which reads byte by byte: at a higher rate, a full pty delays the answers too long.
-    """
+    """Maximum number of samples per wall second for an SLCAN host, which reads byte by byte. At a higher rate a full
+    pseudo-terminal delays the answers too long."""
     queue_bytes: int = 65536
-    """Number of waiting bytes from which frames are dropped."""
+    """Maximum number of waiting bytes; frames beyond it are dropped."""
     blocked_bytes: int = 4096
     """Number of waiting bytes above which the fast clock stops."""
 
@@ -38,16 +38,16 @@ LIMITS = LinkLimits()
 
 @dataclass(frozen=True, slots=True)
 class HostAddress:
-    """Address for the host."""
+    """Address of a link for the host."""
 
     url: str
     rate_max_hz: int
-    """Maximum sample rate of the link."""
+    """Maximum sample rate of the link, Hz."""
     fast_samples_hz: float = LIMITS.fast_samples_hz
 
 
 class DeviceLink(Protocol):
-    """Link to a single host."""
+    """Link of the device to a single host."""
 
     address: HostAddress
 
@@ -57,21 +57,24 @@ class DeviceLink(Protocol):
         ...
 
     def receive(self) -> list[Frame]:
-        """The frames that have arrived, without waiting."""
+        """Frames that have arrived; does not wait."""
         ...
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Queue frames and write what the link accepts; return the frames that are dropped."""
+        """Queue frames and write as many as the link accepts; returns the dropped frames."""
         ...
 
     def wait(self, timeout: float) -> None:
-        """Return when the link is ready, or after `timeout` seconds."""
+        """Wait until the link is ready, for at most `timeout` s."""
         ...
 
     def bus_off(self) -> None:
-        """Report that the controller left its bus after too many errors; nothing is transmitted from then on."""
+        """Report that the controller has left its bus after too many errors.
+
+        Nothing is transmitted from then on.
+        """
         ...
 
     def close(self) -> None:
-        """Cut the link."""
+        """Close the link."""
         ...

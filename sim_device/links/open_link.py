@@ -1,4 +1,4 @@
-"""Open a link by its name on the command line."""
+"""Opening of a link by its name on the command line."""
 
 import math
 from collections.abc import Callable
@@ -20,17 +20,18 @@ def open_link(
     lossless: bool = False,
     framing: Framing = SerialCodec,
 ) -> DeviceLink:
-    """Open a link by its name on the command line.
+    """Open a link by its name.
 
     Args:
         name: `pty`, `slcan`, `tcp:PORT` or `virtual:CHANNEL`
-        baud: bits per second of the serial port or the bus; None for the usual 921600 and 1000000
+        baud: bit rate of the serial port or the bus, bit/s; None for the usual 921600 and 1000000
         faults: transmission faults
-        lossless: keep everything that cannot be sent at once, for a device that waits while the link is blocked
-        framing: creates the converter between frames and the bytes of a serial line
+        lossless: whether data that cannot be sent at once are never dropped, for a device that waits while the link is
+            blocked
+        framing: function that creates the converter between frames and the bytes of a serial line
 
     Raises:
-        LinkError: no such link, or it cannot be opened.
+        LinkError: unknown link, or a link that cannot be opened.
     """
     kind, _, where = name.partition(":")
     if kind not in LINKS:
@@ -77,7 +78,8 @@ LINKS: dict[str, Callable[[str, int | None, Faults, float, Framing], DeviceLink]
     "tcp": _tcp,
     "virtual": _virtual,
 }
-"""Functions that open a link, by kind. `virtual` is python-can's in-process bus: its host is in the same process."""
+"""Kind of a link -> function that opens it. `virtual` is the in-process bus of python-can; its host is in the same
+process."""
 
 
 def _can_bitrate(baud: int | None) -> int:

@@ -1,4 +1,7 @@
-"""A serial port as a pseudo terminal. It is non-blocking and remains when the host disconnects."""
+"""Serial port as a pseudo-terminal.
+
+It is non-blocking, and remains open when the host disconnects.
+"""
 
 import errno
 import fcntl
@@ -17,11 +20,11 @@ _CBAUD, _BOTHER = 0o010017, 0o010000
 
 
 class PtyPort:
-    """A serial port: the master end of a pseudo terminal in raw mode.
+    """Serial port: the master end of a pseudo-terminal in raw mode.
 
-    A pseudo terminal ignores the baud rate, a UART does not: if the host has set a rate other than that of the device,
-    both directions transmit noise, so that the host can distinguish a wrong rate from silence. If the rate of the host
-    is unknown (not Linux, or `baud` None), every rate is accepted.
+    A pseudo-terminal ignores the baud rate, but a UART does not. If the host has set another rate than the device, both
+    directions therefore transmit noise, so that the host can distinguish a wrong rate from silence. If the rate of the
+    host is unknown (not Linux, or `baud` None), every rate is accepted.
     """
 
     def __init__(self, baud: int | None) -> None:
@@ -45,7 +48,7 @@ class PtyPort:
         return self.baud is not None and _baud(self._master) != self.baud
 
     def read(self) -> bytes:
-        """The bytes the host has written; noise at the wrong baud rate."""
+        """Bytes that the host has written; noise at the wrong baud rate."""
         try:
             data = os.read(self._master, 65536)
         except OSError as error:
@@ -58,7 +61,10 @@ class PtyPort:
         return data
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write; return the number of accepted bytes. Without a host they are lost, as with an unplugged cable."""
+        """Write; returns the number of accepted bytes.
+
+        Without a host all bytes are lost, as with an unplugged cable.
+        """
         if not self.connected:
             return len(data)
         try:
@@ -69,7 +75,7 @@ class PtyPort:
             raise
 
     def wait(self, timeout: float, to_write: bool) -> None:
-        """Wait for the host's bytes, for room if `to_write`, or for `timeout` seconds."""
+        """Wait for bytes from the host, for room to write if `to_write`, or for `timeout` s."""
         if self._poll(select.POLLIN | (select.POLLOUT if to_write else 0), timeout) & select.POLLHUP:
             time.sleep(min(timeout, 0.02))  # a pty without a host does not support waiting
 
@@ -80,7 +86,10 @@ class PtyPort:
         return events_ready[0][1] if events_ready else 0
 
     def close(self) -> None:
-        """Close the port; the host's end then fails, as with an unplugged cable."""
+        """Close the port.
+
+        The host's end then fails, as with an unplugged cable.
+        """
         os.close(self._master)
 
 

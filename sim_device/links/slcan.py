@@ -1,14 +1,14 @@
-"""A CAN adapter in Lawicel's ASCII ("SLCAN"), as used by the `slcan` backend of python-can."""
+"""CAN adapter with Lawicel's ASCII protocol ("SLCAN"), as used by the `slcan` backend of python-can."""
 
 import re
 
 from firmware_protocol.messages import Frame
 
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
-"""Bit rates of the commands S0 .. S8, bit/s."""
+"""Bit rates that the commands S0 to S8 select, bit/s."""
 
 LONGEST_LINE = 64
-"""A longer run without a carriage return is not SLCAN and is dropped."""
+"""Maximum length of a line, bytes. More bytes without a carriage return are not SLCAN and are dropped."""
 
 _DATA_FRAME = re.compile(rb"([0-7][0-9A-Fa-f]{2})([0-8])([0-9A-Fa-f]*)")
 
@@ -16,11 +16,11 @@ OK, REFUSED = b"\r", b"\a"
 
 
 class SlcanCodec:
-    """One CAN frame per line: `tIIILDD..` and a carriage return.
+    """Codec with one CAN frame per line: `tIIILDD..` and a carriage return.
 
-    II is the identifier, L the length, DD the data in hex. The adapter transmits frames while its channel is open and
-    set to the bit rate of the bus. Extended and remote frames are acknowledged like any other and discarded, because no
-    node on this bus uses them.
+    III is the identifier, L the length, and DD the data in hexadecimal digits. The adapter transmits frames while its
+    channel is open and set to the bit rate of the bus. Extended and remote frames are acknowledged and discarded,
+    because no node on this bus uses them.
 
     Source: Lawicel CAN232 manual, list of commands.
     """
@@ -36,11 +36,11 @@ class SlcanCodec:
         return self._open and self._bitrate == self._bus_bitrate
 
     def encode(self, frame: Frame) -> bytes:
-        """The line that the host receives for a frame on the bus; empty while the channel is closed."""
+        """Line that the host receives for a frame on the bus; empty while the channel is closed."""
         return b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().encode()) if self._on_bus else b""
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Frames for the bus in the host's bytes, and the adapter's answers to the host."""
+        """Frames for the bus in the bytes from the host, and answers of the adapter to the host."""
         frames, answers = list[Frame](), bytearray()
         *lines, rest = (bytes(self._line) + data).split(b"\r")
         self._line[:] = rest if len(rest) <= LONGEST_LINE else b""

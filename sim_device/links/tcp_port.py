@@ -1,4 +1,7 @@
-"""A TCP port on the loopback interface for one host. It is non-blocking and remains when the host disconnects."""
+"""TCP port on the loopback interface for one host.
+
+It is non-blocking, and remains open when the host disconnects.
+"""
 
 import select
 import socket
@@ -8,7 +11,7 @@ from dpr_lab.errors import LinkError
 
 
 class TcpServerPort:
-    """A TCP server on the loopback interface, for one host at a time."""
+    """TCP server on the loopback interface, for one host at a time."""
 
     def __init__(self, address: str) -> None:
         host, _, port = address.rpartition(":")
@@ -35,7 +38,7 @@ class TcpServerPort:
         return self._host is not None
 
     def read(self) -> bytes:
-        """The bytes the host has sent."""
+        """Bytes that the host has sent."""
         if not self.connected:
             return b""
         assert self._host is not None
@@ -50,7 +53,10 @@ class TcpServerPort:
         return data
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write; return the number of accepted bytes. Without a host they are lost."""
+        """Write; returns the number of accepted bytes.
+
+        Without a host all bytes are lost.
+        """
         if not self.connected:
             return len(data)
         assert self._host is not None
@@ -63,7 +69,7 @@ class TcpServerPort:
             return len(data)
 
     def wait(self, timeout: float, to_write: bool) -> None:
-        """Wait for a connection, the host's bytes, room if `to_write`, or for `timeout` seconds."""
+        """Wait for a connection, for bytes from the host, for room to write if `to_write`, or for `timeout` s."""
         end = self._host or self._server
         select.select([end], [end] if to_write and self._host else [], [], timeout)
 

@@ -1,1 +1,1 @@
-"""Truth of the simulated rig: rods, effects, encoders and the operator."""
+"""Truth of the simulated rig: rods, effects, encoders and operator."""

@@ -1,6 +1,7 @@
-"""The drive of the arm: from the release on, the device runs its own program and reports the input.
+"""Drive of the arm.
 
-The drive is a part of the rig: no message starts, stops or changes it.
+From the release on, the device runs its own program and reports the input. The drive is a part of the rig: no message
+starts, stops or changes it.
 """
 
 from collections.abc import Callable
@@ -24,24 +25,28 @@ from sim_device.random_streams import RandomStream
 Array = NDArray[np.float64]
 
 Move = Callable[[AnyState, Array, Array], Array]
-"""(state at t[0], t (n,), torques (n - 1, 1) of the arm, N m) -> (n, 6 + internal) states."""
+"""Function of the state at t[0], times t (n,), and torques (n - 1, 1) of the arm, N m; it returns the states (n, 6 +
+internal)."""
 
 
 COLUMN = {"torque": "tau0_Nm", "current": "current_A", "voltage": "voltage_V"}
-"""Input of a motor -> column of its table, after the time, as `dpr-lab plan` writes it."""
+"""Input of a motor -> name of the column of its table after the time, as `dpr-lab plan` writes it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InputTable:
-    """A program of the device: each input holds until the next row; it is zero before the first and after the last."""
+    """Table of inputs that the device runs as its program.
+
+    Each input holds until the next row. It is zero before the first row and after the last.
+    """
 
     t: Array
-    """(m,) increasing, s since the release."""
+    """(m,) increasing times since the release, s."""
     values: Array
     """(m,) inputs in units of the drive."""
 
     def at(self, t: Array) -> Array:
-        """Inputs at times since the release, s."""
+        """Inputs at times t (n,) since the release, s."""
         row = np.searchsorted(self.t, t + SLACK_S, side="right")
         last = self.t[-1] + (self.t[-1] - self.t[-2] if len(self.t) > 1 else 0.0)
         return np.where(t + SLACK_S < last, np.append(0.0, self.values)[row], 0.0)
@@ -49,31 +54,33 @@ class InputTable:
 
 @dataclass(frozen=True, slots=True)
 class ArmDrive:
-    """A motor at the arm, controlled by the board at its ticks; its input is constant from one tick to the next.
+    """Motor at the arm, controlled by the board at its ticks; its input is constant from one tick to the next.
 
-    tau0 = gear kt i, with i the current, or i = (u - ke gear omega0) / R of a voltage u
+        tau0 = gear kt i,
+
+    where i is the current, or i = (u - ke gear omega0) / R for a voltage u.
     """
 
     config: ArmDriveConfig
     seed: int
     delay_s: float = 0.0
-    """Delay between the input and its effect, which the board does not report."""
+    """Delay from the input to its effect, s; the board does not report it."""
     table: InputTable | None = None
-    """Program that replaces that of the plant file."""
+    """Program that replaces that of the plant file; None: the program of the plant file."""
 
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
-        """Kinds of inputs that it reports."""
+        """Kinds of inputs that the board reports."""
         return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
 
     @property
     def quantity(self) -> ArmQuantity:
-        """Quantity of its input."""
+        """Quantity of the input."""
         return ArmQuantity[self.config.input.upper()]
 
     @property
     def unit(self) -> float:
-        """Resolution of its input, N m, A or V."""
+        """Resolution of the input, N m, A or V."""
         return self.config.unit_micro * 1e-6
 
     def block(
@@ -84,13 +91,13 @@ class ArmDrive:
         Args:
             move: function that integrates the motion under torques on the arm, with the back-EMF as friction
             state: state of the rig at t[0]
-            t: (n,) instants, equally many from each tick to the next
+            t: (n,) instants, s, with equally many from each tick to the next
             ticks: number of ticks
             rate_hz: ticks per second of the device
             asked: inputs that the program requested at all earlier ticks since the release
 
         Returns:
-            (n, 6 + internal) states, and `asked` with the inputs of these ticks
+            (n, 6 + internal) states, and `asked` extended by the inputs of these ticks
         """
         first, looks = len(asked), (len(t) - 1) // ticks
         if self.config.program != "pd" or self.table is not None:
@@ -106,7 +113,7 @@ class ArmDrive:
         return np.concatenate(states), asked
 
     def reported(self, release: int, first: int, asked: Array) -> NDArray[np.int64]:
-        """(n, kinds) values of the message ARM_INPUT, in its units.
+        """Values (n, kinds) of the message ARM_INPUT, in its units.
 
         Args:
             release: number of the release
@@ -121,15 +128,15 @@ class ArmDrive:
         return np.stack([by_kind[kind].astype(np.int64) for kind in self.kinds], axis=1)
 
     def logged(self, asked: Array) -> Array:
-        """(n,) input that the board reports first, without noise."""
+        """Inputs (n,) of the kind that the board reports first, without noise."""
         return self._given(asked) * self.unit if TorqueKind.MEASURED in self.kinds else asked
 
     def _given(self, asked: Array) -> Array:
-        """Inputs within the limit of the driver, in units."""
+        """Inputs limited by the driver, in units."""
         return np.rint(np.clip(asked, -self.config.limit, self.config.limit) / self.unit)
 
     def _acting(self, asked: Array, count: int, rate_hz: float) -> Array:
-        """(count,) torque of the last ticks, N m: the delayed input, averaged over a tick."""
+        """Acting torque (count,) of the last ticks, N m: that of the delayed input, averaged over each tick."""
         whole, part = divmod(self.delay_s * rate_hz, 1.0)
         given = np.append(np.zeros(int(whole) + 1), self._given(asked[-count - int(whole) - 1 :]))
         late = len(given) - count - int(whole)
@@ -137,7 +144,7 @@ class ArmDrive:
         return self.config.torque_per_input * self.unit * ((1.0 - part) * now + part * before)
 
     def _controlled(self, state: AnyState, t: float) -> float:
-        """Input of the controller, which turns the arm towards the program's angle."""
+        """Input requested by the controller, which turns the arm towards the angle of the program."""
         return float(self.config.kp * (self._program(t) - state.theta0) - self.config.kd * state.omega0)
 
     def _program(self, t: Array | float) -> Array:
@@ -158,10 +165,10 @@ class ArmDrive:
 
 
 def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
-    """The drive of a plant's arm with its hidden delay; None without a drive.
+    """Drive of the arm of a plant, with its hidden delay; None without a drive.
 
     Raises:
-        ConfigError: a delay below zero.
+        ConfigError: the delay is negative.
     """
     if plant.arm_drive is None:
         return None
@@ -174,17 +181,17 @@ def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
 
 
 def replaying(drive: ArmDrive, file: str | Path) -> ArmDrive:
-    """The drive with a table (CSV) as its program: time since the release in s, and its input.
+    """The drive with a table (CSV) as its program: time since the release, s, and input.
 
     Raises:
-        ConfigError: no such table, or of another input.
+        ConfigError: the table does not exist, or is for another input.
     """
     t, values = read_table(regular(Path(file), ConfigError), ("t_s", COLUMN[drive.config.input]))
     return replace(drive, table=InputTable(t, values[:, 0]))
 
 
 def pseudo_random_bits(order: int) -> Array:
-    """(2^order - 1,) maximum-length sequence of -1 and 1, by the polynomial x^9 + x^4 + 1 for order 9."""
+    """Maximum-length sequence (2^order - 1,) of -1 and 1, by the polynomial x^9 + x^4 + 1 for order 9."""
     register, bits = [1] * order, []
     for _ in range(2**order - 1):
         bits.append(2.0 * register[-1] - 1.0)

@@ -1,4 +1,7 @@
-"""The plant file: the truth of the simulated device, which dpr-lab never reads."""
+"""The plant file: the truth of the simulated device.
+
+dpr-lab never reads it.
+"""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,7 +15,7 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.rig import PARAMETERS, refuse_other_parameters
 
 _PACKAGE = Path(__file__).parents[1]
-# an installed wheel contains the built-in files in the package; in a checkout they are in the top-level folder
+# An installed wheel contains the built-in files in the package. In a checkout they are in the top-level folders.
 BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -25,7 +28,7 @@ class _Table(BaseModel):
 
 
 class ArmConfig(_Table):
-    """The arm: held by its brake, free (inertia J0, friction c0, spring k0 about the vertical), or free and driven."""
+    """Arm of the plant: clamped, free (inertia J0, friction c0, spring k0 about the vertical), or free and driven."""
 
     mode: Literal["clamped", "free", "driven"] = "clamped"
     J0: Positive = 0.05
@@ -40,33 +43,35 @@ class EncoderConfig(_Table):
     """Errors of encoders and board."""
 
     noise_counts: NotNegative | tuple[NotNegative, NotNegative, NotNegative] = 0.5
-    """Standard deviation of Gaussian noise before rounding, common to all encoders or one for each."""
+    """Standard deviation of the Gaussian noise before rounding, counts: one value for all encoders, or one for each."""
     step_counts: Annotated[int, Field(gt=0)] = 1
-    """Counters change in steps of this number of counts, like those of a coarser encoder."""
+    """Step of the counters, counts. A step above 1 simulates a coarser encoder."""
     jitter_ms: NotNegative = 0.0
-    """Standard deviation of the instants at which the encoders are read."""
+    """Standard deviation of the instants at which the encoders are read, ms."""
     late_every: Annotated[int, Field(ge=0)] = 0
-    """Period of late samples of a swing, in samples, as caused by a multiplexer; 0: no sample is late."""
+    """Period of late samples in a swing, in samples, as caused by a multiplexer; 0: no late samples."""
     late_ms: Annotated[float, Field(ge=0, le=50, allow_inf_nan=False)] = 0.0
-    """Delay of the late samples."""
+    """Delay of the late samples, ms."""
     stale_every: Annotated[int, Field(ge=0)] = 0
-    """Period of samples of a swing that repeat the previous one, in samples; 0: none."""
+    """Period of samples in a swing that repeat the previous sample, in samples; 0: no repeated samples."""
     stale_from_s: NotNegative = 0.0
-    """First instant of the repeated samples, s since the release."""
+    """Start of the periodically repeated samples, s since the release."""
     stale_for_s: Positive | None = None
-    """Duration of the repetition, s; None: to the end. A video may repeat frames for part of its time."""
+    """Duration of the periodically repeated samples, s; None: to the end. A video may repeat frames in a part of a
+    recording."""
     repeated_share: Share = 0.0
-    """Fraction of the samples of a swing that repeat the previous one."""
+    """Share of the samples of a swing that repeat the previous sample, at random."""
     missing_share: Share = 0.0
-    """Fraction of the samples of a swing that are never sent."""
+    """Share of the samples of a swing that are never sent, at random."""
     lost_from_s: NotNegative = 0.0
-    """First instant without samples, s since the release, as of a tracker that loses its points."""
+    """Start of an interval without samples, s since the release. A tracker that loses its points causes such an
+    interval."""
     lost_for_s: NotNegative = 0.0
-    """Duration without samples, s; 0: none."""
+    """Duration of the interval without samples, s; 0: no such interval."""
 
 
 class MountConfig(_Table):
-    """Vibration mode of the mount, along the ground in the plane of the rods."""
+    """Vibration mode of the mount: horizontal motion in the plane of the rods."""
 
     stiffness_N_per_m: Positive
     frequency_hz: Positive
@@ -74,40 +79,42 @@ class MountConfig(_Table):
 
 
 class OperatorConfig(_Table):
-    """Standard deviations of the operator: pose error (rad) and speed at the release (rad/s)."""
+    """Errors of the operator, as standard deviations: pose, rad, and speed at the release, rad/s."""
 
     placement_std: NotNegative = 0.01
     release_speed_std: NotNegative = 0.002
     elbow: Finite | None = None
-    """Angle theta2 - theta1 at which a clamp holds joint 2 at every pose, rad; None: that of the pose."""
+    """Angle theta2 - theta1 at which a clamp holds joint 2 at every pose, rad; None: the angle of the pose."""
 
 
 class DriveConfig(_Table):
-    """Properties of the joint drives of a device that replays torques."""
+    """Drives of the joints, for a device that replays torques."""
 
     tells: tuple[Literal["measured", "commanded"], ...] = ("measured", "commanded")
-    """Torques that the board sends."""
+    """Kinds of torques that the board reports."""
     delay_s: NotNegative = 0.0
-    """Delay between the command of a torque and its effect."""
+    """Delay from the command of a torque to its effect, s."""
     noise_Nm: NotNegative = 0.0
-    """Standard deviation of the measured torques."""
+    """Standard deviation of the measured torques, N m."""
     gain: tuple[Finite, Finite] = (1.0, 1.0)
-    """Ratio of the acting to the reported torque at each joint: error of the torque constant."""
+    """Ratio of the acting to the reported torque at each joint. It differs from 1 by the error of the torque
+    constant."""
     offset_Nm: tuple[Finite, Finite] = (0.0, 0.0)
     """Torque at each joint that acts from the release on and is not reported, N m."""
     ripple: tuple[tuple[Finite, Finite], tuple[Finite, Finite]] = ((0.0, 0.0), (0.0, 0.0))
-    """Ripple of the torque at each joint: relative amplitudes of cos(n q) and sin(n q), with the joint angle q."""
+    """Ripple of the torque at each joint: amplitudes of cos(n q) and sin(n q) relative to the torque, with the joint
+    angle q."""
     ripple_order: NotNegative = 6.0
-    """Order n of the ripple, periods per turn."""
+    """Order n of the ripple: number of periods per turn."""
     unit_uNm: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
-    """Resolution of commanded and reported torques."""
+    """Resolution of commanded and reported torques, uN m."""
 
 
 class ArmDriveConfig(_Table):
-    """The motor of an arm with the mode `driven`, its driver, and the program of the device."""
+    """Motor and driver of an arm with the mode `driven`, and the program of the device."""
 
     input: Literal["torque", "current", "voltage"]
-    """Quantity that the driver controls and the device reports: N m at the arm, A or V."""
+    """Quantity that the driver controls and the device reports: torque at the arm (N m), current (A) or voltage (V)."""
     kt: Positive = 1.0
     """Torque constant, N m/A."""
     ke: NotNegative = 0.0
@@ -115,47 +122,47 @@ class ArmDriveConfig(_Table):
     R: Positive = 1.0
     """Resistance, ohm."""
     gear: Positive = 1.0
-    """Gear ratio: turns of the motor per turn of the arm."""
+    """Turns of the motor per turn of the arm."""
     limit: Positive
-    """Maximum input of the driver; a larger request is limited to it."""
+    """Maximum input of the driver. A larger request is limited to this value."""
     program: Literal["sines", "chirp", "prbs", "pd"] = "sines"
-    """Two sines, a sweep of one, a pseudo-random binary sequence, or a controller whose arm follows two sines."""
+    """Program of the device: two sines, a sine with increasing frequency, a pseudo-random binary sequence, or a
+    controller by which the arm follows two sines."""
     amplitude: Positive
-    """Amplitude of the program, in units of the input; of `pd` the amplitude of the angle, rad."""
+    """Amplitude of the program in units of the input; for `pd`, amplitude of the angle, rad."""
     kp: NotNegative = 0.0
     """Proportional gain of the controller `pd`, units of the input per rad."""
     kd: NotNegative = 0.0
     """Derivative gain of the controller `pd`, units of the input per rad/s."""
     rates_hz: tuple[Positive, Positive] = (0.5, 1.3)
-    """Frequencies of the sines, or initial and final frequency of the sweep; half the second is the bit rate of a
-    sequence.
-    """
+    """Frequencies of the two sines, or initial and final frequency of the sweep, Hz. The bit rate of a sequence is half
+    the second value."""
     sweep_s: Positive = 10.0
-    """Duration of the sweep."""
+    """Duration of the sweep, s."""
     tells: Annotated[tuple[Literal["measured", "commanded"], ...], Field(min_length=1)] = ("measured", "commanded")
-    """Inputs that the board sends."""
+    """Kinds of inputs that the board reports."""
     noise: NotNegative = 0.0
-    """Standard deviation of the measured input."""
+    """Standard deviation of the measured input, in its unit."""
     unit_micro: Annotated[int, Field(gt=0, lt=1 << 32)] = 100
     """Resolution of the input: uN m, uA or uV."""
 
     @property
     def torque_per_input(self) -> float:
-        """Ratio of the torque at the arm, N m, to the input."""
+        """Torque at the arm per input, N m over the unit of the input."""
         return {"torque": 1.0, "current": self.gear * self.kt, "voltage": self.gear * self.kt / self.R}[self.input]
 
     @property
     def back_emf(self) -> float:
-        """Friction of the arm caused by the back-EMF of a voltage drive, N m s/rad."""
+        """Friction of the arm due to the back-EMF of a voltage drive, N m s/rad."""
         return self.ke * self.kt * self.gear**2 / self.R if self.input == "voltage" else 0.0
 
 
 class PlantConfig(_Table):
-    """A plant file (`configs/plants/*.toml`).
+    """Content of a plant file (`configs/plants/*.toml`).
 
-    Fields of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI), `[arm]`,
+    Keys of the file: `name`, `seed`, `[parameters]` with one value for each of `PARAMETERS` (SI units), `[arm]`,
     `[arm_drive]` for a driven arm, `[effects.NAME]` or at most one `[foreign.NAME]` with the parameters of the effect,
-    `[mount]`, `[encoders]`, `[drives]`, `[hand]`. Effects at joint 0 need an arm that moves, those of its drive
+    `[mount]`, `[encoders]`, `[drives]`, `[hand]`. Effects at joint 0 need an arm that moves. Effects of its drive need
     `[arm_drive]`.
     """
 
@@ -188,12 +195,12 @@ class PlantConfig(_Table):
 
     @property
     def Z(self) -> NDArray[np.float64]:
-        """(9,) true parameters in the order of `PARAMETERS`, SI."""
+        """True parameters (9,) in the order of `PARAMETERS`, SI units."""
         return np.array([self.parameters[name] for name in PARAMETERS])
 
 
 def find_plant(name: str | Path) -> Path:
-    """The plant file at a path, or the built-in one of a bare name.
+    """Path of a plant file, from a path or the bare name of a built-in one.
 
     Raises:
         ConfigError: there is neither such a file nor such a built-in name.
@@ -209,10 +216,12 @@ def find_plant(name: str | Path) -> Path:
 
 
 def load_plant(name: str | Path, seed: int | None = None) -> PlantConfig:
-    """Read a plant file by path or built-in name; if `seed` is given, it replaces that of the file.
+    """Read a plant file by its path or built-in name.
+
+    If `seed` is given, it replaces the seed of the file.
 
     Raises:
-        ConfigError: not found or not valid; the message names file, key and value.
+        ConfigError: the file is not found or not valid; the message names file, key and value.
     """
     config = read_config(find_plant(name), PlantConfig)
     return config if seed is None else config.model_copy(update={"seed": seed})

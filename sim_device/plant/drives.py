@@ -1,6 +1,7 @@
-"""Joint drives: from the release on they replay a table of torques and report commanded and measured torques.
+"""Drives of the joints.
 
-The drives are a part of the rig, like the arm: no message starts, stops or changes them.
+From the release on, they replay a table of torques and report commanded and measured torques. The drives are a part of
+the rig, like the arm: no message starts, stops or changes them.
 """
 
 import csv
@@ -19,25 +20,25 @@ from sim_device.plant.encoders import standard_noise
 from sim_device.random_streams import RandomStream
 
 FULL_SCALE = 0x7FFF
-"""Maximum torque in a message, units."""
+"""Maximum torque in a message, in units."""
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
 
 SLACK_S = 1e-9
-"""Maximum delay of a row after its tick."""
+"""Maximum time by which a row may be after its tick, s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointDrives:
     """Drives of both joints, controlled by the board at its ticks; a torque is constant from one tick to the next.
 
-    Before the release and before the first row of the table the torque is zero; after the last row it stays constant.
+    Before the release and before the first row of the table the torque is zero. After the last row it stays constant.
     """
 
     t: NDArray[np.float64]
-    """(m,) increasing, device time since the release, s."""
+    """(m,) increasing device times since the release, s."""
     joints: NDArray[np.float64]
-    """(m, 2) torque of joint 1 on the inner rod, and of joint 2 on the outer one, N m."""
+    """(m, 2) torques of joint 1 on the inner rod and of joint 2 on the outer rod, N m."""
     config: DriveConfig
     seed: int
 
@@ -48,16 +49,19 @@ class JointDrives:
 
     @property
     def unit(self) -> float:
-        """Resolution of their torques, N m."""
+        """Resolution of the torques, N m."""
         return self.config.unit_uNm * 1e-6
 
     def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
-        """(count, 2) acting torques from the ticks `first`, `first` + 1, ... since the release on, N m."""
+        """Acting torques (count, 2) at the ticks `first`, `first` + 1, ... since the release, N m."""
         asked = self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit)
         return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
     def reported(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
-        """(count, kinds, 2) torques that TORQUE reports for these ticks, in units; `release` is the release number."""
+        """Torques (count, kinds, 2) that TORQUE reports for these ticks, in units.
+
+        `release` is the number of the release.
+        """
         commanded = self._asked(first, count, rate_hz, 0.0)
         noise = standard_noise(self.seed, RandomStream.DRIVES, release, first, count)[:, :2] * self.config.noise_Nm
         given = self._asked(first, count, rate_hz, self.config.delay_s) + np.rint(noise / self.unit)
@@ -65,7 +69,7 @@ class JointDrives:
         return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
 
     def _asked(self, first: int, count: int, rate_hz: float, later_s: float) -> NDArray[np.int64]:
-        """(count, 2) rows of the table at the ticks, in units, for a table with this delay."""
+        """Torques (count, 2) of the table at the ticks, in units, if the table is delayed by `later_s`."""
         t = np.arange(first, first + count) / rate_hz - later_s
         row = np.searchsorted(self.t, t + SLACK_S, side="right")
         units = np.rint(np.concatenate([np.zeros((1, 2)), self.joints]) / self.unit).astype(np.int64)
@@ -73,16 +77,17 @@ class JointDrives:
 
 
 def write_table(drives: JointDrives, file: Path) -> None:
-    """The table that the drives replay, as read by `load_drives`."""
+    """Write the table that the drives replay, for `load_drives`."""
     rows = np.column_stack([drives.t, drives.joints]).tolist()
     file.write_text("\n".join([",".join(COLUMNS), *(",".join(map(repr, row)) for row in rows)]) + "\n", "utf-8")
 
 
 def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives:
-    """Drives that replay a table (CSV): time since the release in s, and the torques of both joints in N m.
+    """Drives that replay a table (CSV): time since the release, s, and torques of both joints, N m.
 
     Raises:
-        ConfigError: no such table, a pipe, or a torque that cannot be sent in the plant's unit.
+        ConfigError: the table does not exist, is a pipe, or contains a torque that exceeds the range of the plant's
+            unit.
     """
     path = regular(Path(file), ConfigError)
     t, joints = read_table(path, COLUMNS)
@@ -96,10 +101,10 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
 
 
 def read_table(path: Path, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(m,) increasing times, and (m, n) values of the other columns of a table (CSV).
+    """Increasing times (m,), and values (m, n) of the other columns, from a table (CSV).
 
     Raises:
-        ConfigError: no such table, other columns, or numbers that are not finite.
+        ConfigError: the table does not exist, or has other columns or numbers that are not finite.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as text:

@@ -1,4 +1,4 @@
-"""Encoders: from true angles to noisy integer counts."""
+"""Conversion of true angles to noisy integer counts."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,7 +10,7 @@ from dpr_lab.rig import JOINTS, Rig
 from sim_device.random_streams import RandomStream, generator
 
 BLOCK = 1024
-"""Ticks of noise that are drawn at a time."""
+"""Number of ticks for which noise is drawn at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +19,8 @@ class NoisyEncoders:
 
         counts = s round((rig.positions(theta) + noise_counts * n) / s),    n ~ N(0, 1),    s = step_counts
 
-    The noise is a pure function of seed, stream, release and tick, so the same seed gives the same counts over any link
-    and in batches of any size.
+    The noise depends only on seed, stream, release and tick. The same seed therefore gives the same counts over any
+    link and in batches of any size.
     """
 
     rig: Rig
@@ -33,7 +33,7 @@ class NoisyEncoders:
 
         Args:
             theta: (n, 3) true absolute angles, rad
-            stream: state of the rods
+            stream: state of the rods, which selects the random numbers
             release: number of the release, from 1
             first: tick of the first row, counted from the start of the stream
 
@@ -45,7 +45,7 @@ class NoisyEncoders:
 
 
 def standard_noise(seed: int, stream: RandomStream, release: int, first: int, count: int) -> NDArray[np.float64]:
-    """(count, 3) standard normal noise of the ticks `first`, `first + 1`, ..."""
+    """Standard normal noise (count, 3) for the ticks `first`, `first + 1`, ..."""
     start, stop = first // BLOCK, (first + max(count, 1) - 1) // BLOCK
     blocks = [_noise_block(seed, stream, release, number) for number in range(start, stop + 1)]
     joined = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)

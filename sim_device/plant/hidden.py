@@ -1,4 +1,4 @@
-"""The plant of a plant file, of either kind."""
+"""Plant of a plant file: with library effects, or with an out-of-library effect."""
 
 from dpr_lab.rig import Rig
 from sim_device.plant.config import PlantConfig

@@ -68,8 +68,7 @@ class AlternativeWords:
     improbable: float = 1e-3
     """Minimum probability that is printed as a number. A smaller probability is printed as less than this bound."""
     same_shape: float = 0.9995
-    """Cosine similarity that is printed as 1.000. For an improbable alternative with this similarity a reason is
-    given."""
+    """Cosine similarity that is printed as 1.000; an improbable alternative with this similarity needs a reason."""
 
 
 ALTERNATIVE_WORDS = AlternativeWords()
@@ -293,10 +292,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """Ids and expected information of the checks in an advice; empty without a check.
-
-    For example: ` [check 1-47d7, expected information 0.98 bits]`.
-    """
+    """Checks in an advice, such as ` [check 1-47d7, expected information 0.98 bits]`; empty without a check."""
     checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
     ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
     most = max((check.expected_bits for check in checks), default=0.0)
@@ -375,10 +371,7 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
 
 
 def findings_sentence(diagnosis: Diagnosis) -> str:
-    """Sentence with the number of sensor faults of each kind; empty without faults.
-
-    For example: `Sensor faults: outlier (236), jitter (2).`
-    """
+    """Numbers of sensor faults by kind, `Sensor faults: outlier (236), jitter (2).`; empty without faults."""
     counts: dict[str, int] = {}
     for finding in diagnosis.sensor_findings:
         fault = named(finding.name) if finding.name in EFFECTS else finding.name.replace("_", " ")
@@ -387,10 +380,7 @@ def findings_sentence(diagnosis: Diagnosis) -> str:
 
 
 def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
-    """Rows of the sensor faults, in the columns `FINDING_COLUMNS`.
-
-    More than `most` similar faults share one row for all runs.
-    """
+    """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` similar faults of all runs share one row."""
     similar: dict[tuple[str, ...], list[SensorFinding]] = {}
     for finding in diagnosis.sensor_findings:
         fault = (named(finding.name).replace("_", " "), in_words(finding.axis or NONE), finding.evidence)

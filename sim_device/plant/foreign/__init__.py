@@ -1,6 +1,6 @@
-"""Out-of-library effects: effects that the library lacks, or library effects in another form.
+"""Out-of-library effects: effects that the library does not contain, or library effects in another form.
 
-They test the diagnosis: a plant contains at most one of them.
+They test the diagnosis. A plant contains at most one of them.
 """
 
 from sim_device.plant.foreign.bodies import BODIES
@@ -15,7 +15,7 @@ FOREIGN: dict[str, OutOfLibraryEffect] = {
 }
 
 FORMS = tuple(name for name, effect in FOREIGN.items() if effect.family)
-"""Effects of a family in the library, in another form."""
+"""Names of effects that belong to a family of the library but have another form."""
 
 OUTSIDE = tuple(name for name, effect in FOREIGN.items() if not effect.family)
-"""Effects of no family in the library."""
+"""Names of effects that belong to no family of the library."""

@@ -1,4 +1,4 @@
-"""Rods with additional degrees of freedom: a bending rod, a rod that leaves the plane, a loose shaft in its bearing."""
+"""Rods with additional degrees of freedom: a bending rod, a rod that leaves the plane, a shaft loose in its bearing."""
 
 import math
 from collections.abc import Sequence
@@ -12,21 +12,24 @@ from sim_device.plant.foreign.engine import Body, EquationOfMotion, undisturbed
 State = NDArray[np.float64]
 
 AXIAL = 0.02
-"""Ratio of the outer rod's inertia about its own axis to that about joint 2."""
+"""Inertia of the outer rod about its own axis, relative to the inertia about joint 2."""
 
 RIM_LOSS = 20.0
-"""Ratio of damping to spring force of the rim, s/m: damping grows with the depth, so that the force is continuous."""
+"""Ratio of damping to spring force of the rim, s/m. The damping is proportional to the depth, so that the force is
+continuous."""
 
 RATTLE_ERROR = 1e-6
-"""Step, sufficient for a shaft that rattles at 100 Hz, with an error far below an encoder's step."""
+"""Error tolerance of the integrator. It resolves a shaft that rattles at 100 Hz with an error far below an encoder
+step."""
 
 
 def bending_rod(body: Body, values: Values) -> EquationOfMotion:
-    """The outer rod with a springy hinge in its middle; q is the angle by which its outer half bends.
+    """Outer rod with an elastic hinge in its middle; q is the angle by which its outer half bends.
 
         T = T_rods + p w2 q' + r cos(t1-t2) w1 q' + i q'^2/2,    V = V_rods - h q sin t2 + q^2 / (2 C)
 
-    of first order in q. For a uniform rod p = 5b/16, i = b/8, r = d/4, h = e2/4. The encoder sits at the inner half.
+    The equation of motion is of first order in q. For a uniform rod p = 5b/16, i = b/8, r = d/4, h = e2/4. The encoder
+    is at the inner half.
     """
     compliance, damping = values["compliance_rad_per_Nm"], values["damping_ratio"]
     if compliance == 0.0:
@@ -83,12 +86,14 @@ def wobbling_rod(body: Body, values: Values) -> EquationOfMotion:
 
 
 def loose_bearing(body: Body, values: Values) -> EquationOfMotion:
-    """The shaft of joint 1 moves within a clearance and hits its rim.
+    """Shaft of joint 1 that moves within a clearance and hits its rim.
 
         T = T_rods + M (x'^2 + z'^2)/2 + x' (p1 c1 w1 + p2 c2 w2) - z' (p1 s1 w1 + p2 s2 w2),    p = e / g
+
         V = V_rods + M g z
 
-    Once the shaft is further from the middle than the clearance, the rim pushes back: k depth (1 + RIM_LOSS v).
+    If the distance of the shaft from the centre exceeds the clearance, the rim pushes it back with the force k depth (1
+    + RIM_LOSS v).
     """
     clearance, stiffness = values["clearance_mm"] * 1e-3, values["rim_N_per_mm"] * 1e3
     if clearance == 0.0:

@@ -1,4 +1,4 @@
-"""Brakes, wind and a tilting table: torques that depend on position or time, not on the rig."""
+"""Brakes, wind and a tilting table: torques that depend on position or time."""
 
 import math
 
@@ -7,11 +7,11 @@ from sim_device.plant.foreign.engine import Body, EquationOfMotion, under
 from sim_device.plant.foreign.torques import drag_on_outer_rod
 
 AIR_DRAG = 5e-3
-"""Drag of a rod 8 mm wide in air at 1 m/s, N per metre of its length."""
+"""Drag of a rod of 8 mm diameter in air at 1 m/s, N per metre of its length."""
 
 
 def cable_snag(body: Body, values: Values) -> EquationOfMotion:
-    """The cable gets caught once: tau1 = -c omega1 exp(-((t - t0) / T)^2)."""
+    """Cable that gets caught once: tau1 = -c omega1 exp(-((t - t0) / T)^2)."""
     size, begin_s, lasts = values["brake_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -21,7 +21,7 @@ def cable_snag(body: Body, values: Values) -> EquationOfMotion:
 
 
 def eddy_brake(body: Body, values: Values) -> EquationOfMotion:
-    """A magnet brakes the inner rod as it passes: tau1 = -c omega1 exp(K (cos(theta1 - q0) - 1))."""
+    """Magnet that brakes the inner rod near one angle: tau1 = -c omega1 exp(K (cos(theta1 - q0) - 1))."""
     size, narrow, place = values["brake_Nms_per_rad"], values["narrowness"], values["place_rad"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -47,7 +47,7 @@ def air_draught(body: Body, values: Values) -> EquationOfMotion:
 
 
 def leaning_table(body: Body, values: Values) -> EquationOfMotion:
-    """Tilt of the table for a moment, as if somebody leans on it: gravity turns by A exp(-((t - t0) / T)^2)."""
+    """Momentary tilt of the table, as if a person leans on it: gravity turns by A exp(-((t - t0) / T)^2)."""
     size, begin_s, lasts = values["tilt_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

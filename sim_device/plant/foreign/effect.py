@@ -1,4 +1,4 @@
-"""Interface of an out-of-library effect: the library does not contain it, at least not in this form."""
+"""Interface of an out-of-library effect: an effect that the library does not contain in this form."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,12 +15,12 @@ Values = Mapping[str, float]
 Array = NDArray[np.float64]
 
 BuildEquation = Callable[[Body, Values], EquationOfMotion]
-"""The equation of motion of a plant with the effect."""
+"""Function that returns the equation of motion of a plant with the effect."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The swing at consecutive ticks, as input of a disturbed encoder."""
+    """State of the swing at consecutive ticks, as input of a disturbed encoder."""
 
     t: Array
     """(n,) time since the release, s."""
@@ -31,15 +31,15 @@ class Moment:
 
 
 Reading = Callable[[Array, Moment, Values], Array]
-"""True angles (n, 2) of joint encoders 1 and 2, rad -> their readings before noise and rounding."""
+"""Function that converts true angles (n, 2) of joints 1 and 2, rad, to encoder readings before noise and rounding."""
 
 Counter = Callable[[NDArray[np.int64], Values], NDArray[np.int64]]
-"""Rounded counts (n, 3) -> readings of the counters."""
+"""Function that converts rounded counts (n, 3) to readings of the counters."""
 
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """One parameter of an out-of-library effect: drawn uniformly between two values."""
+    """Parameter of an out-of-library effect, which is drawn uniformly between two values."""
 
     name: str
     lower: float
@@ -48,12 +48,12 @@ class Size:
 
 @dataclass(frozen=True, slots=True)
 class OutOfLibraryEffect:
-    """One out-of-library effect; its `amplitude` at zero switches it off exactly."""
+    """Out-of-library effect; it vanishes exactly if its `amplitude` is zero."""
 
     name: str
     meaning: str
     amplitude: Size
-    """Its size; a draw scales it to the requested gap."""
+    """Parameter for the size of the effect. A draw scales it to the requested gap."""
     most: float = math.inf
     """Maximum meaningful amplitude."""
     sign: Literal["positive", "any"] = "positive"
@@ -63,11 +63,11 @@ class OutOfLibraryEffect:
     counter: Counter | None = None
     dissipative: bool = False
     family: Sequence[Effect] = ()
-    """Library effects that would be a correct answer; empty without any."""
+    """Library effects that are correct answers; empty if there are none."""
     held_back: bool = False
-    """Whether it is excluded from all tuning on trials."""
+    """Whether the effect is excluded from all tuning on trials."""
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of all parameters, the amplitude first."""
+        """Names of all parameters; the amplitude is the first."""
         return (self.amplitude.name, *(size.name for size in self.shape))

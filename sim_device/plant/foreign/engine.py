@@ -1,6 +1,7 @@
-"""Equation of motion of plants with out-of-library effects, with torques and states that dpr-lab's kernels lack.
+"""Equation of motion of plants with out-of-library effects, whose torques and states dpr-lab's kernels lack.
 
-Plain Python with an adaptive eighth-order rule: the result shares neither integrator nor step size with dpr-lab.
+It is integrated in plain Python by an adaptive eighth-order rule, so that the result shares neither integrator nor step
+size with dpr-lab.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,24 +15,25 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.equation import accelerations
 
 ERROR = 1e-9
-"""Relative tolerance of an integration step; the absolute one is a tenth of it."""
+"""Relative tolerance of an integration step. The absolute tolerance is a tenth of it."""
 
 LONGEST_STEP = 0.02
-"""Maximum step, so that no disturbance of short duration is skipped, s."""
+"""Maximum step, s. It is small enough that no short disturbance is skipped."""
 
 BEGUN = 1e-9
-"""Speed above which a joint slides, rad/s."""
+"""Minimum speed at which a joint counts as sliding, rad/s."""
 
 Slope = Callable[[float, NDArray[np.float64]], Sequence[float]]
-"""Time since the release, s, and state (theta1, theta2, omega1, omega2, memory ...) -> its derivative."""
+"""Function of the time since the release, s, and the state (theta1, theta2, omega1, omega2, memory ...) that returns
+the derivative of the state."""
 
 Torques = Callable[[float, float, float, float, float], tuple[float, float]]
-"""(t, theta1, theta2, omega1, omega2) -> generalised torques on theta1 and theta2, N m."""
+"""Function of (t, theta1, theta2, omega1, omega2) that returns the generalised torques on theta1 and theta2, N m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The rods by the base parameters of docs/theory.md (12), with the corresponding masses and lengths, SI."""
+    """Rods described by the base parameters of docs/theory.md (12) and the matching masses and lengths, SI units."""
 
     a: float
     b: float
@@ -50,14 +52,14 @@ class Body:
 
     @classmethod
     def of(cls, Z: NDArray[np.float64], L1: float, L2: float, g: float) -> "Body":
-        """The body of a rig with the nine parameters Z."""
+        """Rods of a rig with the nine parameters Z."""
         a, b, d, e1, c1, c2 = base_parameters(Z, L1, g).tolist()
         return cls(a, b, d, e1, d * g / L1, c1, c2, L1, L2, g, float(Z[2:5].sum()), float(Z[3]))
 
     def accelerations(
         self, theta1: float, theta2: float, omega1: float, omega2: float, tau1: float = 0.0, tau2: float = 0.0
     ) -> tuple[float, float]:
-        """Angular accelerations under docs/theory.md (1), rad/s^2."""
+        """Angular accelerations according to docs/theory.md (1), rad/s^2."""
         return accelerations(
             theta1, theta2, omega1, omega2, self.a, self.b, self.d, self.e1, self.e2, self.c1, self.c2, tau1, tau2
         )  # fmt: skip
@@ -65,23 +67,23 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class DryJoint:
-    """A joint that friction holds at rest: it slides only if the torque exceeds the limit."""
+    """Joint that Coulomb friction can hold at rest: it slides only if the torque exceeds the friction limit."""
 
     joint: int
     """Number of the joint, 1 or 2."""
     size: Callable[[NDArray[np.float64]], float]
-    """Friction in a state with sliding joint, N m; its limit if the joint rests."""
+    """Function of the state that returns the friction of the sliding joint, or its limit if the joint rests, N m."""
 
     def speed(self, x: NDArray[np.float64]) -> float:
         """Speed of the joint, rad/s."""
         return float(x[2] if self.joint == 1 else x[3] - x[2])
 
     def torques(self, torque: float) -> tuple[float, float]:
-        """Generalised torques of a unit torque in the joint."""
+        """Generalised torques due to a torque in the joint, N m."""
         return (torque, 0.0) if self.joint == 1 else (-torque, torque)
 
     def holding(self, body: Body, x: NDArray[np.float64]) -> float:
-        """Torque that keeps the joint's speed constant, N m."""
+        """Torque in the joint that keeps its speed constant, N m."""
         free, pushed = (self.gain(body, x, torque) for torque in (0.0, 1.0))
         return -free / (pushed - free)
 
@@ -98,23 +100,24 @@ class DryJoint:
 
 @dataclass(frozen=True, slots=True)
 class EquationOfMotion:
-    """Motion of the rods: the derivative of the state, and the initial additional states."""
+    """Equation of motion: the derivative of the state, and the initial values of additional states."""
 
     slope: Slope
     memory: tuple[float, ...] = ()
     error: float = ERROR
-    """Maximum step of the integrator."""
+    """Relative tolerance of the integrator."""
     sticks: "tuple[Body, DryJoint] | None" = None
-    """The rods and their joint with Coulomb friction, for which `slope` is that of the rods without it."""
+    """Rods and their joint with Coulomb friction; `slope` is then the motion without this friction. None without such a
+    joint."""
 
 
 def undisturbed(body: Body) -> EquationOfMotion:
-    """The rods without any further effect."""
+    """Equation of motion of the rods without any further effect."""
     return under(body, lambda t, theta1, theta2, omega1, omega2: (0.0, 0.0))
 
 
 def under(body: Body, torques: Torques) -> EquationOfMotion:
-    """The rods under further torques without additional states."""
+    """Equation of motion of the rods under further torques, without additional states."""
 
     def slope(t: float, x: NDArray[np.float64]) -> Sequence[float]:
         theta1, theta2, omega1, omega2 = x.tolist()
@@ -125,7 +128,10 @@ def under(body: Body, torques: Torques) -> EquationOfMotion:
 
 
 def at_joint2(torque: Callable[[float, float], float]) -> Torques:
-    """Torques of an element between the rods, from its torque on the outer one (relative angle, relative speed)."""
+    """Torques of an element between the rods.
+
+    `torque` is its torque on the outer rod, as a function of relative angle and relative speed.
+    """
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
         tau = torque(theta2 - theta1, omega2 - omega1)
@@ -135,7 +141,10 @@ def at_joint2(torque: Callable[[float, float], float]) -> Torques:
 
 
 def at_joint1(torque: Callable[[float, float], float]) -> Torques:
-    """Torques of an element between arm and inner rod, from its torque on the inner rod (angle from hanging, speed)."""
+    """Torques of an element between arm and inner rod.
+
+    `torque` is its torque on the inner rod, as a function of the angle from hanging and the speed.
+    """
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
         return torque(theta1 - np.pi, omega1), 0.0
@@ -144,12 +153,12 @@ def at_joint1(torque: Callable[[float, float], float]) -> Torques:
 
 
 def sticking(body: Body, joint: int, size: Callable[[NDArray[np.float64]], float]) -> EquationOfMotion:
-    """Rods with Coulomb friction in one joint, whose level may depend on the state."""
+    """Equation of motion of rods with Coulomb friction in one joint; its level may depend on the state."""
     return replace(undisturbed(body), sticks=(body, DryJoint(joint, size)))
 
 
 def integrate(motion: EquationOfMotion, state: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, k) states at the increasing instants `t` (n,), from the state (k,) at t[0]."""
+    """States (n, k) at the increasing instants `t` (n,), from the state (k,) at t[0]."""
     if motion.sticks is not None:
         return _integrate_sticking(motion.error, *motion.sticks, state, t)
     return _solved(motion.slope, motion.error, state, t[0], t).y.T
@@ -168,7 +177,7 @@ def _solved(
 def _integrate_sticking(
     error: float, body: Body, dry: DryJoint, state: NDArray[np.float64], t: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The motion between stops and starts of the joint, with a separate integration between two events."""
+    """Integrate the motion with a joint that stops and starts, separately between these events."""
     states, x, first = [state[None]], state, t[0]
     t, side = t[1:], float(np.sign(dry.speed(x))) or _starts(body, dry, x)
     while len(t):
@@ -180,13 +189,13 @@ def _integrate_sticking(
             x[1 + dry.joint] = 0.0 if dry.joint == 1 else x[2]
             # A joint that has just broken away transmits the limit torque; rounding must not stop it again.
             side = _starts(body, dry, x) if side else _pushed(body, dry, x)
-            if first == began:  # a slide shorter than a step, whose start was detected as its end
+            if first == began:  # a slide that is shorter than a step: its start was detected as its end
                 x[1 + dry.joint] += side * BEGUN
     return np.concatenate(states)
 
 
 def _starts(body: Body, dry: DryJoint, x: NDArray[np.float64]) -> float:
-    """Direction in which a resting joint starts to slide; 0 if it stays at rest."""
+    """Direction in which a resting joint starts to slide; 0 if it remains at rest."""
     return 0.0 if abs(dry.holding(body, x)) < dry.size(x) else _pushed(body, dry, x)
 
 
@@ -203,7 +212,7 @@ def _sliding_slope(body: Body, dry: DryJoint, side: float) -> Slope:
 
 
 def _change(body: Body, dry: DryJoint, side: float) -> Any:
-    """Event functions, which decrease through zero when the joint stops or must slide."""
+    """Function that decreases through zero when the joint stops or must start to slide."""
 
     def left(t: float, x: NDArray[np.float64]) -> float:
         return side * dry.speed(x) if side else dry.size(x) - abs(dry.holding(body, x))

@@ -1,4 +1,4 @@
-"""Coulomb, load-dependent and presliding friction, in forms other than those of the library."""
+"""Coulomb, load-dependent and presliding friction in forms that the library does not contain."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ DRY_JOINT1, DRY_JOINT2 = zip(COULOMB, STRIBECK, FRICTION_CURVE, HYSTERESIS, stri
 
 
 def asymmetric_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Coulomb friction that is stronger in one direction: tau1 = -F s (1 + A s), s = (2/pi) atan(omega1 / v)."""
+    """Coulomb friction that is larger in one direction: tau1 = -F s (1 + A s), s = (2/pi) atan(omega1 / v)."""
     force, asymmetry, speed = values["torque_Nm"], values["asymmetry"], values["speed_rad_per_s"]
 
     def torque(angle: float, omega: float) -> float:
@@ -30,30 +30,33 @@ def asymmetric_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def rounded_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Coulomb friction rounded algebraically: tau2 = -F w / sqrt(w^2 + v^2), w = omega2 - omega1."""
+    """Coulomb friction that is rounded algebraically: tau2 = -F w / sqrt(w^2 + v^2), w = omega2 - omega1."""
     force, speed = values["torque_Nm"], values["speed_rad_per_s"]
     return under(body, at_joint2(lambda angle, omega: -force * omega / math.hypot(omega, speed)))
 
 
 def lorentzian_stribeck_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Friction that falls with speed as a Lorentzian: tau1 = -F (1 + R / (1 + (w/v)^2)) sgn(w); it sticks."""
+    """Friction that decreases with speed as a Lorentzian: tau1 = -F (1 + R / (1 + (w/v)^2)) sgn(w).
+
+    The joint sticks at rest.
+    """
     force, rise, speed = values["torque_Nm"], values["rise"], values["speed_rad_per_s"]
 
     return sticking(body, 1, lambda x: force * (1 + rise / (1 + (float(x[2]) / speed) ** 2)))
 
 
 def root_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Friction that grows with the root of speed, smooth at rest: tau2 = -K w / (w^2 + 0.05^2)^(1/4)."""
+    """Friction proportional to the root of the speed, smooth at rest: tau2 = -K w / (w^2 + 0.05^2)^(1/4)."""
     size = values["torque_at_1rad_per_s_Nm"]
     return under(body, at_joint2(lambda angle, omega: -size * omega / (omega * omega + 0.0025) ** 0.25))
 
 
 def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Bristles that bend and slip, after LuGre without the micro-damping.
+    """LuGre friction without micro-damping: bristles that bend and slip.
 
         z' = w - |w| z / (Z g(w)),    tau2 = -F z / Z,    g = 1 + R exp(-(w/v)^2),    w = omega2 - omega1
 
-    z / Z stays within +-(1 + R); over a closed cycle the bristles only dissipate energy.
+    z / Z stays within +-(1 + R). Over a closed cycle the bristles only dissipate energy.
 
     Source: Canudas de Wit, Olsson, Astrom & Lischinsky (1995), A new model for control of systems with friction, IEEE
     Transactions on Automatic Control 40(3), 419-425.
@@ -75,9 +78,10 @@ def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
 def joint_force(
     body: Body, moment: float, mass: float, theta1: float, theta2: float, omega1: float, omega2: float
 ) -> float:
-    """Force on a joint that supports `mass`, N; `moment` is the part that rotates with the inner rod, kg m.
+    """Force on a joint that supports `mass`, N.
 
-    It follows from the accelerations without friction, which is smaller by orders of magnitude.
+    `moment` is the first moment of the part that rotates with the inner rod, kg m. The force follows from the
+    accelerations without friction, because friction is smaller by orders of magnitude.
     """
     alpha1, alpha2 = body.accelerations(theta1, theta2, omega1, omega2)
     sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
@@ -88,18 +92,18 @@ def joint_force(
 
 
 def hertzian_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Rolling friction by Hertz' contact: tau1 = -K (|F| / 1 N)^(4/3) sgn(omega1), F the force on joint 1."""
+    """Rolling friction with Hertzian contact: tau1 = -K (|F| / 1 N)^(4/3) sgn(omega1), F the force on joint 1."""
     size, moment = values["torque_at_1N_Nm"], body.e1 / body.g
 
     return sticking(body, 1, lambda x: size * joint_force(body, moment, body.mass, *x.tolist()) ** (4 / 3))
 
 
 def plastic_load_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Friction of a plastic bush, by its contact area: tau2 = -K (|F| / 1 N)^(2/3) sgn(w), w its speed.
+    """Friction of a plastic bush by its contact area: tau2 = -K (|F| / 1 N)^(2/3) sgn(w).
 
-    F is the force on joint 2; at rest the joint sticks.
+    F is the force on joint 2 and w the speed of the joint. The joint sticks at rest.
 
-    Source: Bowden & Tabor (1950), The friction and lubrication of solids, on contacts that give way elastically.
+    Source: Bowden & Tabor (1950), The friction and lubrication of solids, on contacts that yield elastically.
     """
     size, moment = values["torque_at_1N_Nm"], body.outer_mass * body.L1
 
@@ -107,7 +111,7 @@ def plastic_load_joint2(body: Body, values: Values) -> EquationOfMotion:
 
 
 def warming_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Grease that warms up to a constant temperature: tau1 = C (1 - exp(-t / T)) omega1, on top of c1."""
+    """Grease that warms up to a constant temperature: tau1 = C (1 - exp(-t / T)) omega1, in addition to c1."""
     size, lasts = values["damping_Nms_per_rad"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -117,7 +121,7 @@ def warming_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def seizing_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """A seal that runs dry within a moment: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
+    """Seal that runs dry within a short time: tau2 = -C w (1 + tanh((t - t0) / T)) / 2, w = omega2 - omega1."""
     size, begin_s, lasts = values["damping_Nms_per_rad"], values["at_s"], values["lasts_s"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

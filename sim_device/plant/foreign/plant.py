@@ -1,4 +1,4 @@
-"""A plant with an out-of-library effect: motion of its rods and readings of its encoders."""
+"""Plant with an out-of-library effect: motion of its rods and readings of its encoders."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,11 @@ from sim_device.random_streams import RandomStream
 
 
 class ForeignPlant:
-    """The rods under one out-of-library effect, on a clamped arm and without library effects.
+    """Rods with one out-of-library effect, on a clamped arm and without library effects.
 
     Args:
         config: the plant file
-        rig: gives the lengths, gravity and any added mass, which are measured and therefore true
+        rig: the rig file, whose lengths, gravity and added mass are true, because they are measured
 
     Raises:
         ConfigError: the plant file names an unknown effect or parameter, or effects that the plant cannot combine.
@@ -38,18 +38,25 @@ class ForeignPlant:
         self._relative = bool(known.relative2)
 
     def refuse_drives(self) -> None:
-        """Raise ConfigError if drives are requested for a plant with an out-of-library effect."""
+        """Refuse drives, because a plant with an out-of-library effect cannot have them.
+
+        Raises:
+            ConfigError: always.
+        """
         raise ConfigError(f"plant {self.config.name}: with an out-of-library effect it has no joint drives")
 
     def let_go(
         self, theta: Array, omega: Array, rate_hz: float, release: int, driven: Driven | None = None
     ) -> "ForeignSwing":
-        """The swing of rods released at theta, omega (3,), read at `rate_hz`."""
+        """Swing of rods that are released at theta, omega (3,), and read at `rate_hz`."""
         start = np.array([*theta[1:], *omega[1:], *self.motion.memory])
         return ForeignSwing(self, start, float(theta[0]), rate_hz, release)
 
     def misread(self, theta: Array, t: Array, run: int) -> Array:
-        """(n, 3) angles with encoder errors at rest; the angles of a swing already contain these errors."""
+        """Angles (n, 3) with encoder errors at rest.
+
+        The angles of a swing already contain these errors.
+        """
         if not np.isneginf(t).all():
             return theta
         states = np.zeros((len(theta), 4 + len(self.motion.memory)))
@@ -57,7 +64,7 @@ class ForeignPlant:
         return self.as_read(theta, Moment(np.zeros(len(theta)), states, np.zeros((len(theta), 3))))
 
     def as_read(self, theta: Array, moment: Moment) -> Array:
-        """(n, 3) angles as read by the encoders."""
+        """Angles (n, 3) as the encoders read them."""
         if self.effect.reading is None:
             return theta
         joints = theta[:, 1:].copy()
@@ -66,16 +73,16 @@ class ForeignPlant:
         return np.column_stack([theta[:, 0], read[:, 0], read[:, 1] + self._relative * read[:, 0]])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """True parameters and effects, without the out-of-library effect."""
+        """True parameters and library effects; the out-of-library effect is not included."""
         return self._rods.reveal()
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) readings of the counters with errors of counting."""
+        """Readings (n, 3) of the counters, with errors of counting."""
         return counts if self.effect.counter is None else self.effect.counter(counts, self.values)
 
 
 class ForeignSwing:
-    """One simulated release, computed in blocks."""
+    """Swing after one release, computed in blocks."""
 
     def __init__(self, plant: ForeignPlant, start: Array, theta0: float, rate_hz: float, release: int) -> None:
         self._plant, self._theta0, self._rate_hz, self._release = plant, theta0, rate_hz, release
@@ -85,10 +92,10 @@ class ForeignSwing:
         """Earliest tick that can still be read."""
 
     def theta(self, first: int, count: int) -> Array:
-        """(count, 3) readings at the ticks `first`, `first` + 1, ... since the release, rad.
+        """Readings (count, 3) at the ticks `first`, `first` + 1, ... since the release, rad.
 
         Raises:
-            ValueError: `first` lies before the last read tick; a swing is read forwards only.
+            ValueError: `first` is before the last read tick; a swing can only be read forwards.
         """
         states = self.states(first, count)
         t = np.arange(first, first + count) / self._rate_hz
@@ -97,7 +104,7 @@ class ForeignSwing:
         return self._plant.as_read(theta, Moment(t, states, noise))
 
     def states(self, first: int, count: int) -> Array:
-        """(count, 4 + memory) true states at the ticks `first`, `first` + 1, ... since the release."""
+        """True states (count, 4 + memory) at the ticks `first`, `first` + 1, ... since the release."""
         if first < self.first:
             raise ValueError(f"the readings before tick {self.first} are no longer available (requested: {first})")
         while self.first + len(self._states) < first + count:

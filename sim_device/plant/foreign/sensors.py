@@ -1,4 +1,4 @@
-"""Encoder errors: families of the library in another form, and kinds that the library lacks."""
+"""Encoder errors in forms that the library does not contain, and of kinds that it does not contain."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from sim_device.plant.foreign.effect import Array, Moment, OutOfLibraryEffect, S
 from sim_device.plant.foreign.engine import Body, EquationOfMotion, undisturbed
 
 BURST_NARROWNESS = 200.0
-"""Bursts last for about 0.1 rad of the inner rod."""
+"""Concentration of the bursts: they extend over about 0.1 rad of the inner rod."""
 
 MAINS_HZ = 50.0
 
@@ -22,38 +22,38 @@ def _with_joint(number: int, joints: Array, error: Array) -> Array:
 
 
 def arc_eccentricity_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """An error with a kink once per turn: A (2 |sin((q - q0) / 2)| - 4 / pi)."""
+    """Error with a kink once per turn: A (2 |sin((q - q0) / 2)| - 4 / pi)."""
     arc = 2 * np.abs(np.sin((joints[:, 0] - values["start_rad"]) / 2)) - 4 / np.pi
     return _with_joint(1, joints, values["error_rad"] * arc)
 
 
 def triangle_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """An error that increases and decreases linearly, once per turn: A (2 / pi) asin(sin(q - q0))."""
+    """Error that increases and decreases linearly once per turn: A (2 / pi) asin(sin(q - q0))."""
     triangle = 2 / np.pi * np.arcsin(np.sin(joints[:, 1] - values["start_rad"]))
     return _with_joint(2, joints, values["error_rad"] * triangle)
 
 
 def shrinking_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """A delay that decreases with speed, as of a tracking filter: error = -T w / (1 + |w| / v)."""
+    """Delay that decreases with speed, as of a tracking filter: error = -T w / (1 + |w| / v)."""
     omega = moment.states[:, 3] - moment.states[:, 2]
     return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * omega / (1 + np.abs(omega) / values["speed_rad_per_s"]))
 
 
 def swaying_latency_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """Encoder 2 is late, more so while its bus is busy: error = -T (1 + sin(2 pi t / P)) w / 2."""
+    """Delay of encoder 2 that oscillates, as with a busy bus: error = -T (1 + sin(2 pi t / P)) w / 2."""
     omega = moment.states[:, 3] - moment.states[:, 2]
     busy = (1 + np.sin(2 * np.pi * moment.t / values["period_s"])) / 2
     return _with_joint(2, joints, -values["delay_ms"] * 1e-3 * busy * omega)
 
 
 def warming_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """A scale that changes while the electronics warm up: error = A (1 - exp(-t / T)) q, q the angle from hanging."""
+    """Scale error that grows during warm-up: error = A (1 - exp(-t / T)) q, with q the angle from hanging."""
     warm = -np.expm1(-np.maximum(moment.t, 0.0) / values["lasts_s"])
     return _with_joint(1, joints, values["error_per_rad"] * warm * (joints[:, 0] - np.pi))
 
 
 def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """A magnet that is nearest at one angle: error = A (exp(K (cos(q - q0) - 1)) - exp(-K) I0(K)), with mean zero."""
+    """Error of a magnet near one angle, with mean zero: A (exp(K (cos(q - q0) - 1)) - exp(-K) I0(K))."""
     narrowness = values["narrowness"]
     peak = np.exp(narrowness * (np.cos(joints[:, 1] - values["place_rad"]) - 1))
     from scipy.special import i0e  # slow to import, and few plants need it
@@ -62,31 +62,31 @@ def peaked_eccentricity_joint2(joints: Array, moment: Moment, values: Values) ->
 
 
 def folded_scale_joint2(joints: Array, moment: Moment, values: Values) -> Array:
-    """A scale that is larger on one side than on the other: error = A max(q, 0)."""
+    """Scale error on one side of hanging only: error = A max(q, 0)."""
     return _with_joint(2, joints, values["error_per_rad"] * np.maximum(joints[:, 1], 0.0))
 
 
 def emi_bursts(joints: Array, moment: Moment, values: Values) -> Array:
-    """Pulses in encoder 2 while the inner rod passes one position; all of one sign, of random size."""
+    """Pulses in encoder 2 while the inner rod passes one position; all have the same sign and random sizes."""
     near = np.exp(BURST_NARROWNESS * (np.cos(joints[:, 0] - values["place_rad"]) - 1))
     return _with_joint(2, joints, values["error_rad"] * near * np.abs(moment.noise[:, 2]))
 
 
 def interpolation_error(joints: Array, moment: Moment, values: Values) -> Array:
-    """Sine and cosine tracks of encoder 2 that do not match: A sin(N q + phi), N lines a turn."""
+    """Error of mismatched sine and cosine tracks of encoder 2: A sin(N q + phi), with N lines per turn."""
     return _with_joint(
         2, joints, values["error_rad"] * np.sin(round(values["lines"]) * joints[:, 1] + values["phase_rad"])
     )
 
 
 def drifting_reference(joints: Array, moment: Moment, values: Values) -> Array:
-    """The reference voltage of encoder 1 oscillates slowly; the error is a fraction of the angle within the turn."""
+    """Slow oscillation of encoder 1's reference voltage; the error is a fraction of the angle within the turn."""
     within_turn = np.mod(joints[:, 0] + np.pi, 2 * np.pi) - np.pi
     return _with_joint(1, joints, values["share"] * np.sin(2 * np.pi * moment.t / values["period_s"]) * within_turn)
 
 
 def magnetic_crosstalk(joints: Array, moment: Moment, values: Values) -> Array:
-    """The magnet of encoder 1 disturbs encoder 2: A sin(q1 + phi)."""
+    """Disturbance of encoder 2 by the magnet of encoder 1: A sin(q1 + phi)."""
     return _with_joint(2, joints, values["error_rad"] * np.sin(joints[:, 0] + values["phase_rad"]))
 
 
@@ -97,7 +97,10 @@ def mains_hum(joints: Array, moment: Moment, values: Values) -> Array:
 
 
 def counting_too_fast(body: Body, values: Values) -> EquationOfMotion:
-    """Encoder 2 loses a fraction of its counts above a speed; the additional state is the lost angle, rad."""
+    """Equation of motion with the lost angle as additional state, rad.
+
+    Encoder 2 loses a fraction of its counts above a speed.
+    """
     share, limit = values["share"], values["limit_rad_per_s"]
     rods = undisturbed(body)
 
@@ -110,12 +113,15 @@ def counting_too_fast(body: Body, values: Values) -> EquationOfMotion:
 
 
 def overspeed_loss(joints: Array, moment: Moment, values: Values) -> Array:
-    """Add the change of the angle by lost counts."""
+    """Readings with the angle that encoder 2 has lost at high speeds."""
     return _with_joint(2, joints, moment.states[:, 4])
 
 
 def stuck_bit(counts: NDArray[np.int64], values: Values) -> NDArray[np.int64]:
-    """One bit of encoder 2 always reads 0: the bit with the weight nearest to the requested weight."""
+    """Counters with one bit of encoder 2 that always reads 0.
+
+    It is the bit whose weight is nearest to the requested weight.
+    """
     if values["weight_counts"] == 0.0:
         return counts
     bit = max(0, round(np.log2(values["weight_counts"])))

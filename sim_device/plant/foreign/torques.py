@@ -1,4 +1,4 @@
-"""Air drag, springs and detents, in forms other than those of the library."""
+"""Air drag, springs and detents in forms that the library does not contain."""
 
 import math
 
@@ -23,10 +23,11 @@ def drag_on_outer_rod(
     omega2: float,
     wind: float = 0.0,
 ) -> tuple[float, float]:
-    """Torques of drag K |v|^(n-1) v for each metre of the outer rod, N m; v is its speed through the air, m/s.
+    """Torques on theta1 and theta2 by drag on the outer rod, N m.
 
-    With v(s) = L1 omega1 cos(theta1 - theta2) + s omega2 - wind, the torques are the integrals over s of the drag times
-    dv/domega; Gauss' rule on six nodes.
+    The drag is K |v|^(n-1) v per metre, with the speed v of the rod through the air, m/s. With v(s) = L1 omega1
+    cos(theta1 - theta2) + s omega2 - wind, the torques are the integrals over s of the drag times dv/domega, by Gauss'
+    rule on six nodes.
     """
     lever = body.L1 * math.cos(theta1 - theta2)
     tau1 = tau2 = 0.0
@@ -50,7 +51,7 @@ def power_drag_outer(body: Body, values: Values) -> EquationOfMotion:
 
 
 def tip_drag_outer(body: Body, values: Values) -> EquationOfMotion:
-    """Quadratic drag of a wide body at the tip of the outer rod, F = -K |v| v with the velocity v of the tip."""
+    """Quadratic drag of a wide body at the tip of the outer rod: F = -K |v| v, with the velocity v of the tip."""
     size = values["drag_N_s2_per_m2"]
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:
@@ -66,31 +67,31 @@ def tip_drag_outer(body: Body, values: Values) -> EquationOfMotion:
 
 
 def softening_spring_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """A cable that gives way: tau1 = -T tanh((q - q0) / Q), q the angle from hanging."""
+    """Cable that softens: tau1 = -T tanh((q - q0) / Q), q the angle from hanging."""
     torque, width, rest = values["torque_Nm"], values["width_rad"], values["rest_rad"]
     return under(body, at_joint1(lambda angle, omega: -torque * math.tanh((angle - rest) / width)))
 
 
 def hardening_spring_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """A cable that winds up: tau2 = -K q sqrt(1 + (q / Q)^2), q the relative angle."""
+    """Cable that stiffens as it winds up: tau2 = -K q sqrt(1 + (q / Q)^2), q the relative angle."""
     stiffness, width = values["stiffness_Nm_per_rad"], values["width_rad"]
     return under(body, at_joint2(lambda angle, omega: -stiffness * angle * math.hypot(1.0, angle / width)))
 
 
 def loose_spring_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """A loop of cable with slack on both sides: tau2 = -K (|q| - Q) sign(q) for |q| > Q, q the relative angle."""
+    """Loop of cable with slack on both sides: tau2 = -K (|q| - Q) sign(q) for |q| > Q, q the relative angle."""
     stiffness, slack = values["stiffness_Nm_per_rad"], values["slack_rad"]
     return under(body, at_joint2(lambda angle, omega: -stiffness * math.copysign(max(abs(angle) - slack, 0.0), angle)))
 
 
 def slack_spring_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """A cable that only pulls once it is taut: tau1 = -K (q - q0) for q > q0, q the angle from hanging."""
+    """Cable that pulls only when it is taut: tau1 = -K (q - q0) for q > q0, q the angle from hanging."""
     stiffness, taut = values["stiffness_Nm_per_rad"], values["taut_rad"]
     return under(body, at_joint1(lambda angle, omega: -stiffness * max(angle - taut, 0.0)))
 
 
 def sawtooth_detent_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Magnets whose torque is an asymmetric wave: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
+    """Magnets with an asymmetric torque wave: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
     size, lean = values["torque_Nm"], values["lean"]
     number, start = round(values["number"]), values["start_rad"]
 
@@ -102,7 +103,7 @@ def sawtooth_detent_joint1(body: Body, values: Values) -> EquationOfMotion:
 
 
 def narrow_detent_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """Narrow wells: tau2 = -A sin(u) exp(K (cos(u) - 1)), u = N (q - q0), q the relative angle."""
+    """Narrow detents: tau2 = -A sin(u) exp(K (cos(u) - 1)), u = N (q - q0), q the relative angle."""
     size, narrow = values["torque_Nm"], values["narrowness"]
     number, start = round(values["number"]), values["start_rad"]
 
