@@ -1,4 +1,5 @@
 """Protocol between dpr-lab and its device, for both sides: messages, framing, sessions, clock fit.
 
-No I/O, no clock, no threads: inputs are bytes, frames and the time; outputs are frames and messages.
+The package contains no I/O, no clock and no threads. Inputs are bytes, frames and times; outputs are frames and
+messages.
 """

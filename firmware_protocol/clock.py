@@ -1,7 +1,7 @@
 """Conversion of device ticks to host time, with uncertainty.
 
-Every answered PING gives an exchange: the host time t_sent, the device time at its arrival, and the host time
-t_received of the answer. The device read its clock between both host times, near the middle if the round trip was
+Each answered PING gives an exchange: the host time t_sent of the PING, the device time at its arrival, and the host
+time t_received of the answer. The device read its clock between both host times, near the middle if the round trip was
 short.
 """
 
@@ -15,16 +15,16 @@ from firmware_protocol.messages import Ping, Pong
 from firmware_protocol.stream import unwrap
 
 OUTSTANDING = 16
-"""Number of pings waiting for an answer; older ones are discarded."""
+"""Maximum number of pings that wait for an answer. Older ones are discarded."""
 RESOLUTION_S = 1e-6
-"""Difference below which round trips are not distinguished, s."""
+"""Difference of round trips below which they count as equal, s."""
 FEWEST = 5
-"""Minimum number of exchanges of a fit: two for the line and three for its accuracy."""
+"""Minimum number of exchanges for a fit: two for the line and three for its accuracy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One PING and its PONG: host times, s, and the device time in between, ticks."""
+    """A PING and its PONG: host times of both, s, and device time in between, ticks."""
 
     t_sent: float
     ticks: float
@@ -37,7 +37,7 @@ class Exchange:
 
 
 class Pinger:
-    """Assignment of PONGs to their PINGs."""
+    """Assignment of each PONG to its PING."""
 
     def __init__(self) -> None:
         self._sent: dict[int, float] = {}
@@ -45,7 +45,7 @@ class Pinger:
         self._tick = 0
 
     def ping(self, now: float) -> Ping:
-        """Next PING, sent at the host time `now`, s."""
+        """Next PING, to be sent at the host time `now`, s."""
         self._token = (self._token + 1) & 0xFFFF
         self._sent[self._token] = now
         if len(self._sent) > OUTSTANDING:
@@ -53,7 +53,7 @@ class Pinger:
         return Ping(self._token)
 
     def exchange(self, pong: Pong, now: float) -> Exchange | None:
-        """Exchange completed by a PONG at the host time `now`, s; None for an unexpected one."""
+        """Exchange that a PONG at the host time `now`, s, completes; None for an unexpected PONG."""
         t_sent = self._sent.pop(pong.token, None)
         if t_sent is None:
             return None
@@ -63,16 +63,15 @@ class Pinger:
 
 @dataclass(frozen=True, slots=True)
 class ClockFit:
-    """host = offset + ticks * period, with standard uncertainties."""
+    """Fit host time = offset + ticks * period, with standard uncertainties."""
 
     offset: float
     """Host time of tick 0, s."""
     offset_std: float
-    """Standard uncertainty of the offset, s: that of the line at tick 0, and the unknown division of the shortest
-    round trip.
-    """
+    """Standard uncertainty of the offset, s. It includes the uncertainty of the line at tick 0 and of the unknown
+    division of the shortest round trip into both directions."""
     rate_ppm: float
-    """Rate of the ticks relative to nominal by the host's clock, ppm."""
+    """Difference of the tick rate from its nominal value by the host's clock, relative, ppm."""
     rate_ppm_std: float
     rtt_min: float
     """Shortest round trip, s."""
@@ -87,23 +86,23 @@ class ClockFit:
 
 
 def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
-    """Fit a line through the exchanges of one stream (ticks restart with every STREAM).
+    """Fit a line to the exchanges of one stream (ticks restart with every STREAM).
 
-    Only the half with the shortest round trips is used, because queues can only increase a round trip. The excess of a
-    round trip over the shortest one occurred on the way to or from the device, so the midpoint has the variance of a
-    uniform distribution of this width; the median width is a lower limit, because the shortest round trip also contains
-    such a delay. The line is weighted by the inverse variances; if the scatter is larger than expected, the
+    Only the half with the shortest round trips is used, because queues can only lengthen a round trip. The excess of a
+    round trip over the shortest one occurred on the way to or from the device. Its midpoint therefore has the variance
+    of a uniform distribution of this width. The median width is a lower limit, because the shortest round trip also
+    contains such a delay. The line is weighted by the inverse variances. If the scatter is larger than expected, the
     uncertainties are increased in proportion.
-
-    Args:
-        exchanges: at least `FEWEST`, at different ticks
-        rate_hz: nominal tick rate
-
-    Raises:
-        ValueError: too few exchanges.
 
     Source: after K. O'Connor, Klipper, `clocksync.py` (regression on exchanges with short round trips); the weights are
     not from this source.
+
+    Args:
+        exchanges: at least `FEWEST`, at different ticks
+        rate_hz: nominal tick rate, Hz
+
+    Raises:
+        ValueError: too few exchanges.
     """
     used = _shortest(exchanges)
     ticks = np.array([e.ticks for e in used])
@@ -139,7 +138,7 @@ def _shortest(exchanges: Sequence[Exchange]) -> list[Exchange]:
 def _line(
     x: NDArray[np.float64], y: NDArray[np.float64], variance: NDArray[np.float64]
 ) -> tuple[tuple[float, float], NDArray[np.float64]]:
-    """Weighted least squares of y = a + b x and the covariance of (a, b)."""
+    """Weighted least squares of y = a + b x: (a, b) and their covariance."""
     weight = 1 / variance
     x_mean = float(np.average(x, weights=weight))
     design = np.stack([np.ones_like(x), x - x_mean], axis=1)

@@ -1,7 +1,7 @@
 """Conversion of dataclasses to and from the byte layout defined by a DBC.
 
-A message whose signals are all whole bytes is converted by `struct` with a format derived from the DBC, so that a
-sample takes less than a microsecond; a message with single bits or pages is converted by cantools.
+A message whose signals are all whole bytes is converted by `struct` with a format derived from the DBC; this takes less
+than a microsecond for a sample. A message with single bits or pages is converted by cantools.
 """
 
 import struct
@@ -23,10 +23,10 @@ Convert = Callable[[int], int]
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """Conversion of one message to bytes and back.
+    """Conversion of one kind of message to bytes and back.
 
-    `pack` raises `struct.error`, `ValueError` or cantools' `EncodeError` for a value out of range, `unpack` raises
-    `ValueError`.
+    For a value out of range, `pack` raises `struct.error`, `ValueError` or `EncodeError` of cantools, and `unpack`
+    raises `ValueError`.
     """
 
     number: int
@@ -60,12 +60,12 @@ def plain_codec(kind: type[Any], layout: Layout) -> Codec:
 
 
 def paged_codec(kind: type[Any], layout: Layout) -> Codec:
-    """Codec of a dataclass with the number of a page and the signals of that page by name."""
+    """Codec of a dataclass with a page number and, by name, the signals of this page."""
     pages = range(1 + int(layout.get_signal_by_name("page").maximum or 0))
 
     def unpack(data: bytes) -> Any:
         page = data[0]
-        if page not in pages:  # a message of a newer minor version, of which only the existence is known
+        if page not in pages:  # a message of a newer minor version; only its existence is known
             return kind(page, {})
         raw = cast(dict[str, int], layout.decode_simple(data, decode_choices=False))
         return kind(page, {name: value for name, value in raw.items() if name != "page"})
@@ -89,7 +89,7 @@ def _getter(names: list[str]) -> Callable[[Any], tuple[int, ...]]:
 
 
 def _converter(hint: type, signal: Signal) -> Convert | None:
-    """Function that converts a raw value to a field and refuses an invalid one; None if every raw value is valid."""
+    """Function that converts a raw value to a field and refuses invalid values; None if every raw value is valid."""
     if hint is bool or issubclass(hint, IntEnum):
         return hint
     lowest, highest = cast(int, signal.minimum), cast(int, signal.maximum)

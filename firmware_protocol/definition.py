@@ -1,4 +1,4 @@
-"""dpr.dbc, the definition of the protocol: text, hash, version and messages."""
+"""Definition of the protocol in dpr.dbc: text, hash, version and messages."""
 
 import hashlib
 from importlib import resources
@@ -10,7 +10,7 @@ DBC_TEXT = resources.files("firmware_protocol").joinpath("dpr.dbc").read_text(en
 
 
 def schema_hash(dbc_text: str) -> int:
-    """First four bytes of the SHA-256 of a DBC with LF line ends, most significant first."""
+    """First four bytes of the SHA-256 of a DBC with LF line ends, the most significant byte first."""
     canonical = "\n".join(dbc_text.splitlines()) + "\n"
     return int.from_bytes(hashlib.sha256(canonical.encode("ascii")).digest()[:4], "big")
 

@@ -1,4 +1,4 @@
-"""Device side of the protocol."""
+"""Device side of the protocol, independent of hardware."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,10 +40,11 @@ from firmware_protocol.messages import (
 from firmware_protocol.session import LATCHED, LEASE_S, STREAMS, TRANSITIONS, Trigger
 
 REMEMBERED = 16
-"""Number of answers kept for repetition; a host has only one pending command, so older ones are not needed."""
+"""Number of answers that are stored for repetition. A host has only one pending command, so older answers are not
+needed."""
 
 Task = Hold | Release | Stream | Stop | ClearFault | Ping
-"""Task that the owner of a `DeviceSession` must execute."""
+"""Task that the owner of a `DeviceSession` must execute: the command itself."""
 
 _TRIGGERS: dict[type[Command], Trigger] = {
     Hold: Trigger.HOLD,
@@ -55,20 +56,20 @@ _TRIGGERS: dict[type[Command], Trigger] = {
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Frames to send, and at most one task: engage or open the latch, start or stop sampling, `pong`."""
+    """Frames to send, and at most one task for the owner."""
 
     frames: tuple[Frame, ...] = ()
     task: Task | None = None
 
 
 class DeviceSession:
-    """Protocol rules of a device, without hardware.
+    """Rules of the protocol for a device, independent of hardware.
 
-    The owner passes received frames with their times, sends the returned frames, then executes the task: `Hold` engage
-    the latch, `Stream` restart the tick at 0 and sample (three `positions` first), `Release` open the latch and send
-    `released(tick)`, `Stop` stop sampling, `ClearFault` retry, `Ping` send `pong`. It calls `check_lease` regularly
-    and, once `greeted`, sends a `report` ten times per second. Times are seconds of any monotonic clock; ticks and
-    positions are those of the device and may have any size.
+    The owner passes received frames with their times, sends the returned frames, then executes the task: `Hold`: engage
+    the latch; `Stream`: restart the tick at 0 and sample (send three `positions` first); `Release`: open the latch and
+    send `released(tick)`; `Stop`: stop sampling; `ClearFault`: retry; `Ping`: send `pong`. It calls `check_lease`
+    regularly and, once `greeted`, sends a `report` ten times per second. Times are in seconds of any monotonic clock.
+    Ticks and positions are those of the device and may have any size.
     """
 
     def __init__(self, identity: DeviceInfo, node: int = DEVICE_NODE):
@@ -88,10 +89,12 @@ class DeviceSession:
         return self.state in STREAMS
 
     def receive(self, frame: Frame, now: float) -> Answer:
-        """Process a frame from the link; frames for other nodes and damaged ones are ignored.
+        """Process a frame from the link.
+
+        Damaged frames and frames for other nodes are ignored.
 
         Args:
-            frame: as received
+            frame: the received frame
             now: time of its arrival, s
         """
         if frame.node != self.node or frame.number < FIRST_HOST_NUMBER:
@@ -108,13 +111,13 @@ class DeviceSession:
         return self._answer_once(message)
 
     def check_lease(self, now: float, tick: int) -> Answer:
-        """Stop streaming if the host has been silent for `LEASE_S`; the latch does not change."""
+        """Stop streaming if the host has been silent for `LEASE_S`; the state of the latch does not change."""
         if now - self._heard_at < LEASE_S or not self._move(Trigger.LEASE_LOST):
             return Answer()
         return Answer((self.event(EventKind.LEASE_LOST, tick),), Stop())
 
     def fault(self, fault: Fault, tick: int) -> Answer:
-        """Stop after a fault that the owner detected; the latch does not change."""
+        """Stop because of a fault that the owner detected; the state of the latch does not change."""
         if fault is Fault.NONE:
             raise ValueError("Fault.NONE is no fault; CLEAR_FAULT is for the host to send")
         self.fault_code = fault
@@ -126,43 +129,49 @@ class DeviceSession:
         return self._frame(Event(kind, detail, tick & 0xFFFFFFFF))
 
     def released(self, tick: int) -> Frame:
-        """EVENT that the latch opened at a tick; every `report` repeats it while the device is RELEASED."""
+        """EVENT for the opening of the latch at a tick.
+
+        Every `report` repeats it while the device is RELEASED.
+        """
         self._release_tick = tick
         return self.event(EventKind.RELEASED, tick)
 
     def sample(self, tick: int, positions: Sequence[int]) -> Frame:
-        """SAMPLE of the three counters, counts, latched at a tick."""
+        """SAMPLE with the low 16 bits of the tick and of the three counters."""
         arm, inner, outer = positions
         return self._frame(Sample(tick & 0xFFFF, arm & 0xFFFF, inner & 0xFFFF, outer & 0xFFFF))
 
     def torque(self, kind: TorqueKind, tick: int, torques: Sequence[int]) -> Frame:
-        """TORQUE of joint 1 and 2 at the tick of a sample, in the unit of the identity; limited to its range."""
+        """TORQUE of joints 1 and 2 at the tick of a sample, in the unit of the identity, within its range."""
         first, second = (min(max(torque, -0x8000), 0x7FFF) for torque in torques)
         return self._frame(Torque(kind, tick & 0xFFFF, first, second))
 
     def arm_input(self, kind: TorqueKind, tick: int, value: int) -> Frame:
-        """ARM_INPUT at the tick of a sample, in the unit of the identity; limited to its range."""
+        """ARM_INPUT at the tick of a sample, in the unit of the identity, limited to the range of the message."""
         return self._frame(ArmInput(kind, tick & 0xFFFF, min(max(value, -(1 << 31)), (1 << 31) - 1)))
 
     def positions(self, tick: int, positions: Sequence[int]) -> tuple[Frame, ...]:
-        """Three POSITION frames of counters, counts, latched at a tick."""
+        """Three POSITION frames with the complete counters at a tick, counts."""
         return tuple(
             self._frame(Position(joint, tick & 0xFFFF, (position + (1 << 31)) % (1 << 32) - (1 << 31)))
             for joint, position in enumerate(positions)
         )
 
     def status(self, overruns: int, dropped: int, sent: int) -> Frame:
-        """STATUS with the counts of samples since STREAM."""
+        """STATUS with the numbers of samples since STREAM."""
         counters = (overruns & 0xFFFF, dropped & 0xFFFF, sent & 0xFFFF)
         return self._frame(Status(self.state, self.fault_code, self.latched, *counters))
 
     def report(self, tick: int, positions: Sequence[int], overruns: int, dropped: int, sent: int) -> tuple[Frame, ...]:
-        """Reports that are sent ten times per second; the release is repeated, so that a lost frame has no effect."""
+        """Frames of the report that is sent ten times per second.
+
+        The release is repeated in it, so that the loss of one frame has no effect.
+        """
         frames = (*self.positions(tick, positions), self.status(overruns, dropped, sent))
         return (*frames, self.released(self._release_tick)) if self.state is State.RELEASED else frames
 
     def pong(self, ping: Ping, tick: int, fraction: float) -> Frame:
-        """PONG for a ping that arrived `fraction` (0 up to 1) of a tick after `tick`."""
+        """PONG for a PING that arrived a `fraction` (0 to 1) of a tick after `tick`."""
         return self._frame(Pong(ping.token, tick & 0xFFFFFFFF, min(int(fraction * 65536), 65535)))
 
     def _answer_once(self, message: Message) -> Answer:
@@ -181,7 +190,10 @@ class DeviceSession:
         return Answer((answer,), None if refusal else message)
 
     def _greet(self, hello: Hello) -> Answer:
-        """Start a new session: answers of the previous session are not repeated."""
+        """Start a new session.
+
+        Answers of the previous session are not repeated.
+        """
         self._answers.clear()
         refusal = self._hello_refusal(hello)
         self.greeted = refusal is None

@@ -25,11 +25,14 @@ class RemoteProtocolError(ProtocolError):
 
 
 class DevicesCollide(RemoteProtocolError):
-    """More than one device answers with the node of this host's device."""
+    """More than one device answers under the node of this host's device."""
 
 
 class CommandRefused(RemoteProtocolError):
-    """The device answered NAK; `code` is its `NakCode`, the message contains its text and remedy."""
+    """The device answered NAK.
+
+    `code` is its `NakCode`; the message contains its text and remedy.
+    """
 
     def __init__(self, message: str, code: int):
         super().__init__(message)
@@ -41,4 +44,7 @@ class CommandUnanswered(RemoteProtocolError):
 
 
 class VersionMismatch(RemoteProtocolError):
-    """Both sides use different versions of the protocol; the message says which one to upgrade."""
+    """Both sides use different versions of the protocol.
+
+    The message states which side to upgrade.
+    """

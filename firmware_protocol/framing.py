@@ -1,8 +1,8 @@
 """Frames on a byte stream: COBS(id | data | crc) 0x00.
 
-The identifier and the CRC are 16 bits, little-endian; the CRC is CRC-16/IBM-3740 (polynomial 0x1021, start 0xFFFF) over
-identifier and data. COBS removes all zeros from a packet, so a zero always ends a packet, and a reader that starts late
-or receives noise is synchronised again at the next zero.
+Identifier and CRC have 16 bits, little-endian. The CRC is CRC-16/IBM-3740 (polynomial 0x1021, start 0xFFFF) over
+identifier and data. COBS removes all zeros from a packet, so a zero always ends a packet. A reader that starts late or
+receives noise is synchronised again at the next zero.
 """
 
 import struct
@@ -12,12 +12,12 @@ from firmware_protocol.errors import LocalProtocolError, RemoteProtocolError
 from firmware_protocol.messages import MAX_DATA, Frame
 
 MAX_ID = 0x7FF
-"""Largest identifier, 11 bits as on a CAN bus."""
+"""Maximum identifier: 11 bits, as on a CAN bus."""
 MIN_PACKET = 4
-"""Bytes of a frame without data: identifier and CRC."""
+"""Number of bytes of a frame without data: identifier and CRC."""
 MAX_PACKET = MIN_PACKET + MAX_DATA
 MAX_ENCODED = MAX_PACKET + 1
-"""Bytes of the longest packet after COBS, without the zero that ends it."""
+"""Number of bytes of the longest packet after COBS, without the final zero."""
 
 _HEAD = struct.Struct("<H")
 
@@ -28,7 +28,7 @@ def crc16(data: bytes) -> int:
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """COBS encoding: the same data without zeros, one byte longer per 254 bytes.
+    """Encode data by COBS: the result contains no zeros and is one byte longer per 254 bytes.
 
     Source: Cheshire & Baker (1999), IEEE/ACM Transactions on Networking 7(2) 159-172.
     """
@@ -46,7 +46,7 @@ def cobs_decode(data: bytes) -> bytes:
     """Decode COBS; inverse of `cobs_encode`.
 
     Raises:
-        RemoteProtocolError: invalid data: there is a zero inside or the end is missing.
+        RemoteProtocolError: the data contain a zero, or their end is missing.
     """
     if not data or 0 in data:
         raise RemoteProtocolError("a COBS packet is empty or has a zero inside")
@@ -64,10 +64,10 @@ def cobs_decode(data: bytes) -> bytes:
 
 
 def encode_frame(frame: Frame) -> bytes:
-    """A frame as bytes of a serial line, with the final zero; 14 bytes for 8 bytes of data.
+    """Bytes of a frame on a serial line with the final zero: 14 bytes for 8 bytes of data.
 
     Raises:
-        LocalProtocolError: identifier beyond 11 bits or more than eight bytes of data.
+        LocalProtocolError: the identifier exceeds 11 bits, or there are more than eight bytes of data.
     """
     if not 0 <= frame.id <= MAX_ID or len(frame.data) > MAX_DATA:
         raise LocalProtocolError(
@@ -78,18 +78,24 @@ def encode_frame(frame: Frame) -> bytes:
 
 
 class FrameDecoder:
-    """Decoder of frames in a byte stream that arrives in arbitrary pieces."""
+    """Decoder of the frames in a byte stream.
+
+    The stream may arrive in pieces of any size.
+    """
 
     def __init__(self) -> None:
         self.crc_errors = 0
-        """Complete packets that did not match their CRC."""
+        """Number of complete packets that did not match their CRC."""
         self.framing_errors = 0
-        """Invalid packets: broken COBS, too short, too long, an identifier beyond 11 bits."""
+        """Number of invalid packets: damaged COBS, too short, too long, or an identifier beyond 11 bits."""
         self._rest = b""
         self._skipping = False
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Process received bytes; return the completed valid frames and count the invalid ones."""
+        """Decode received bytes; returns the completed valid frames.
+
+        Invalid packets are counted.
+        """
         *packets, rest = (self._rest + data).split(b"\0")
         if packets and self._skipping:
             del packets[0]

@@ -1,4 +1,4 @@
-"""Host side of the protocol."""
+"""Host side of the protocol, independent of the link."""
 
 from dataclasses import dataclass, replace
 
@@ -33,16 +33,16 @@ from firmware_protocol.messages import (
 )
 
 KEEPALIVE_S = 0.1
-"""Interval of keepalives: a fifth of the lease, so that four successive ones may be lost."""
+"""Interval of keepalives, s: a fifth of the lease, so that four successive ones may be lost."""
 RETRY_S = 0.1
-"""Time without an answer after which the command is repeated, s."""
+"""Time without an answer after which a command is repeated, s."""
 RETRIES = 5
-"""Number of repetitions after which the device counts as silent."""
+"""Number of repetitions after which an unanswered command fails."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Result of a command: accepted, or with a `CommandRefused`, `CommandUnanswered` or `VersionMismatch`."""
+    """Result of a command: accepted, or a `CommandRefused`, `CommandUnanswered` or `VersionMismatch`."""
 
     command: Command
     error: RemoteProtocolError | None = None
@@ -57,19 +57,19 @@ class _Pending:
 
 
 class HostSession:
-    """Protocol rules of a host, without a link.
+    """Rules of the protocol for a host, independent of the link.
 
-    One command is pending at a time: `hello` or `command` returns the frame to send, `receive` processes arriving
-    frames, and `due`, called every few hundredths of a second, returns repetitions and keepalives. `outcome` changes
-    from None to the result of the command. Times are seconds of any monotonic clock.
+    One command is pending at a time. `hello` or `command` returns the frame to send. `receive` processes arriving
+    frames. `due`, which is called every few hundredths of a second, returns repetitions and keepalives. `outcome`
+    changes from None to the result of the command. Times are in seconds of any monotonic clock.
     """
 
     def __init__(self, node: int = DEVICE_NODE):
         self.node = node
         self.info: DeviceInfo | None = None
-        """Identity of the device, after the handshake."""
+        """Identity of the device; None before the handshake."""
         self.status: Status | None = None
-        """State of the device in its last STATUS."""
+        """Last STATUS of the device; None before the first one."""
         self.outcome: Outcome | None = None
         """Result of the last command; None while it is pending."""
         self._pending: _Pending | None = None
@@ -80,18 +80,21 @@ class HostSession:
 
     @property
     def pending(self) -> Command | None:
-        """The pending command."""
+        """The pending command; None without one."""
         return self._pending.command if self._pending else None
 
     def hello(self, now: float) -> Frame:
-        """Start the handshake; when it has succeeded, `info` contains the identity."""
+        """Start the handshake; returns the frame to send.
+
+        After its success, `info` contains the identity of the device.
+        """
         frame = self.command(Hello(), now)
         self.info, self._hello_answer = None, None
         self._pages.clear()
         return frame
 
     def command(self, command: Command, now: float) -> Frame:
-        """Start a command with a new token and return the frame to send.
+        """Start a command with a new token; returns the frame to send.
 
         A `Stop` is always permitted and replaces the pending command.
 
@@ -110,7 +113,7 @@ class HostSession:
         """Decode a frame from the link and update the state.
 
         Returns:
-            None for messages of another node, of another host, or of a newer minor version.
+            The message; None for a message of another node, of another host, or of a newer minor version.
 
         Raises:
             RemoteProtocolError: the frame is not valid.
@@ -128,7 +131,7 @@ class HostSession:
         return message
 
     def due(self, now: float) -> list[Frame]:
-        """Frames to send now: repetition of an unanswered command, a KEEPALIVE."""
+        """Frames to send now: the repetition of an unanswered command, and a KEEPALIVE."""
         frames = self._retry(self._pending, now) if self._pending else []
         if self.info and now - self._keepalive_at >= KEEPALIVE_S:
             self._keepalive_at = now
@@ -145,7 +148,11 @@ class HostSession:
         return [pending.frame]
 
     def _read_info(self, page: Info) -> None:
-        """Process a page of INFO; a page that contradicts an earlier one comes from another device."""
+        """Process a page of INFO.
+
+        Raises:
+            DevicesCollide: the page contradicts an earlier one, so another device sent it.
+        """
         if page != self._pages.setdefault(page.page, page):
             raise DevicesCollide(
                 f"two devices answer as node {self.node}: connect only one, or give one of them another node"
@@ -165,7 +172,7 @@ class HostSession:
             self._end(_refused(command, message) if isinstance(message, Nak) else None)
 
     def _greeted(self) -> None:
-        """Finish HELLO when the answer and all pages have arrived, or when page 0 shows an incompatible version."""
+        """Finish HELLO if the answer and all pages have arrived, or if page 0 shows an incompatible version."""
         error: RemoteProtocolError | None = mismatch(self._pages[0].fields) if 0 in self._pages else None
         info = assemble(self._pages.values())
         if error is None and (info is None or self._hello_answer is None):

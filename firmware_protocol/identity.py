@@ -8,44 +8,44 @@ from firmware_protocol.errors import VersionMismatch
 from firmware_protocol.messages import ArmQuantity, Info, TorqueKind
 
 PAGES = 8
-"""INFO pages of a complete identity; a device with joint drives sends one more before them."""
+"""Number of INFO pages of a complete identity. A device with joint drives sends one more before them."""
 ARM_PAGE = PAGES + 1
-"""INFO page of a device whose arm has a drive."""
+"""Number of the INFO page of a device whose arm has a drive."""
 _TORQUE_FLAGS = {"torque_measured": TorqueKind.MEASURED, "torque_commanded": TorqueKind.COMMANDED}
 _INPUT_FLAGS = {"input_measured": TorqueKind.MEASURED, "input_commanded": TorqueKind.COMMANDED}
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """A device's identity."""
+    """Identity of a device."""
 
     firmware: str
     """Firmware version, `major.minor.patch`."""
     uid: str
-    """Sixteen hexadecimal digits, unique for each device."""
+    """Unique identifier of the device: sixteen hexadecimal digits."""
     counts_per_rev: tuple[int, int, int]
     rate_max_hz: int
     rate_default_hz: int
-    """Rate of the tick while the device is not streaming."""
+    """Rate of the ticks while the device is not streaming, Hz."""
     simulated_time: bool = False
     """Whether ticks may run faster or slower than real time."""
     torque_kinds: tuple[TorqueKind, ...] = ()
     """Kinds of torques that follow every sample; empty for a device without drives."""
     torque_unit_uNm: int = 0
-    """Unit of TORQUE."""
+    """Unit of the torques in TORQUE, uN m."""
     input_kinds: tuple[TorqueKind, ...] = ()
-    """Kinds of inputs of the arm's drive that follow every sample; empty for a device without one."""
+    """Kinds of inputs of the arm's drive that follow every sample; empty without a drive of the arm."""
     input_unit: int = 0
-    """Unit of ARM_INPUT, uN m, uA or uV."""
+    """Unit of the input in ARM_INPUT: uN m, uA or uV."""
     input_quantity: ArmQuantity | None = None
-    """Quantity of this input."""
+    """Quantity of the input of the arm's drive; None without one."""
     major: int = PROTOCOL_VERSION[0]
     minor: int = PROTOCOL_VERSION[1]
     schema_hash: int = SCHEMA_HASH
 
     @property
     def frames(self) -> int:
-        """Frames per sample: SAMPLE, and one for each kind of torques and inputs."""
+        """Number of frames per sample: SAMPLE, and one for each kind of torques and inputs."""
         return 1 + len(self.torque_kinds) + len(self.input_kinds)
 
 
@@ -78,7 +78,7 @@ def info_pages(info: DeviceInfo) -> list[Info]:
 
 
 def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
-    """Identity from INFO pages in any order; None while one is missing."""
+    """Identity from INFO pages in any order; None while a page is missing."""
     known = {page.page: page.fields for page in pages if page.page <= ARM_PAGE}
     if len(known.keys() - {PAGES, ARM_PAGE}) < PAGES:
         return None
@@ -108,14 +108,17 @@ def same_major(major: int) -> bool:
 
 
 def same_schema(minor: int, schema_hash: int) -> bool:
-    """Whether two sides of one minor version were built from the same dpr.dbc."""
+    """Whether two sides with the same minor version were built from the same dpr.dbc.
+
+    True for another minor version.
+    """
     return minor != PROTOCOL_VERSION[1] or schema_hash == SCHEMA_HASH
 
 
 def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
     """Reason why this host cannot communicate with a device, from INFO page 0; None if it can.
 
-    In another major version messages have other meanings. Another minor version only adds or lacks messages, so both
+    In another major version messages have other meanings. Another minor version only adds or lacks messages, and both
     sides use the common ones.
     """
     major, minor = protocol_page["major"], protocol_page["minor"]

@@ -1,4 +1,4 @@
-"""Random numbers of the simulated device: one seed, separate streams, no state."""
+"""Random numbers of the simulated device: one seed, a separate stream for each purpose, no state."""
 
 from enum import IntEnum
 
@@ -6,7 +6,10 @@ import numpy as np
 
 
 class RandomStream(IntEnum):
-    """Purpose of a random number; streams never share numbers."""
+    """Purpose of a random number.
+
+    Streams never share numbers.
+    """
 
     IDLE = 0
     REST = 1
@@ -23,5 +26,5 @@ class RandomStream(IntEnum):
 
 
 def generator(seed: int, stream: RandomStream, *numbers: int) -> np.random.Generator:
-    """The random generator of one purpose, identical for identical arguments."""
+    """Random generator for one purpose; identical arguments give identical generators."""
     return np.random.default_rng([seed, stream, *numbers])

@@ -1,4 +1,7 @@
-"""Main loop of a device on a link, until it is stopped or a fault ends the device or the link."""
+"""Main loop of a device on a link.
+
+It runs until it is stopped, or until a fault ends the device or the link.
+"""
 
 import logging
 import time
@@ -12,13 +15,13 @@ from sim_device.links.link import DeviceLink
 log = logging.getLogger(__name__)
 
 STREAMING_PAUSE = 0.002
-"""Maximum wait while streaming, s: samples are sent in pairs at 1 kHz, at half the cost of single ones."""
+"""Maximum wait while streaming, s. At 1 kHz, samples are then sent in pairs, at half the cost of single ones."""
 
 IDLE_PAUSE = 0.02
 """Maximum wait while nothing is streamed, s."""
 
 STALL_EVERY_S = 1.0
-"""Time from the start of one requested stall to that of the next."""
+"""Time from the start of one requested stall to the start of the next, s."""
 
 
 def serve(
@@ -28,7 +31,7 @@ def serve(
     stopped: Callable[[], bool],
     wall: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Run until `stopped()`, or until the link is cut on request; closes the link."""
+    """Run until `stopped()`, or until the link is cut as requested; then close the link."""
     reset_after = faults.value("reset_after_s")
     line = _Line(link, faults)
     while not stopped():
@@ -62,7 +65,7 @@ def _reached(device: Board, seconds: float | None) -> bool:
 
 
 class _Line:
-    """A link that stalls or stops transmitting on request."""
+    """Link that stalls or stops transmitting on request."""
 
     def __init__(self, link: DeviceLink, faults: Faults) -> None:
         self._link = link
@@ -73,7 +76,7 @@ class _Line:
         self._held: list[Frame] = []
 
     def receive(self, device: Board, now: float) -> list[Frame]:
-        """The frames that have arrived, none while the link is stalled or silent."""
+        """Frames that have arrived; none while the link is stalled or silent."""
         if self._on_bus and _reached(device, self._bus_off_after):
             log.info("the link transmits nothing from now on, as requested")
             self._link.bus_off()
@@ -82,7 +85,7 @@ class _Line:
         return self._link.receive() if self._open and self._on_bus else []
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Send frames, or keep them until the stall is over; return those for which there was no room."""
+        """Send frames, or keep them until a stall ends; returns the frames that were dropped."""
         if not self._on_bus:
             return []
         self._held += frames

@@ -1,10 +1,10 @@
-"""The mount that carries the rig: it yields horizontally in the plane of the rods, and oscillates.
+"""Compliant mount of the rig, which oscillates horizontally in the plane of the rods.
 
-    x'' = w^2 (F / k - x) - 2 zeta w x',    F = -d/dt (S1 cos(theta1) omega1 + S2 cos(theta2) omega2)
+    x'' = w^2 (F / k - x) - 2 zeta w x',    F = -d/dt (S1 cos(theta1) omega1 + S2 cos(theta2) omega2),
 
-with the first moments S1 = e1 / g and S2 = e2 / g. Its acceleration acts on the rods as the torques -S_i cos(theta_i)
-x''. The mount is stiff, so F is computed for rods on a rigid mount; the neglected terms are quadratic in the
-compliance.
+with the first moments S1 = e1 / g and S2 = e2 / g. The acceleration of the mount acts on the rods as the torques -S_i
+cos(theta_i) x''. The mount is stiff, so F is computed for rods on a rigid mount. The neglected terms are quadratic in
+the compliance.
 """
 
 import math
@@ -22,13 +22,13 @@ AT_REST = np.zeros(2)
 
 
 class Yielding(NamedTuple):
-    """A mount and the rods' first moments about its joints, kg m."""
+    """Mount, with the first moments of the rods about its joints, kg m."""
 
     config: MountConfig
     moments: tuple[float, float]
 
     def torques(self, t: Array, states: Array, start: Array) -> tuple[Array, Array]:
-        """Torques that the moving mount exerts through the joints.
+        """Torques of joints 1 and 2 that the motion of the mount exerts.
 
         Args:
             t: (n,) evenly spaced instants, s
@@ -36,7 +36,8 @@ class Yielding(NamedTuple):
             start: (2,) displacement and speed of the mount at t[0]
 
         Returns:
-            (n - 1, 2) torques of joints 1 and 2 from each instant to the next, N m; (2,) the mount at t[-1]
+            (n - 1, 2) torques of joints 1 and 2 from each instant to the next, N m; (2,) displacement and speed of the
+                mount at t[-1]
         """
         from scipy.signal import lsim  # slow to import, and few plants need it
 

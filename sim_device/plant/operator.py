@@ -1,4 +1,4 @@
-"""The operator and the latch: they place the rods, with errors, and release them."""
+"""Operator and latch: placement of the rods, with errors, and release."""
 
 from dataclasses import dataclass
 
@@ -16,11 +16,12 @@ class Habits:
     """Settings of the operator."""
 
     placing_time: float = 0.5
-    """Time from one pose to the next, s of device time."""
+    """Time that the operator takes from one pose to the next, s of device time."""
     looks: int = 8
-    """Number of looks at the screen before the operator gives up, if the displayed angles are wrong."""
+    """Maximum number of times that the operator corrects a pose according to the displayed angles, if these are
+    wrong."""
     near: float = 0.5
-    """Fraction of the tolerance of a pose within which the operator accepts the displayed angles."""
+    """Maximum error of the displayed angles that the operator accepts, relative to the tolerance of the pose."""
 
 
 HABITS = Habits()
@@ -41,7 +42,7 @@ class HeldRods:
     takes: float = 0.0
 
     def theta(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n, 3) angles at the device times `t` (n,), rad."""
+        """Angles (n, 3) at the device times `t` (n,), rad."""
         if self.takes == 0.0 or t[0] >= self.begins + self.takes:
             return np.broadcast_to(self.target, (len(t), JOINTS))
         x = np.clip((t - self.begins) / self.takes, 0.0, 1.0)
@@ -50,17 +51,17 @@ class HeldRods:
 
 
 def placement(operator: OperatorConfig, pose: Pose, seed: int, release: int, error: float = 0.0) -> NDArray[np.float64]:
-    """(3,) final angles of the rods for a pose, with random errors and the deliberate `error`, rad."""
+    """Angles (3,) at which the operator holds the rods for a pose, rad, with random errors and `error`."""
     theta = pose.theta + np.array([0.0, error, error]) + operator.placement_std * _draw(seed, release)[0]
     return theta if operator.elbow is None else np.array([theta[0], theta[1], theta[1] + operator.elbow])
 
 
 def release_speed(operator: OperatorConfig, seed: int, release: int) -> NDArray[np.float64]:
-    """(3,) angular velocities at the instant at which the latch opens, rad/s."""
+    """Angular velocities (3,) when the latch opens, rad/s."""
     return operator.release_speed_std * _draw(seed, release)[1]
 
 
 def _draw(seed: int, release: int) -> NDArray[np.float64]:
-    """(2, 3) standard normal deviations of angle and speed; zero for the clamped arm."""
+    """Standard normal numbers (2, 3) for the errors of angle and speed; zero for the clamped arm."""
     rods = generator(seed, RandomStream.OPERATOR, release).standard_normal((2, JOINTS - 1))
     return np.concatenate([np.zeros((2, 1)), rods], axis=1)

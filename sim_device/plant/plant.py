@@ -1,4 +1,4 @@
-"""The plant: true motion of the rods and true behaviour of the encoders."""
+"""The plant: true motion of the rods, and true behaviour of the encoders."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -27,36 +27,38 @@ from sim_device.plant.config import PlantConfig
 from sim_device.plant.mount import AT_REST, Yielding
 
 MAX_STEP = 1e-4
-"""Maximum step of the simulation, s: its error stays far below a count as long as a chaotic swing can be compared."""
+"""Maximum step of the simulation, s. Its error stays far below a count as long as a chaotic swing can be compared."""
 
 BLOCK_TIME = 1.0
-"""Duration of a swing that is computed at a time, s."""
+"""Duration of a block of a swing, which is computed at a time, s."""
 
 LOOK = 5e-4
-"""Interval at which an encoder with play or delay, or a mount that yields, is evaluated, s."""
+"""Interval at which an encoder with play or delay, or a compliant mount, is evaluated, s."""
 
 Driven = Callable[..., Any]
-"""(first, count) -> (count, 2) torques of joints 1 and 2 from each of these ticks to the next, N m.
+"""Function of (first, count) that returns the torques (count, 2) of joints 1 and 2 from each of these ticks to the
+next, N m.
 
-For a driven arm: `ArmDrive.block` at the rate of the device.
+For a driven arm it is `ArmDrive.block` at the sample rate of the device.
 """
 
 UNSEEN = Torques(np.zeros(1), np.zeros((1, 2)), on_arm=np.zeros(1))
-"""Torques of a driven arm, if only its effects are needed and not the values."""
+"""Placeholder for the torques of a driven arm, where only its effects are needed."""
 
 CONSTANT = [param_index(effect.name, "constant_Nm") for effect in SPRING]
-"""Position of a joint's constant torque in the parameters: the torque of a drive between two ticks."""
+"""Index of the constant torque of each joint in the parameters. The torque of a drive between two ticks is represented
+by it."""
 
 RIPPLE, RIPPLE_ORDER = (
     [[param_index(effect.name, name) for name in names] for effect in (DETENT_JOINT1, DETENT_JOINT2)]
     for names in (("cos1_Nm", "sin1_Nm"), ("order",))
 )
-"""Position of a joint's detent in the parameters: the ripple at a constant torque."""
+"""Indices of the detent of each joint in the parameters. The ripple at a constant torque is represented by it."""
 
 NO_ROD = 1e-12
-"""Mass, kg, and inertia, kg m^2, of a missing outer rod; with zero, joint 2 would have no equation.
+"""Mass, kg, and inertia, kg m^2, of a missing outer rod. With zero, joint 2 would have no equation of motion.
 
-The inertia adds to that of the mounted rod: 1e-9 kg m^2 would change the ratios of a small pendulum by 7e-6, as much as
+The inertia adds to that of the mounted rod. 1e-9 kg m^2 would change the ratios of a small pendulum by 7e-6, as much as
 a standard deviation of two releases.
 """
 
@@ -64,18 +66,18 @@ Theta = NDArray[np.float64]
 
 
 class Block(NamedTuple):
-    """A part of a swing."""
+    """Block of a swing."""
 
     t: Theta
-    """(n,) true times since the release, s; the last one is that of the next block's first."""
+    """(n,) true times since the release, s. The last one is the first time of the next block."""
     states: Theta
-    """(n, 6 + internal) states, as of `RigState`."""
+    """(n, 6 + internal) states, as in `RigState`."""
     asked: Theta
-    """(ticks,) inputs that the program of the arm requested; zeros without a drive."""
+    """(ticks,) inputs that the program of the arm's drive requested; zeros without a drive."""
 
 
 def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
-    """(9,) parameters of the mounted rods."""
+    """Parameters (9,) of the rods that are mounted."""
     l1, l2, m1, m2, mb, c1, c2, J1, J2 = Z
     if setup.mounting == "inner":
         return np.array([l1, l2, m1, NO_ROD, mb, c1, c2, J1, NO_ROD])
@@ -89,7 +91,7 @@ class Plant:
 
     Args:
         config: the plant file
-        rig: gives the lengths, gravity and any added mass, which are measured and therefore true
+        rig: the rig file, whose lengths, gravity and added mass are true, because they are measured
 
     Raises:
         ConfigError: the plant file names an unknown effect or parameter, or effects that the plant cannot have.
@@ -108,15 +110,15 @@ class Plant:
             constants_of_run(rig_constants(rig)._replace(**masses), self._setup),
         )
         self.pace = 1.0
-        """True seconds per second of the device's clock, according to the clock effect."""
+        """True seconds per second of the device's clock, which differ from 1 by the clock effect."""
         self.delay = 0.0
-        """Delay of the reading of joint 2 after that of joint 1, s."""
+        """Time by which joint 2 is read after joint 1, s."""
         self.arm_delay = 0.0
-        """Delay of the reading of the arm after that of joint 1, s."""
+        """Time by which the arm is read after joint 1, s."""
         self.has_play = False
         """Whether the encoder of a rod has play."""
         self.mount: Yielding | None = None
-        """The mount, if it is compliant."""
+        """The mount if it is compliant; otherwise None."""
         if config.mount is not None:
             _, _, d, e1, *_ = base_parameters(hung(Z, self._setup), rig.L1, rig.g).tolist()
             self.mount = Yielding(config.mount, (e1 / rig.g, d / rig.L1))
@@ -127,7 +129,7 @@ class Plant:
             self._look_for_effects_on_reading()
 
     def _can_act(self, name: str) -> bool:
-        """Whether the mode of the arm permits an effect."""
+        """Whether an effect is possible in the mode of the arm."""
         if name not in EFFECTS or not EFFECTS[name].of_arm:
             return True  # unknown names are refused when the parameters are read
         return self._setup.torques is not None if EFFECTS[name].driven else self._setup.arm_moves
@@ -146,7 +148,10 @@ class Plant:
 
     @cached_property
     def _moving(self) -> tuple[RigModel, int]:
-        """The rig for `integrate`, and the mode of its arm; its kernels are compiled at the first access."""
+        """Rig for `integrate`, and mode of its arm.
+
+        The kernels are compiled at the first access.
+        """
         of_arm = self.config.arm
         back_emf = self.config.arm_drive.back_emf if self.config.arm_drive is not None else 0.0
         mode = "clamped" if of_arm.mode == "clamped" else "free"  # the torque of a driven arm is known
@@ -158,7 +163,7 @@ class Plant:
             raise ConfigError(f"plant {self.config.name}: effects: {error}") from error
 
     def refuse_drives(self) -> None:
-        """Check that drives on the joints of this plant can produce exactly the reported torques.
+        """Refuse joint drives if they could not produce exactly the reported torques.
 
         Raises:
             ConfigError: a rod is not mounted, or the plant has an effect that belongs to drives.
@@ -178,28 +183,31 @@ class Plant:
             raise ConfigError(f"plant {self.config.name}: effects: simulated drives have no {', '.join(of_drives)}")
 
     def let_go(self, theta: Theta, omega: Theta, rate_hz: float, release: int, driven: Driven | None = None) -> "Swing":
-        """The swing of rods released at theta, omega (3,), read at `rate_hz`, and driven at these ticks."""
+        """Swing of rods that are released at theta, omega (3,), read at `rate_hz`, and driven at its ticks."""
         return Swing(self, theta, omega, rate_hz, driven)
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(n, 3) final counts; unchanged for this kind of plant."""
+        """Readings (n, 3) of the counters; this kind of plant has no errors of counting."""
         return counts
 
     def start(self, theta: Theta, omega: Theta) -> AnyState:
-        """The state of rods released at theta, omega (3,); a clamped arm does not move."""
+        """State of rods that are released at theta, omega (3,).
+
+        A clamped arm does not move.
+        """
         at_rest = 0.0 if self._moving[1] == CLAMPED else float(omega[0])
         return at_release([*theta, at_rest, omega[1], omega[1 if self._setup.held else 2]])
 
     def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
-        """(n, 6) angles and speeds at the instants `t` (n,) of a swing with theta, omega (3,) at t[0]."""
+        """Angles and speeds (n, 6) at the instants `t` (n,) of a swing that starts with theta, omega (3,) at t[0]."""
         return self.goes_on(self.start(theta, omega), t)[:, : 2 * JOINTS]
 
     def goes_on(self, state: AnyState, t: Theta) -> NDArray[np.float64]:
-        """(n, 6 + internal) states, as of `RigState`, at true times `t` (n,) since the release; `state` is at t[0]."""
+        """States (n, 6 + internal), as in `RigState`, at true times `t` (n,) since the release."""
         return integrate(*self._moving, state, t, MAX_STEP)
 
     def driven_on(self, state: AnyState, t: Theta, torques: Theta) -> NDArray[np.float64]:
-        """Like `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
+        """States as of `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
         if self.config.arm_drive is not None:  # torques (n - 1, 1) of the arm
             return integrate(*self._moving, state, t, MAX_STEP, np.append(torques[:, 0], 0.0))
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
@@ -216,7 +224,7 @@ class Plant:
 
     @cached_property
     def _driven(self) -> tuple[RigModel, int]:
-        """Like `_moving`, for joints on which any torque may act."""
+        """Rig and mode as of `_moving`, with the parameters that represent any torques on the joints."""
         model, mode = self._moving
         pushed = model.params.copy()
         pushed[CONSTANT] = 1.0
@@ -228,7 +236,7 @@ class Plant:
         return model_with(model.base, model.constants, model.arm, pushed)._replace(params=still), mode
 
     def at_encoders(self, states: Theta) -> Theta:
-        """(n, ...) states in which the angle and speed of the arm are those of its motor, which its encoder reads."""
+        """States (n, ...) in which the arm's motor, which its encoder reads, replaces the arm."""
         if not self._moving[0].required.play0 or self._moving[1] == CLAMPED:
             return states
         angle, speed, _ = motors_of(states).T
@@ -239,22 +247,22 @@ class Plant:
         return theta2 - self._constants.relative2 * theta1
 
     def with_joint2(self, theta: Theta, angle2: Theta) -> Theta:
-        """(n, 3) absolute angles, rad, whose joint 2 has the angles `angle2`, (n,) as read by its encoder."""
+        """Absolute angles (n, 3) whose joint 2 has the angles `angle2` (n,) as read by its encoder, rad."""
         return np.column_stack([theta[:, :2], angle2 + self._constants.relative2 * theta[:, 1]])
 
     def held(self, angles: Theta, hold: Theta) -> Theta:
-        """(n, 2) angles of encoders with play while joints 1 and 2 move through `angles`, rad."""
+        """Angles (n, 2) of encoders with play while joints 1 and 2 move through `angles`, rad."""
         return held_along(angles, hold, self._moving[0])
 
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
-        """(n, 3) angles with encoder errors at the device times `t` (n,) since the release number `run`."""
+        """Angles (n, 3) with encoder errors, at the device times `t` (n,) since the release with the number `run`."""
         angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2]), theta[:, 0]])
         if self.config.effects:
             apply_encoder_errors(angles, t, run, self._moving[0])
         return self.with_joint2(angles[:, [2, 0]], angles[:, 1])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """The truth, to be revealed after an identification."""
+        """The truth about the plant, for comparison with an identification."""
         _, L1, g = self._frame
         true_ratios = ratios(base_parameters(self.config.Z, L1, g))
         return {
@@ -268,10 +276,10 @@ class Plant:
 
 
 class Swing:
-    """One release with the angles at the encoders, computed in blocks in advance of the reader.
+    """Swing after one release: angles at the encoders, computed in blocks in advance of the reader.
 
-    Each block starts from the final state of the previous one, so the same release has the same bits in any order of
-    reading.
+    Each block starts from the final state of the previous one. The same release therefore has the same bits in any
+    order of reading.
     """
 
     def __init__(self, plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None = None) -> None:
@@ -281,15 +289,15 @@ class Swing:
         self._rows = next(self._blocks)
 
     def theta(self, first: int, count: int) -> Theta:
-        """(count, 3) angles at the ticks `first`, `first` + 1, ... since the release, rad.
+        """Angles (count, 3) at the ticks `first`, `first` + 1, ... since the release, rad.
 
         Raises:
-            ValueError: `first` lies before the last read tick; a swing is read forwards.
+            ValueError: `first` is before the last read tick; a swing can only be read forwards.
         """
         return self._read(first, count)[:, :JOINTS]
 
     def asked(self, first: int, count: int) -> Theta:
-        """(count,) inputs that the program of the arm requested at these ticks; zeros without a drive."""
+        """Inputs (count,) that the program of the arm requested at these ticks; zeros without a drive."""
         return self._read(first, count)[:, JOINTS]
 
     def _read(self, first: int, count: int) -> Theta:
@@ -303,7 +311,7 @@ class Swing:
 
 
 def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None) -> Iterator[Theta]:
-    """Blocks of angles and requested input, (ticks, 4), with the delays and the play of the encoders."""
+    """Blocks (ticks, 4) of angles and requested input, with the delays and the play of the encoders."""
     rate_hz /= plant.pace
     if plant.delay == 0.0 and plant.arm_delay == 0.0 and not plant.has_play:
         looks = 1 if plant.mount is None else _fine(rate_hz)
@@ -326,17 +334,20 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
 
 
 def _fine(rate_hz: float) -> int:
-    """Number of instants per tick that are at most `LOOK` apart."""
+    """Number of instants per tick for which neighbouring instants are at most `LOOK` apart."""
     return max(1, math.ceil(1.0 / (rate_hz * LOOK)))
 
 
 def _joint2_at(plant: Plant, blocks: list[Block], t: Theta) -> Theta:
-    """(n,) angle of joint 2 at the true times `t`; before the release it is constant."""
+    """Angle (n,) of joint 2 at the true times `t`; it is constant before the release."""
     return _seen_at(blocks, lambda of: plant.joint2(of[:, 1], of[:, 2]), t)
 
 
 def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> Theta:
-    """(n,) a linear function of angles (m, 3) at the true times `t`; before the release it is constant."""
+    """Linear function of angles (m, 3), evaluated at the true times `t`: (n,).
+
+    It is constant before the release.
+    """
     from scipy.interpolate import CubicHermiteSpline  # slow to import, and few plants need it
 
     instants = np.concatenate([block.t[:-1] for block in blocks])
@@ -348,7 +359,10 @@ def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> 
 def _blocks(
     plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int, driven: Driven | None
 ) -> Iterator[Block]:
-    """Blocks of a swing, each from the end of the previous one, with `looks` instants per tick."""
+    """Blocks of a swing with `looks` instants per tick.
+
+    Each block starts from the end of the previous one.
+    """
     ticks = max(1, round(BLOCK_TIME * rate_hz))
     instants = np.arange(ticks * looks + 1) / (rate_hz * looks)
     state, first, moved, asked = plant.start(theta, omega), 0, AT_REST, np.zeros(0)

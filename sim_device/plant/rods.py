@@ -25,20 +25,20 @@ Counts = NDArray[np.int64]
 HANGING = Pose(theta1=np.pi, theta2=np.pi)
 
 LONGEST_REPEAT = 8
-"""Maximum number of successive samples that repeat an earlier one."""
+"""Maximum number of successive samples that repeat an earlier sample."""
 
 
 class SimulatedRods:
-    """Position of the rods at any device time: in the operator's hand, in the latch, or swinging.
+    """Angles of the rods at any device time, while the operator, the latch or gravity moves or holds them.
 
     Args:
-        plant: moves them during a swing
-        rig: poses and encoders
-        placing_time: time of the operator to a pose, s of device time
+        plant: plant that moves the rods during a swing
+        rig: rig with the poses and encoders
+        placing_time: time that the operator takes to reach a pose, s of device time
         hand_error: deliberate error of both rods at every pose, rad
         clock_rate: device seconds per true second
         faults: faults of the encoders
-        drives: drives of the joints or the arm during a swing; None without any
+        drives: drives of the joints or the arm during a swing; None without drives
         ready: whether the rods can be released; until then the operator does not move them
         before: number of earlier releases
     """
@@ -67,9 +67,10 @@ class SimulatedRods:
         self._at_release = np.zeros(3, dtype=np.int64)
 
     def place(self, pose_number: int, now: float) -> None:
-        """The operator moves the rods to a pose of the rig, counted from 1; without such a pose they stay in place.
+        """Let the operator move the rods to a pose of the rig, counted from 1.
 
-        Full turns of the last swing are removed, so that the counters do not depend on its duration.
+        Without such a pose the rods stay in place. Full turns of the last swing are removed, so that the counters do
+        not depend on its duration.
         """
         start = target = self._theta(now)
         if 1 <= pose_number <= len(self._poses):
@@ -80,7 +81,7 @@ class SimulatedRods:
         self._held, self._swing = HeldRods(start, target, begins, self._placing_time), None
 
     def let_go(self, time_s: float, rate_hz: float) -> None:
-        """The latch opens at the device time `at`; from then on the swing is read at `rate_hz` ticks per second."""
+        """Open the latch at the device time `time_s`; the swing is then read at `rate_hz` ticks per second."""
         theta = self._held.theta(np.array([time_s]))[0]
         self._release += 1
         omega = release_speed(self._config.hand, self._config.seed, self._release)
@@ -93,12 +94,18 @@ class SimulatedRods:
         self._at_release = self._read(theta[None], RandomStream.SWING, self._release, 0)[0]
 
     def held_counts(self, t: NDArray[np.float64], first: int) -> Counts:
-        """(n, 3) counts at rest before a release at the device times `t`; `first` is the tick of the first."""
+        """Counts (n, 3) before a release at the device times `t`.
+
+        `first` is the tick of the first time.
+        """
         self._begin_placing(float(t[0]))
         return self._read(self._held.theta(t), RandomStream.REST, self._release + 1, first)
 
     def swing_counts(self, first: int, count: int) -> Counts:
-        """(count, 3) counts of the swing; `first` is the tick of the first since the release."""
+        """Counts (count, 3) of the swing.
+
+        `first` is the first tick since the release.
+        """
         before = min(first, LONGEST_REPEAT)
         again = sampling_faults.repeated(self._config, self._release, first - before, count + before, self._rate_hz)
         shown = np.maximum.accumulate(np.where(again, 0, np.arange(len(again))))
@@ -107,10 +114,10 @@ class SimulatedRods:
         return self._faults.counts(counts, self._at_release, since)
 
     def torques(self, first: int | None, count: int) -> NDArray[np.int64]:
-        """(count, kinds, ...) report of the drives at each tick from `first` since the release on.
+        """Values (count, kinds, ...) that the drives report at each tick from `first` since the release on.
 
-        The last axis is that of joints 1 and 2; it is missing for the drive of the arm. `first` is None while the
-        drives are at rest.
+        The last axis is that of joints 1 and 2; the drive of the arm has no such axis. `first` is None while the drives
+        are at rest.
         """
         if self._drives is None:
             return np.zeros((count, 0), dtype=np.int64)
@@ -123,23 +130,23 @@ class SimulatedRods:
         return self._drives.reported(self._release, first, count, self._rate_hz)
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
-        """(count,) whether a sample of the swing is never sent."""
+        """Whether each sample of the swing is never sent: (count,)."""
         return sampling_faults.missing(self._config, self._release, first, count, self._rate_hz)
 
     def idle_counts(self, now: float, tick: int) -> Counts:
-        """(3,) counts at the device time `now` while nothing is streamed."""
+        """Counts (3,) at the device time `now` while nothing is streamed."""
         self._begin_placing(now)
         return self._read(self._theta(now)[None], RandomStream.IDLE, 0, tick)[0]
 
     def _begin_placing(self, now: float) -> None:
-        """The operator, who may be waiting, continues."""
+        """Let the operator continue, if it was waiting."""
         if self._ready() and self._held.begins == math.inf:
             self._held = replace(self._held, begins=now)
 
     def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
-        """(3,) angles at which the encoders read `target`, if their error exceeds `near`, rad.
+        """Angles (3,) at which the encoders read `target`, if their error exceeds `near`, rad.
 
-        The operator follows the screen. If no angle gives the right reading, for example because of a stuck bit, the
+        The operator follows the screen. If no angle gives the correct reading, for example because of a stuck bit, the
         result is the target itself.
         """
         theta = target
@@ -152,7 +159,7 @@ class SimulatedRods:
         return target
 
     def _swung(self, first: int, count: int) -> Counts:
-        """(count, 3) counts of the swing, each at its own instant."""
+        """Counts (count, 3) of the swing, each at the instant at which it is sampled."""
         assert self._swing is not None
         later = sampling_faults.instants(self._config, self._release, first, count)
         since = np.arange(first, first + count) / self._rate_hz
@@ -166,7 +173,7 @@ class SimulatedRods:
     def _read(
         self, theta: NDArray[np.float64], stream: RandomStream, release: int, first: int, since: ArrayLike = -np.inf
     ) -> Counts:
-        """(n, 3) counts of the angles at the encoders at the device times `since` the release."""
+        """Counts (n, 3) for the angles at the encoders, at the device times `since` the release."""
         misread = self._plant.misread(theta, np.full(len(theta), since), release - 1)
         return self._faults.connected(self._plant.counted(self._encoders.read(misread, stream, release, first)))
 

@@ -1,4 +1,4 @@
-"""Sampling faults of a real board: uneven instants, repeated samples, lost samples."""
+"""Sampling faults of a real board: uneven instants, repeated samples, missing samples."""
 
 from statistics import NormalDist
 
@@ -14,13 +14,13 @@ _JITTER, _REPEATED, _MISSING = range(3)
 
 
 def instants(config: PlantConfig, release: int, first: int, count: int) -> NDArray[np.float64]:
-    """(count,) delay of each sample of a swing after its tick, s."""
+    """Delay (count,) of each sample of a swing after its tick, s."""
     jitter = config.encoders.jitter_ms * 1e-3 * _noise(config, release, first, count)[:, _JITTER]
     return jitter + config.encoders.late_ms * 1e-3 * _in_cycle(config.encoders.late_every, first, count)
 
 
 def repeated(config: PlantConfig, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
-    """(count,) whether a sample of a swing repeats the previous one."""
+    """Whether each sample of a swing repeats the previous one: (count,)."""
     encoders = config.encoders
     by_chance = _noise(config, release, first, count)[:, _REPEATED] < _threshold(encoders.repeated_share)
     stretch = _within(encoders.stale_from_s, encoders.stale_for_s, first, count, rate_hz)
@@ -28,21 +28,21 @@ def repeated(config: PlantConfig, release: int, first: int, count: int, rate_hz:
 
 
 def missing(config: PlantConfig, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
-    """(count,) whether a sample of a swing is never sent."""
+    """Whether each sample of a swing is never sent: (count,)."""
     encoders = config.encoders
     by_chance = _noise(config, release, first, count)[:, _MISSING] < _threshold(encoders.missing_share)
     return by_chance | _within(encoders.lost_from_s, encoders.lost_for_s, first, count, rate_hz)
 
 
 def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles between the ticks, on the parabola through three neighbours.
+    """Angles between the ticks, by the parabola through three neighbouring ticks.
 
     Args:
-        theta: (n + 2 + k, 3) angles at the ticks, at one more before, and at k + 1 more after, rad
+        theta: (n + 2 + k, 3) angles at the ticks, at one tick before them, and at k + 1 ticks after them, rad
         later: (n,) delay after the ticks, in ticks, less than k + 1
 
     Returns:
-        (n, 3) rad
+        (n, 3) angles, rad
     """
     whole = np.maximum(np.floor(later), 0.0)
     near = np.arange(1, len(later) + 1) + whole.astype(np.int64)
@@ -52,13 +52,19 @@ def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDA
 
 
 def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
-    """(count,) whether a sample lies in an interval of the swing; without a duration until the end."""
+    """Whether each sample lies in an interval of the swing: (count,).
+
+    Without a duration, the interval extends to the end.
+    """
     since = np.arange(first, first + count) / rate_hz - begin_s
     return (since >= 0.0) & (since < (np.inf if lasts_s is None else lasts_s))
 
 
 def _in_cycle(every: int, first: int, count: int) -> NDArray[np.bool_]:
-    """(count,) whether a sample is the last one in a cycle of `every`; no sample if `every` is 0."""
+    """Whether each sample is the last one in a cycle of `every` samples: (count,).
+
+    No sample is if `every` is 0.
+    """
     if not every:
         return np.zeros(count, dtype=np.bool_)
     return np.arange(first, first + count) % every == every - 1

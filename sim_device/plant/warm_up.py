@@ -1,7 +1,7 @@
-"""Compilation of the kernels of a plant before a release: at once, or in another process while the device answers.
+"""Compilation of a plant's kernels before a release: at once, or in another process while the device answers.
 
-The first compilation on a computer takes long, and a host waits only seconds for an answer. A thread is not sufficient:
-while it compiles, the device does not answer for a second at a time.
+The first compilation on a computer takes long, and a host waits for an answer for a few seconds only. A thread is not
+sufficient: while it compiles, the device does not answer for a second at a time.
 """
 
 import os
@@ -27,12 +27,12 @@ def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[]
     Args:
         plant: the plant
         rig: its rig
-        in_background: whether to compile in the background if it takes long
+        in_background: whether a long compilation runs in another process
 
     Returns:
-        whether the rods can be released; the compilation starts at the first call
+        function that returns whether the rods can be released; its first call starts the compilation
     """
-    plant.misread(np.zeros((1, JOINTS)), np.zeros(1), 0)  # a device reads its rods from the beginning
+    plant.misread(np.zeros((1, JOINTS)), np.zeros(1), 0)  # a device reads its rods from the start
     if not in_background or CACHE is None or simulator_compiled() or not isinstance(plant, Plant):
         _swing_once(plant)
         return lambda: True
@@ -40,7 +40,7 @@ def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[]
 
 
 class _Compiling:
-    """A process that fills the cache of kernels, and a thread that loads them from it."""
+    """Compilation by a process that fills the cache of kernels, and a thread that loads the kernels from it."""
 
     def __init__(self, plant: Plant, rig: Rig) -> None:
         self._plant, self._rig = plant, rig

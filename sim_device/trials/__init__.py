@@ -1,1 +1,1 @@
-"""Preparation of blind trials by the device: drawing of a plant, size of its gap, recording and sealing."""
+"""Preparation of blind trials by the device: drawing of a plant, size of its gap, recording, sealing."""

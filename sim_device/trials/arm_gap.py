@@ -1,4 +1,7 @@
-"""Gap of a plant whose arm is free or driven: residual of an effect-free model, as in `sim_device.trials.gap_size`."""
+"""Gap of a plant whose arm is free or driven: residual of a model without effects.
+
+`sim_device.trials.gap_size` computes it for a clamped arm.
+"""
 
 from dataclasses import dataclass
 from functools import partial
@@ -23,40 +26,40 @@ from sim_device.trials.gap_size import MEASURE, eliminated
 Array = NDArray[np.float64]
 
 ARM = [param_index(FREE_ARM.name, parameter.name) for parameter in FREE_ARM.amplitudes]
-"""Indices of inertia and friction of the arm."""
+"""Indices of the arm's inertia and friction in the parameters."""
 
 STEP = 1e-6
-"""Step of the differences: relative for parameters, rad and rad/s for initial states."""
+"""Step of the difference quotients: relative for parameters, in rad and rad/s for initial states."""
 
 DURATION_S = 5.0
-"""Duration of each release."""
+"""Duration of each release, s."""
 
 SHARES = (0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0, 1.0, 1.0, 1.0)
-"""Fraction of each segment, from its start, that each iteration of Gauss-Newton fits.
+"""Share of each segment, from its start, that each iteration of Gauss-Newton fits.
 
-It grows, because the first initial states are far off if the torque has steps.
+The share increases, because the initial estimates of the states are poor if the torque has steps.
 """
 
 
 SHORTENED = (1.0, 0.3, 0.1, 0.0)
-"""Factors of the step of an initial state; the best factor of each segment is used."""
+"""Tried factors on the step of an initial state. The best factor of each segment is used."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmRelease:
-    """A release of a plant without noise."""
+    """Release of a plant without noise."""
 
     readings: Array
-    """(n, 3) theta1, joint 2 as read by its encoder, and theta0, rad."""
+    """(n, 3) readings, rad: theta1, joint 2 as read by its encoder, and theta0."""
     torque: Array | None
-    """(n,) torque on the arm as logged, N m."""
+    """(n,) logged torque on the arm, N m; None without a drive."""
 
 
 def arm_gap(config: PlantConfig, rig: Rig) -> float:
-    """Root mean square residual of noiseless readings after the best effect-free fit, in units of the noise.
+    """Root mean square residual of noiseless readings after the best fit without effects, in units of the noise.
 
     The fit has the base parameters, inertia and friction of the arm and, for each segment of `MEASURE.window`, a free
-    initial state; it starts at the true values. It is infinite if the plant's swing or the fit diverges.
+    initial state. It starts at the true values. The result is infinite if the swing or the fit diverges.
     """
     releases = [noiseless_arm(config, rig, number) for number in range(1, len(rig.poses) + 1)]
     if not all(np.isfinite(release.readings).all() for release in releases):
@@ -92,7 +95,7 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
 
 
 def noiseless_arm(config: PlantConfig, rig: Rig, number: int) -> ArmRelease:
-    """A release from a pose of the rig file, counted from 1, without noise and rounding."""
+    """Release from a pose of the rig file, counted from 1, without noise and rounding."""
     plant, pose, drive = Plant(config, rig), list(rig.poses.values())[number - 1], arm_drive_of(config)
     ticks = np.arange(round(DURATION_S * MEASURE.rate_hz))
     driven = None if drive is None else partial(drive.block, rate_hz=MEASURE.rate_hz)
@@ -107,18 +110,21 @@ def noiseless_arm(config: PlantConfig, rig: Rig, number: int) -> ArmRelease:
 
 @dataclass(frozen=True, slots=True)
 class MovingParts:
-    """Indices of the quantities that the readings of the mounted rods depend on."""
+    """Indices of the quantities on which the readings of the mounted rods depend."""
 
     parameters: list[int]
-    """Indices into a, b, d, e1, c1, c2, p, and the arm's inertia and friction."""
+    """Indices into a, b, d, e1, c1, c2, p, inertia of the arm and friction of the arm."""
     states: list[int]
     """Indices into theta1, theta2, omega1, omega2, theta0, omega0."""
     axes: list[int]
-    """Indices into theta1, the angle of joint 2, theta0."""
+    """Indices into theta1, angle of joint 2, theta0."""
 
 
 def _moving(rig: Rig, *, scaled: bool) -> MovingParts:
-    """Indices of the fitted quantities; without a known torque only ratios to the first inertia are fitted."""
+    """Indices of the fitted quantities.
+
+    Without a known torque only ratios to the first inertia are fitted.
+    """
     first = [0] if scaled else []
     if rig.rods.mounting == "both":
         return MovingParts([*first, 1, 2, 3, 4, 5, 7, 8], [0, 1, 2, 3, 4, 5], [0, 1, 2])
@@ -126,7 +132,7 @@ def _moving(rig: Rig, *, scaled: bool) -> MovingParts:
 
 
 def _laid_out(releases: list[ArmRelease], rig: Rig, length: int) -> tuple[Segments, Array]:
-    """Segments of all releases, and (segments, length, 3) their readings."""
+    """Segments of all releases, and their readings (segments, length, 3)."""
     setups, times, runs, wanted = [], [], [], []
     for run, release in enumerate(releases):
         t = np.arange(len(release.readings)) / MEASURE.rate_hz
@@ -140,7 +146,7 @@ def _laid_out(releases: list[ArmRelease], rig: Rig, length: int) -> tuple[Segmen
 
 
 def _start(piece: Array, rig: Rig) -> Array:
-    """(6,) approximate state at the first of some readings."""
+    """Approximate state (6,) at the first of some readings."""
     theta = piece[:3].copy()
     if rig.encoders.joint2 == "relative":
         theta[:, 1] += theta[:, 0]
@@ -153,10 +159,10 @@ def _start(piece: Array, rig: Rig) -> Array:
 def _linearised(
     values: Array, starts: Array, laid_out: Segments, constants: RigConstants, moving: tuple[list[int], list[int]]
 ) -> tuple[Array, Array]:
-    """(N, 3) readings and their (N, 3, k) derivatives.
+    """Readings (N, 3), and their derivatives (N, 3, k).
 
-    The derivatives are with respect to ln of the parameters and to the initial states of each segment whose indices are
-    in `moving`.
+    The derivatives are with respect to the logarithm of the parameters and to the initial states of each segment;
+    `moving` contains the indices of both.
     """
     parameters, states = moving
     count = 1 + len(parameters) + len(states)
@@ -172,14 +178,14 @@ def _linearised(
 
 
 def _read(candidates: Array, initial: Array, laid_out: Segments, constants: RigConstants) -> Array:
-    """(n, N, 3) readings of candidates (n, 9) from the initial states (n, segments, 6)."""
+    """Readings (n, N, 3) of candidates (n, 9) from the initial states (n, segments, 6)."""
     params = np.tile(effect_params({}), (len(candidates), 1))
     params[:, ARM] = candidates[:, 7:]
     return predict_batch(candidates[:, :7], params, constants, laid_out, initial, arm=True)
 
 
 def _noise(config: PlantConfig, rig: Rig) -> Array:
-    """(3,) standard deviation of encoders 1, 2 and 0 including their rounding, rad."""
+    """Standard deviation (3,) of encoders 1, 2 and 0, from noise and rounding, rad."""
     noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
     sigma = np.abs(rig.radians_per_count) * np.sqrt(noise**2 + config.encoders.step_counts**2 / 12)
     return sigma[[1, 2, 0]]

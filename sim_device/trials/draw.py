@@ -25,38 +25,38 @@ from sim_device.trials.request import LEVELS, ON_ARM, EffectRequest
 from sim_device.trials.sizing import Coefficients, sized
 
 NOT_DRAWN = frozenset(effect.name for effect in ENCODER_DRIFT)
-"""Effects that joined the library after the published campaigns: if they were drawn, the same seeds would give other
-plants."""
+"""Names of effects that are never drawn. They were added to the library after the published campaigns; drawing them
+would change the plants of the same seeds."""
 
 LARGEST = 40.0
-"""Maximum gap of the largest effect of a pair or triple, in units of the noise."""
+"""Maximum gap of the largest effect in a pair or triple, in units of the noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Background:
-    """Small effects of every real rig, in addition to its largest effect."""
+    """Small effects that every real rig has in addition to its largest effect."""
 
     effects: tuple[int, int] = (3, 6)
-    """Minimum and maximum number of small effects."""
+    """Minimum and maximum number of these small effects."""
     gap: tuple[float, float] = (0.1, 0.6)
-    """Gap of each small effect, in units of the noise."""
+    """Range of the gap of each small effect, in units of the noise."""
     logger: float = 1 / 3
-    """Probability of a fault of the logger, and of a second fault if there is one."""
+    """Probability of a fault of the logger; also the probability of a second fault if there is one."""
     stiffness: tuple[float, float] = (1e5, 5e5)
-    """Stiffness of the mount's second mode, N/m; it moves the rods by less than the noise."""
+    """Range of the stiffness of the mount's second mode, N/m. The mode moves the rods by less than the noise."""
     frequency_hz: tuple[float, float] = (15.0, 40.0)
     damping: tuple[float, float] = (0.02, 0.05)
     length: float = 0.005
-    """Relative standard deviation of the rod's length about L1 of the rig file."""
+    """Standard deviation of the rod's length about L1 of the rig file, relative."""
     mass: float = 0.01
-    """Relative standard deviation of its masses, which are given in the rig file."""
+    """Standard deviation of the true masses about those in the rig file, relative."""
 
 
 BACKGROUND = Background()
 
 
 def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfig:
-    """A plant similar to `base`, drawn from its seed.
+    """Plant similar to `base`, drawn from its seed.
 
     Raises:
         ConfigError: `base` does not belong to the rig.
@@ -79,7 +79,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 
 
 def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with effects at joint 0 or of its drive that are visible in its recordings."""
+    """Plant with effects at joint 0 or of its drive that are visible in its recordings."""
     if wanted.kind not in ON_ARM:
         raise ConfigError(f"draw {wanted.kind}: not available with a moving arm; available: {', '.join(ON_ARM)}")
     if wanted.kind == "dirty":
@@ -104,7 +104,7 @@ def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with small effects, a zero offset, a vibrating mount, other values, and sometimes logger faults."""
+    """Plant with small effects, a zero offset, a vibrating mount, changed values, and sometimes logger faults."""
     least, most = BACKGROUND.effects
     wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
     for name in rng.permutation(visible_effects()).tolist():
@@ -129,7 +129,10 @@ def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> 
 
 
 def described(wanted: EffectRequest, rig: Rig) -> Rig:
-    """The rig file that dpr-lab gets: for plants with background effects, its masses are known to 1 %."""
+    """Rig file for dpr-lab.
+
+    For plants with background effects, it contains the masses with an uncertainty of 1 %.
+    """
     if wanted.kind != "background":
         return rig
     return rig.model_copy(update={"parameters": {**rig.parameters, **dict(_roughly_weighed(rig))}})
@@ -142,10 +145,10 @@ def _roughly_weighed(rig: Rig) -> Iterator[tuple[str, Parameter]]:
 
 
 def logger_fault(rng: np.random.Generator) -> EncoderConfig:
-    """One fault of a logger, or two at once.
+    """Encoders with one fault of a logger, or with two faults.
 
-    Readings can be late periodically; repeated periodically, in a part of the recording as in a video, or at random
-    while a bus is busy; taken at uneven instants; or lost for some time.
+    Samples can be late periodically; repeat the previous sample periodically, in a part of the recording as in a video,
+    or at random while a bus is busy; be taken at uneven instants; or be missing for some time.
     """
     cycle, begin = int(rng.integers(5, 41)), float(rng.uniform(0.5, 4.0))
     faults: list[dict[str, float]] = [
@@ -198,12 +201,15 @@ def _takes_part(name: str, held_back: bool | None) -> bool:
 
 
 def visible_effects() -> list[str]:
-    """Library effects that are identifiable in a free swing, without those of `NOT_DRAWN`."""
+    """Library effects that are identifiable in a free swing, without those in `NOT_DRAWN`."""
     return [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by and name not in NOT_DRAWN]
 
 
 def alike(name: str, other: str) -> bool:
-    """Whether two effects are special cases of one another or of a third, so that together they are not two effects."""
+    """Whether two effects are special cases of one another or of a third effect.
+
+    Together they would not count as two effects.
+    """
     return not _relatives(name).isdisjoint(_relatives(other))
 
 
@@ -212,7 +218,7 @@ def _relatives(name: str) -> set[str]:
 
 
 def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, rng: np.random.Generator) -> PlantConfig:
-    """The plant with one more effect that alone causes the requested gap, as nearly as its swings permit."""
+    """Plant with one more effect, which alone causes the requested gap as nearly as possible."""
     table, unit = ("foreign", _foreign_unit) if name in FOREIGN else ("effects", _library_unit)
     coefficients = unit(name, rng)
     if plant.arm.mode != "clamped":
@@ -229,7 +235,7 @@ def _foreign_unit(name: str, rng: np.random.Generator) -> Coefficients:
 
 
 def _library_unit(name: str, rng: np.random.Generator) -> Coefficients:
-    """Coefficients of an effect near its typical size: free amplitudes of either sign, shapes over their range."""
+    """Coefficients of an effect near its typical size: random signed amplitudes, and shapes within their ranges."""
     return {p.name: (_shape if p.role == "shape" else _amplitude)(p, rng) for p in EFFECTS[name].parameters}
 
 

@@ -1,4 +1,4 @@
-"""Sealed plants with driven joints: random parameters and torques, and random faults of the drives."""
+"""Sealed plants with driven joints: random parameters, torques, and faults of the drives."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,26 +23,27 @@ from sim_device.trials.request import EffectRequest
 
 @dataclass(frozen=True, slots=True)
 class Driving:
-    """Settings of the torques, and sizes of the faults that the reported torques do not show."""
+    """Settings of the drawn torques, and sizes of faults that the reported torques do not show."""
 
     length_s: float = 10.0
     row_s: float = 0.01
     """Interval between the rows of the table of torques."""
     tones: int = 4
-    """Number of sines of each joint, up to `highest_hz`."""
+    """Number of sines in the torque of each joint, at frequencies up to `highest_hz`."""
     highest_hz: float = 3.0
     largest_Nm: float = 0.2
-    """Maximum amplitude of a sine: similar to the weight's torque on a rod of the paper's rig."""
+    """Maximum amplitude of a sine, N m; similar to the torque of gravity on a rod of the paper's rig."""
     noise_Nm: float = 2e-3
-    """Standard deviation of the measured torques."""
+    """Standard deviation of the measured torques, N m."""
     scale: float = 0.15
-    """Maximum error of a torque constant. The minimum is a fifth of it, as for the next three quantities."""
+    """Maximum relative error of a torque constant. For this and the next three quantities the minimum is a fifth of the
+    maximum."""
     offset_Nm: float = 0.03
     ripple: float = 0.2
-    """Maximum ripple as a fraction of the torque."""
+    """Maximum ripple, relative to the torque."""
     delay_s: float = 0.01
     subtle: float = 0.1
-    """Range of the sizes of a clear fault."""
+    """Range of the size of a clear fault, relative to its maximum."""
 
 
 DRIVING = Driving()
@@ -50,19 +51,23 @@ DRIVING = Driving()
 
 @dataclass(frozen=True, slots=True)
 class DriveFault:
-    """Fault of a drive that the reported torques do not show, and the library effect that names it correctly."""
+    """Fault of a drive that the reported torques do not show, with the library effect that is its correct name."""
 
     name: str
     drives: dict[str, Any]
-    """Changed values of the plant's `[drives]`."""
+    """Changed values in `[drives]` of the plant."""
 
 
 Fault = Callable[[float, np.random.Generator], dict[str, Any]]
-"""(size relative to the maximum, with sign; random number) -> changed values of `[drives]`."""
+"""Function of a size, relative to the maximum and with sign, and of random numbers that returns changed values of
+`[drives]`."""
 
 
 def _delay(size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """The fault is visible if the commanded torques are reported; the ticks of a board are whole milliseconds."""
+    """Delay in whole milliseconds, the ticks of a board.
+
+    The board reports the commanded torques, because only they show a delay.
+    """
     return {"delay_s": max(round(DRIVING.delay_s * abs(size), 3), 1e-3), "tells": ("commanded",)}
 
 
@@ -88,14 +93,14 @@ FAULTS: Mapping[str, Fault] = {
     TORQUE_RIPPLE[0].name: _ripple(0),
     TORQUE_RIPPLE[1].name: _ripple(1),
 }
-"""Library effect -> function that draws a drive with this effect."""
+"""Library effect -> function that draws the values of a drive with this effect."""
 
 
 ANY_FAULT = EffectRequest("driven")
 
 
 def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | None:
-    """One of `FAULTS` or None, all equally probable, or the fault that is requested by name.
+    """Random fault in `FAULTS`, or None for no fault, all equally probable; or the fault that is requested by name.
 
     Raises:
         ConfigError: the requested effect is not a fault of drives.
@@ -110,13 +115,13 @@ def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | No
 
 
 def driven(plant: PlantConfig, fault: DriveFault | None, settings: Driving = DRIVING) -> PlantConfig:
-    """The plant with drives that have a fault, or none."""
+    """Plant with drives that have the given fault, or no fault."""
     drives = DriveConfig(noise_Nm=settings.noise_Nm, **(fault.drives if fault else {}))
     return plant.model_copy(update={"drives": drives})
 
 
 def drawn_drives(plant: PlantConfig, settings: Driving = DRIVING) -> JointDrives:
-    """The plant's drives with a table of torques that is drawn from its seed."""
+    """Drives of the plant, with a table of torques that is drawn from its seed."""
     rng, t = generator(plant.seed, RandomStream.DRIVES), np.arange(0.0, settings.length_s, settings.row_s)
     size, phase = (
         rng.uniform(0, settings.largest_Nm, (settings.tones, 2)),
@@ -130,13 +135,16 @@ def drawn_drives(plant: PlantConfig, settings: Driving = DRIVING) -> JointDrives
 def driven_runs(
     rig: Rig, seed: int, base: str = "paper", fault: DriveFault | None = None, duration: float = 3.0
 ) -> tuple[PlantConfig, list[Run]]:
-    """A plant drawn near a plant file, and one driven recording from each pose of the rig."""
+    """Plant drawn near a plant file, and one driven recording from each pose of the rig."""
     plant = driven(drawn(load_plant(base, seed), rig), fault)
     return plant, record(plant, rig, duration, drives=drawn_drives(plant))
 
 
 def done_by_drives(config: DriveConfig) -> dict[str, dict[str, float]]:
-    """Library effects of the drives, and their sizes; a board that reports measured torques has no delay."""
+    """Library effects that the drives cause, with their sizes.
+
+    A board that reports measured torques has no delay.
+    """
     effects: dict[str, dict[str, float]] = {}
     for joint in range(2):
         if config.gain[joint] != 1.0:

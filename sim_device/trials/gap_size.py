@@ -1,4 +1,4 @@
-"""Gap of a plant: residual of an effect-free model in segments of 0.5 s, in units of the noise."""
+"""Gap of a plant: residual of a model without effects in segments of 0.5 s, in units of the noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,9 +23,8 @@ class GapMeasure:
     step: float = 2.5e-3
     """Step of the integrator, s."""
     rounds: int = 3
-    """Iterations of Gauss-Newton; from the true values, two suffice for any effect that does not dominate the first
-    second.
-    """
+    """Number of Gauss-Newton iterations. From the true values, two suffice for any effect that does not dominate the
+    first second."""
 
 
 MEASURE = GapMeasure()
@@ -38,18 +37,18 @@ Array = NDArray[np.float64]
 def gap_size(
     ratios: Array, frame: tuple[float, float], period: float, readings: Sequence[Array], noise: Array, relative: bool
 ) -> float:
-    """Root mean square residual of noiseless readings after the best effect-free fit, in units of the noise.
+    """Root mean square residual of noiseless readings after the best fit without effects, in units of the noise.
 
-    The fit has the five ratios and, for each segment of `MEASURE.window`, a free initial state; it starts at the true
+    The fit has the five ratios and, for each segment of `MEASURE.window`, a free initial state. It starts at the true
     values.
 
     Args:
-        ratios: (5,) true ratios of base parameters
+        ratios: (5,) true ratios of the base parameters
         frame: L1 (m), g (m/s^2)
         period: time between readings, s
         readings: for each release, (n, 2) readings of joint encoders 1 and 2, rad; hanging is 0
         noise: (2,) standard deviation of the encoders' readings, rad
-        relative: whether encoder 2 reads theta2 - theta1
+        relative: whether encoder 2 measures theta2 - theta1
 
     Returns:
         gap in units of the noise; inf if the fit diverges
@@ -72,7 +71,7 @@ def gap_size(
 
 
 def _start(readings: Array, period: float, relative: bool) -> Array:
-    """(4,) approximate state at the first of some readings."""
+    """Approximate state (4,) at the first of some readings."""
     theta = readings[:3].copy()
     theta[:, 1] += relative * theta[:, 0]
     omega = (-3 * theta[0] + 4 * theta[1] - theta[2]) / (2 * period)
@@ -80,7 +79,7 @@ def _start(readings: Array, period: float, relative: bool) -> Array:
 
 
 def _as_read(columns: Array, relative: bool) -> Array:
-    """Rows theta1, theta2 (axis 1) as read by the joint encoders."""
+    """Rows of theta1, theta2 (axis 1), converted to the angles that the joint encoders read."""
     read = columns[:, :2].copy()
     if relative:
         read[:, 1] -= read[:, 0]
@@ -88,13 +87,13 @@ def _as_read(columns: Array, relative: bool) -> Array:
 
 
 def eliminated(residual: Array, slope: Array, common: int, rcond: float | None = None) -> tuple[Array, Array, Array]:
-    """Least squares with the initial states eliminated: change of parameters and of initial states, and residual.
+    """Least squares with the initial states eliminated; returns the changes of parameters and states, and the residual.
 
     Args:
         residual: (segments, m) residual
-        slope: (segments, m, common + states) its derivatives with respect to parameters and initial state
+        slope: (segments, m, common + states) derivatives of the residual with respect to parameters and initial state
         common: number of parameters
-        rcond: share of the largest singular value below which a direction counts as not determined
+        rcond: singular value, relative to the largest one, below which a direction counts as undetermined
     """
     Q, R = np.linalg.qr(slope[:, :, common:])
     shared, free = slope[:, :, :common], np.einsum("smk,sm->sk", Q, residual)

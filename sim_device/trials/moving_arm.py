@@ -19,29 +19,32 @@ from sim_device.plant.config import PlantConfig
 from sim_device.trials.arm_gap import noiseless_arm
 
 DIRECT = {"range_rad": "angle", "limit_Nm": "torque"}
-"""Shape parameter -> reference of its size: the largest angle of the arm, or the largest torque of its drive."""
+"""Shape parameter -> quantity that its size refers to: the largest angle of the arm, or the largest torque of its
+drive."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmDraw:
-    """Spread of drawn arms and programs."""
+    """Ranges of drawn arms and programs."""
 
     spread: float = 0.15
-    """Maximum relative deviation of inertia and friction of the arm."""
+    """Maximum relative deviation of the arm's inertia and friction."""
     rates: tuple[float, float] = (0.8, 1.25)
-    """Factor of the frequencies of the program."""
+    """Range of the factor on the frequencies of the program."""
     programs: tuple[str, ...] = ("sines", "chirp", "prbs")
     within: tuple[float, float] = (0.4, 0.8)
-    """Share of the largest angle or torque at which a stop or a saturation begins."""
+    """Angle at which a stop begins, or torque at which a saturation begins, relative to the largest one without the
+    effect: range."""
     reached: float = 0.5
-    """Minimum fraction of the requested gap: a smaller gap is not visible, and another effect is drawn."""
+    """Minimum ratio of the reached gap to the requested gap. With a smaller ratio the effect is not visible, and
+    another one is drawn."""
 
 
 DRAW = ArmDraw()
 
 
 def with_arm(rig: Rig, plant: PlantConfig, mode: str | None) -> tuple[Rig, PlantConfig]:
-    """Rig and plant with a mode of the arm; None: that of the rig file.
+    """Rig and plant with a mode of the arm; None: the mode of the rig file.
 
     Raises:
         ConfigError: the rig or the plant has no such arm.
@@ -66,7 +69,7 @@ def with_arm(rig: Rig, plant: PlantConfig, mode: str | None) -> tuple[Rig, Plant
 
 
 def drawn_arm(plant: PlantConfig, rng: np.random.Generator) -> PlantConfig:
-    """The plant with another arm and another program of its drive."""
+    """Plant with another arm and, if it has a drive, another program."""
     arm, factor = plant.arm, 1.0 + DRAW.spread * rng.uniform(-1.0, 1.0, 2)
     changed = {"arm": arm.model_copy(update={"J0": arm.J0 * float(factor[0]), "c0": arm.c0 * float(factor[1])})}
     if plant.arm_drive is not None:
@@ -79,8 +82,8 @@ def drawn_arm(plant: PlantConfig, rng: np.random.Generator) -> PlantConfig:
 def visible_on_arm(plant: PlantConfig) -> list[str]:
     """Effects at joint 0 and of its drive that recordings of this plant may show.
 
-    Two effects are never visible: an error of the torque constant, because the scale of all torques or the gain of the
-    drive is fitted, and a zero error of the arm, which has no influence.
+    Two effects are never visible. An error of the torque constant is compensated by the fitted scale of all torques or
+    gain of the drive. A zero error of the arm has no influence.
     """
     driven = plant.arm_drive is not None
     names = [name for name, effect in OF_ARM.items() if driven or not effect.driven]
@@ -89,14 +92,15 @@ def visible_on_arm(plant: PlantConfig) -> list[str]:
 
 
 def is_plausible(plant: PlantConfig, rig: Rig) -> bool:
-    """Whether the sizes of the plant's effects are within the limits of the library for a rig of this kind."""
+    """Whether the sizes of the plant's effects are within the limits of the library for such a rig."""
     limits = amplitude_limits(with_gravity(base_parameters(plant.Z, rig.L1, rig.g), rig.L1, rig.g), rig_constants(rig))
     return not oversized(effect_params(plant.effects), limits)
 
 
 def within_reach(plant: PlantConfig, rig: Rig, unit: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """Coefficients of an effect whose stop or limit the arm reaches without the effect; a delay is positive.
+    """Coefficients of an effect.
 
+    If the effect is a stop or a saturation, it is placed where the arm or its drive reaches it. A delay is positive.
     The output of a drive never exceeds its limit, so the amplitude of a saturation is one.
     """
     wanted = [name for name in unit if name in DIRECT]

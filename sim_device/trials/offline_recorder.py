@@ -1,4 +1,7 @@
-"""Recordings of a plant without device, link and waiting: identical counts, for hundreds of trials."""
+"""Recordings of a plant without device, link and waiting, for hundreds of trials.
+
+The counts of the swings are identical to those over a link.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,21 +26,18 @@ def record(
     drives: JointDrives | ArmDrive | None = None,
     before: int = 0,
 ) -> list[Run]:
-    """One run from each of the rig's poses, as dpr-lab would have recorded it.
+    """Record one run from each pose of the rig, as dpr-lab would record it.
 
-    The counts of the swings equal those that the protocol would have transmitted. The counts at rest before the release
-    have different noise of the same kind.
+    The counts of the swings equal those that the protocol would transmit. The noise of the counts at rest before the
+    release differs, but has the same distribution.
 
     Args:
         config: the plant
         rig: the rig on which it is mounted
         duration: duration of each swing, s
-        rate_hz: samples per second; None for that of the rig file
+        rate_hz: sample rate, Hz; None: the rate of the rig file
         drives: drives of its joints or of its arm; None for free swings
         before: number of earlier releases, whose operator errors and noise are not repeated
-
-    Raises:
-        ConfigError: effects that the plant cannot have.
     """
     rods = SimulatedRods(plant_of(config, rig), rig, drives=drives, before=before)
     return [
@@ -92,6 +92,6 @@ def _released(
 
 
 def _near(theta: NDArray[np.float64], pose: NDArray[np.float64], release: int) -> NDArray[np.float64]:
-    """Angles without the full turns between each rod and its pose at the release, row `release`."""
+    """Angles without the full turns by which each rod differs from its pose at row `release`."""
     turns = np.rint((theta[release] - pose) / (2 * np.pi))
     return theta - 2 * np.pi * np.where([False, True, True], turns, 0.0)

@@ -1,4 +1,4 @@
-"""Random parts of a rig: true parameters similar to those of a plant file, and masses as shown by scales."""
+"""Random true parameters of a rig, near those of a plant file, and masses as shown by scales."""
 
 from dataclasses import dataclass
 
@@ -13,26 +13,26 @@ from sim_device.random_streams import RandomStream, generator
 
 @dataclass(frozen=True, slots=True)
 class PartSpread:
-    """Deviations of the parts from the plant file."""
+    """Maximum deviations of drawn parameters from the plant file, and accuracy of the scales."""
 
     parameter: float = 0.15
-    """Maximum relative deviation of a true parameter; the paper's rig bounds the search at 0.2."""
+    """Maximum relative deviation of a true parameter. The rig of the paper bounds the search at 0.2."""
     mass: float = 0.15
-    """Relative deviation of a mass that is weighed."""
+    """Maximum relative deviation of a mass that is weighed."""
     scales_std: float = 1e-4
-    """Standard deviation of the scales, kg."""
+    """Standard deviation of a weighing, kg."""
     scales_step: float = 1e-4
-    """Resolution of their display, kg."""
+    """Resolution of the display of the scales, kg."""
 
 
 SPREAD = PartSpread()
 
 
 def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
-    """A copy of the plant with other true parameters, drawn from its seed.
+    """Copy of the plant with other true parameters, drawn from its seed.
 
-    Each searched parameter is uniform within `SPREAD` of the file's value and within the rig's bounds, so that the
-    truth can be identified; a parameter that the rig file gives as measured keeps its value.
+    Each searched parameter is uniformly distributed within `SPREAD` of the value in the file and within the bounds of
+    the rig, so that the truth can be identified. A parameter that the rig file states as measured keeps its value.
 
     Raises:
         ConfigError: a value of the plant lies so far outside the rig's bounds that no range remains.
@@ -53,7 +53,7 @@ def drawn(config: PlantConfig, rig: Rig) -> PlantConfig:
 def weighed(base: PlantConfig, rig: Rig, step: float = 0.0) -> tuple[PlantConfig, Rig]:
     """Draw other masses of a rig from the plant's seed, and write their weighed values into its rig file.
 
-    Masses that the rig file gives as measured do not change. `step` is the resolution of the scales, kg.
+    Masses that the rig file states as measured do not change. `step` is the resolution of the scales, kg.
     """
     rng = generator(base.seed, RandomStream.RIG)
     drawn_masses = {name: base.parameters[name] * (1 + SPREAD.mass * rng.uniform(-1, 1)) for name in MASSES}

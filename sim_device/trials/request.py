@@ -37,43 +37,44 @@ _KIND_NAMED: dict[str, Kind] = {kind: kind for kind in KINDS}
 _LEVEL_NAMED: dict[str, Level] = {level: level for level in LEVELS}
 
 ANY = "any"
-"""Name for any kind: the kind is drawn from the seed as well."""
+"""Name for any kind; the kind is then drawn from the seed too."""
 
 FREE_SWINGS: tuple[Kind, ...] = tuple(kind for kind in KINDS if kind not in ("driven", "background"))
 """The kinds that `ANY` may select."""
 
 ON_ARM: tuple[Kind, ...] = ("single", "pair", "triple", "clean", "dirty")
-"""The kinds of plants with a free or driven arm."""
+"""Kinds of plants with a free or driven arm."""
 
 SHARES: dict[Kind, tuple[float, ...]] = {"pair": (1.0, 0.2), "triple": (1.0, 0.45, 0.2)}
-"""Gap of each effect relative to that of the largest, such that the smallest is clear."""
+"""Gap of each effect relative to the largest gap, such that the smallest effect is still clear."""
 
 
 @dataclass(frozen=True, slots=True)
 class EffectRequest:
-    """Requested draw."""
+    """Requested draw of a plant."""
 
     kind: Kind
     level: Level = "clear"
     effects: tuple[str, ...] = ()
-    """Names of effects to use instead of drawn ones, the largest first."""
+    """Names of effects to use in place of drawn ones, the largest first; empty: all are drawn."""
     held_back: bool | None = None
-    """Out-of-library effects: only those excluded from tuning (True), only the others (False), or all (None)."""
+    """Which out-of-library effects may be drawn: those excluded from tuning (True), the others (False), or all
+    (None)."""
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """Gap of each effect relative to that of the largest."""
+        """Gap of each effect relative to the largest gap."""
         return SHARES.get(self.kind, (1.0,))
 
 
 def with_kind(text: str, seed: int, kinds: tuple[Kind, ...] = FREE_SWINGS) -> str:
-    """The request, in which a kind drawn from the seed replaces `any`."""
+    """The request with a kind drawn from the seed in place of `any`."""
     kind, colon, rest = text.partition(":")
     return f"{generator(seed, RandomStream.KIND).choice(kinds) if kind == ANY else kind}{colon}{rest}"
 
 
 def parse_request(text: str) -> EffectRequest:
-    """`KIND`, `KIND:LEVEL`, or `KIND:LEVEL:EFFECT,EFFECT`; the effects may be given as `tuning` or `held_back`.
+    """Parse `KIND`, `KIND:LEVEL` or `KIND:LEVEL:EFFECT,EFFECT`; the effects may be given as `tuning` or `held_back`.
 
     Raises:
         ConfigError: no such kind, level or effect.

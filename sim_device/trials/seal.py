@@ -1,7 +1,8 @@
-"""The seal of a drawn plant: a salted hash, published before any recording, that fixes the truth.
+"""Seal of a drawn plant: a salted hash that is published before any recording and fixes the truth.
 
 The truth is in a folder of the device, or in its memory, until it is requested. The salt is random and does not depend
-on the seed: with the seed one can draw the plant again, but the seal does not show whether it is the same plant.
+on the seed. With the seed the plant can be drawn again, but without the salt the seal cannot confirm that it is the
+same plant.
 """
 
 import hashlib
@@ -22,13 +23,16 @@ TRUTH = "truth.json"
 
 
 def seal(truth: dict[str, Any], salt: str) -> str:
-    """Hex SHA-256 of the salt and the truth as compact JSON with sorted keys."""
+    """SHA-256 of the salt and the truth as compact JSON with sorted keys, in hexadecimal digits."""
     text = salt + json.dumps(truth, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def truth(plant: "HiddenPlant") -> dict[str, Any]:
-    """Parameters, ratios and effects; for an out-of-library effect, the library effects that are correct answers."""
+    """True parameters, ratios and effects.
+
+    For an out-of-library effect, the library effects that are correct answers are included.
+    """
     from sim_device.plant.foreign import FOREIGN
     from sim_device.trials.driven import done_by_drives
 
@@ -43,7 +47,7 @@ def truth(plant: "HiddenPlant") -> dict[str, Any]:
 
 
 def salted(plant: "HiddenPlant", drawn: dict[str, Any]) -> dict[str, Any]:
-    """The `truth` of a plant, including the request, and the `salt` of its hash."""
+    """Truth of a plant (key `truth`), including the request, and the `salt` of its hash."""
     return {"salt": secrets.token_hex(16), "truth": truth(plant) | {"drawn": drawn}}
 
 
@@ -53,7 +57,7 @@ def keep(plant: "PlantConfig", truth: dict[str, Any], folder: Path, drives: "Joi
     Args:
         plant: the sealed plant
         truth: result of `salted`
-        folder: created here, for the device only
+        folder: folder to create, accessible by the device only
         drives: drives of its joints, if any
 
     Raises:
@@ -77,10 +81,10 @@ def keep(plant: "PlantConfig", truth: dict[str, Any], folder: Path, drives: "Joi
 
 
 def opened(folder: Path) -> dict[str, Any]:
-    """The truth stored in a folder, with the salt that is necessary to verify its seal.
+    """Truth stored in a folder, with the salt that is needed to verify its seal.
 
     Raises:
-        ConfigError: no sealed plant is there.
+        ConfigError: the folder contains no sealed plant.
     """
     try:
         return json.loads((folder / TRUTH).read_text(encoding="utf-8"))

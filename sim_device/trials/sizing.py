@@ -1,4 +1,4 @@
-"""Scaling of an effect until it causes a gap of a requested size."""
+"""Scaling of an effect to a requested gap."""
 
 import math
 from dataclasses import dataclass
@@ -16,25 +16,25 @@ Coefficients = dict[str, float]
 
 @dataclass(frozen=True, slots=True)
 class SizeSearch:
-    """Limits of the search for a scale."""
+    """Limits of the search for the scale of an effect."""
 
     exact: float = 0.04
-    """Maximum deviation from the requested gap, as the logarithm of their ratio."""
+    """Maximum deviation from the requested gap, as the logarithm of the ratio of the gaps."""
     rounds: int = 9
-    """Maximum number of scales; the nearest is kept."""
+    """Maximum number of tried scales. The nearest result is used."""
     stride: float = 20.0
-    """Maximum factor between two scales, in either direction."""
+    """Maximum factor between two successive scales, in either direction."""
     retreat: float = 5.0
-    """Divisor of the scale as long as every previous scale was too large."""
+    """Divisor of the next scale while all previous scales were too large."""
 
 
 SEARCH = SizeSearch()
 
 
 def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: float) -> Coefficients:
-    """Coefficients of an effect, scaled from `unit` until it alone causes a gap on the plant, in units of the noise.
+    """Coefficients of an effect, scaled from `unit` so that it alone causes a gap on the plant, in units of the noise.
 
-    If no size causes that gap, the coefficients with the nearest gap are returned.
+    If no size causes this gap, the coefficients with the nearest gap are returned.
     """
     if name == SATURATION_JOINT0.name:
         return unit  # the output of a drive never exceeds its limit
@@ -56,7 +56,7 @@ def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: floa
 
 
 def _next_scale(proposed: float, scale: float, bounds: list[float]) -> float:
-    """The scale by proportion, limited to the range between scales that were too small and too large."""
+    """Next scale: the proposed one, limited to the range between scales that were too small and too large."""
     if bounds[0] < proposed < bounds[1]:
         return min(max(proposed, scale / SEARCH.stride), scale * SEARCH.stride)
     return math.sqrt(bounds[0] * bounds[1]) if bounds[0] > 0.0 else scale / SEARCH.retreat

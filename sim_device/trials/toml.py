@@ -1,4 +1,7 @@
-"""Conversion of a table to TOML text, which the standard library can only read."""
+"""Conversion of a table to TOML text.
+
+The standard library can only read TOML.
+"""
 
 import json
 import re
@@ -9,7 +12,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def toml_text(table: Mapping[str, Any]) -> str:
-    """TOML of nested tables of text, numbers, truth values and lists of these; numbers keep all digits."""
+    """TOML text of nested tables of text, numbers, truth values and lists of these; numbers keep all digits."""
     return "\n".join(_lines(table, ())) + "\n"
 
 
@@ -29,5 +32,8 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """JSON's notation of these types is also TOML, except for one control character that JSON does not escape."""
+    """Value in TOML.
+
+    The JSON notation of these types is also TOML, except for one control character that JSON does not escape.
+    """
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,4 +1,4 @@
-"""A blind trial as prepared by the device: a changed rig, a drawn plant, its seal, and optional recordings."""
+"""Blind trial as prepared by the device: changed rig file, drawn plant, seal, and optional recordings."""
 
 import secrets
 from collections.abc import Mapping
@@ -27,26 +27,27 @@ from sim_device.trials.seal import keep, salted, seal
 from sim_device.trials.toml import toml_text
 
 SEED_BITS = 128
-"""Number of bits of a random seed: too many to find the seed by trying, from all published data of the trial."""
+"""Number of bits of a random seed. They are too many to find the seed by trials from the published data."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnTrial:
-    """A drawn plant, its sealed truth, and its public part."""
+    """Drawn plant with its sealed truth and its public part."""
 
     plant: PlantConfig
     rig: Rig
-    """The rig as its rig file describes it; its numbers are drawn from a separate seed and rounded as by scales."""
+    """Rig as described by the rig file of the trial. Its numbers are drawn from a separate seed, and masses are rounded
+    as by scales."""
     kept: dict[str, Any]
-    """`truth` and `salt`."""
+    """Sealed content: `truth` and `salt`."""
     drives: JointDrives | ArmDrive | None = None
-    """Drives of its joints or of its arm; None for free swings."""
+    """Drives of the joints or of the arm; None for free swings."""
 
     def report(self, direct: bool) -> dict[str, Any]:
-        """Report of a drawn trial.
+        """Public report of a drawn trial.
 
-        `seal`; `rig`, the rig file as TOML text; `largest_input` of a driven arm, that of its program; `runs`, if
-        requested.
+        It contains `seal`; `rig`, the rig file as TOML text; for a driven arm `largest_input`, the largest input of its
+        program; and `runs`, if `direct`.
         """
         public: dict[str, Any] = {"seal": seal(self.kept["truth"], self.kept["salt"]), "rig": _rig_file(self.rig)}
         if self.plant.arm_drive is not None:
@@ -58,11 +59,8 @@ def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
     """Draw a plant.
 
     Args:
-        options: plant, requested draw (anything by default) and seed
+        options: plant, requested draw (any kind by default) and seed
         around: the nominal rig
-
-    Raises:
-        ConfigError: the request is impossible.
     """
     seed, public = (secrets.randbits(SEED_BITS) if options.seed is None else options.seed for _ in range(2))
     around, base = with_arm(around, load_plant(options.plant, public), options.arm)
@@ -79,12 +77,12 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
     """Draw and seal a plant.
 
     Args:
-        options: rig, plant, requested draw (anything by default) and seed
+        options: rig, plant, requested draw (any kind by default) and seed
         folder: folder of the device for the truth
-        direct: whether to record the plant at once, without device and link
+        direct: whether the plant is recorded at once, without device and link
 
     Returns:
-        See `DrawnTrial.report`.
+        Report, see `DrawnTrial.report`.
 
     Raises:
         ConfigError: the request is impossible, or the folder exists already.
@@ -95,16 +93,16 @@ def sealed_trial(options: Options, folder: Path, direct: bool = False) -> dict[s
 
 
 def recorded_next(trial: DrawnTrial, wanted: Mapping[str, Any], before: int) -> dict[str, Any]:
-    """Record one requested release, in the manner of an experimenter.
+    """Record one requested release, as an experimenter would.
 
     Args:
         trial: the plant
-        wanted: `theta1`, `theta2`, `duration_s`; `rods` and `added_mass` as in a rig file, unchanged by default;
-            `input` with `t` and `values`, which the drive of the arm replays instead of its program
-        before: number of earlier releases: the operator errors differ each time
+        wanted: `theta1`, `theta2`, `duration_s`; optionally `rods` and `added_mass` as in a rig file, and `input` with
+            `t` and `values`, which the drive of the arm runs in place of its program
+        before: number of earlier releases; the operator errors differ each time
 
     Raises:
-        ConfigError: a release that the rig cannot make.
+        ConfigError: the rig cannot make this release.
     """
     now = trial.rig.model_dump(exclude_none=True)
     changed = {name: wanted[name] for name in ("rods", "added_mass") if wanted.get(name)}
