@@ -123,6 +123,8 @@ def test_common_names_of_angles_of_encoders_arm_and_a_single_rod(tmp_path):
     measured = guess_columns(["time", "pos_meas1", "pos_meas2", "q1_measured", "vel_meas1", "pos_des1"])
     assert measured == {"t": "time", "theta2": "pos_meas2"}  # two columns of theta1
     assert guess_columns(["q1", "q1_actual", "q2_actual"]) == {"theta1": "q1", "theta2": "q2_actual"}
+    film = guess_columns(["time_s", "theta1_exp", "theta2_exp", "theta1_sim", "theta2_sim"])
+    assert film == {"t": "time_s", "theta1": "theta1_exp", "theta2": "theta2_exp"}
     rows = np.column_stack([T, THETA1 - np.pi])
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="time,rod_angle", comments="")
     rod = RIG.model_copy(update={"rods": Rods(mounted="inner")})

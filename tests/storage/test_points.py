@@ -212,6 +212,14 @@ def test_the_pivot_is_found_although_the_tracker_followed_something_else_for_a_w
     assert f"theta1: in {wrong.sum()} frames the rod has another length" in " ".join(table.notes)
 
 
+def test_an_angle_that_was_never_computed_does_not_hide_the_points(tmp_path: Path) -> None:
+    """A tracker program writes its column of the angle, the same value in all rows."""
+    rows = np.column_stack([T, PIVOT + 180.0 * BOB * (1, -1), np.zeros(len(T))])
+    file = text(tmp_path / "bob.csv", rows, head="time,x,y,theta\n")
+    run = import_csv(file, RIG.with_rods("inner"), ImportOptions(**GUESSED))
+    np.testing.assert_allclose(run.theta[:, 1], SWING, atol=2e-3)
+
+
 def test_a_column_that_is_named_as_the_angle_is_no_coordinate(tmp_path: Path) -> None:
     """A tracker exports the time as x and the angle as y."""
     file = text(tmp_path / "a.txt", np.column_stack([T, np.degrees(SWING) - 180]), "\t", "x\ty\n")

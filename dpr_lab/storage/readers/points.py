@@ -22,7 +22,7 @@ from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
 from dpr_lab.storage.readers.circle import most_of_a_circle
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
-from dpr_lab.storage.tables.columns import bare, counter, is_time, numbers, own_name, runs
+from dpr_lab.storage.tables.columns import bare, counter, is_time, numbers, own_name, runs, varies
 from dpr_lab.storage.tables.table import Table, read_table
 
 
@@ -136,7 +136,10 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
         columns = list(zip(_groups(table), names, strict=True))
         return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
     ungrouped = [own_name(name) for name in table.names]
-    angles = any(_ANGLE.search(name.lower()) for name in ungrouped)
+    # a program that did not compute the angle writes the same value in all rows
+    angles = any(
+        _ANGLE.search(name.lower()) and varies(column) for name, column in zip(ungrouped, table.values, strict=True)
+    )
     alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
     plotted = len(ungrouped) == 2 and runs(table.values[0])  # x is the time
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not (angles or plotted):

@@ -23,7 +23,7 @@ _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
 _ANGLE_UNIT = r"(rad|radians?|deg|degrees?|gra(?:us|dos|di))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
-_MEASURED = "(meas|measured|act|actual)"
+_MEASURED = "(meas|measured|act|actual|exp|experimental?|obs|observed|real)"
 _ANGLE_NAME = (
     rf"{_ANGLE_WORD}{{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
     r"|joint{axis}(pos|position)"
@@ -95,7 +95,8 @@ def numbers(table: Table) -> Array:
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Columns by common names; quantities without exactly one match are omitted.
 
-    Names with the word `measured` and names of joints, such as `shoulder`, count only if no column has a plain name.
+    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, count only if no column has a
+    plain name.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")
