@@ -95,8 +95,8 @@ def numbers(table: Table) -> Array:
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
     """Columns by common names; quantities without exactly one match are omitted.
 
-    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, count only if no column has a
-    plain name.
+    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, count only if no column has
+    a plain name.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")

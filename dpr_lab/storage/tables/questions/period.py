@@ -1,0 +1,79 @@
+"""Doubt from the period of a single rod over its amplitude: whether the column is the angle at all."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import ellipk
+
+from dpr_lab.arrays import Array
+from dpr_lab.shown import percent
+from dpr_lab.storage.tables.columns import TO_RADIANS
+from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodSettings:
+    """Limits for the period over the amplitude."""
+
+    fewest_periods: int = 6
+    """Minimum number of periods from which the scatter of a period can be estimated."""
+    smallest_share: float = 0.1
+    """Minimum amplitude relative to the largest one; the noise disturbs the period of smaller swings."""
+    overturned_rad: float = 3.0
+    """Maximum amplitude of a swing, rad."""
+    other_scale: float = 0.6
+    """Maximum scale of the amplitude for a warning. A true angle has the scale 1; an unnoticed eccentricity of an
+    encoder changes it by some tenths."""
+    significant: float = 25.0
+    """Minimum increase of the sum of squares at the scale 1, in units of the variance of a period: 5 standard
+    deviations."""
+
+
+SETTINGS = PeriodSettings()
+
+
+def period_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Doubt about a column whose period depends on the amplitude as that of much smaller angles does.
+
+    The period of a rod in free swing is T = 2 T0 K(sin(A/2)) / pi with the complete elliptic integral K and the
+    amplitude A. A position in mm that is read as degrees has the period of another amplitude.
+    """
+    unit = table.options.unit
+    if table.rig.rods.number != 1 or not table.free or unit not in TO_RADIANS:
+        return []
+    periods, amplitudes = swings(table.t[table.swing], table.theta[table.swing, 1])
+    large = amplitudes > SETTINGS.smallest_share * amplitudes.max(initial=0.0)
+    periods, amplitudes = periods[large], amplitudes[large]
+    if len(periods) < SETTINGS.fewest_periods or amplitudes.max() > SETTINGS.overturned_rad:
+        return []
+    scales = np.linspace(0.0, 1.0, 51)
+    sums = np.array([_sum_of_squares(periods, scale * amplitudes) for scale in scales])
+    best = int(sums.argmin())
+    variance = sums[best] / (len(periods) - 2)
+    if scales[best] > SETTINGS.other_scale or not sums[-1] - sums[best] > SETTINGS.significant * variance:
+        return []
+    return [
+        TableQuestion(
+            f"the amplitude decreases from {amplitudes.max():.2g} to {amplitudes.min():.2g} rad, but the period changes"
+            f" as in a swing with {percent(float(scales[best]))} of these angles: is the column an angle in {unit}"
+            " (--unit, --scale), and not the position of a point (export its x and y)? A spring that is stronger than"
+            " gravity has the same effect"
+        )
+    ]
+
+
+def swings(t: Array, angle: Array) -> tuple[Array, Array]:
+    """(k,) durations, s, and (k,) amplitudes of the periods between upward crossings of the median angle."""
+    x = angle - np.median(angle)
+    up = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
+    crossings = t[up] - x[up] * (t[up + 1] - t[up]) / (x[up + 1] - x[up])
+    amplitudes = [0.5 * float(np.ptp(x[first : last + 1])) for first, last in pairwise(up)]
+    return np.diff(crossings), np.array(amplitudes)
+
+
+def _sum_of_squares(periods: Array, amplitudes: Array) -> float:
+    """Sum of squared differences to the periods of a rod with these amplitudes and the best period T0, s^2."""
+    shape = 2 / np.pi * ellipk(np.sin(amplitudes / 2) ** 2)
+    small = (shape @ periods) / (shape @ shape)
+    return float(np.sum((periods - small * shape) ** 2))

@@ -1,0 +1,49 @@
+"""A column whose period shows that it is not the angle of the rod."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.csv_import import ImportOptions
+from dpr_lab.storage.tables.understand import understand
+from tests.storage.test_rod_alone import ONE_ROD, table
+
+T = np.arange(0, 16, 0.04)
+
+
+def swing(angle: float, drag: float = 0.0) -> np.ndarray:
+    """(n,) angle of a bob at 0.3 m with viscous friction and air drag, released at rest, rad."""
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        return [state[1], -9.81 / 0.3 * math.sin(state[0]) - (0.06 + drag * abs(state[1])) * state[1]]
+
+    return solve_ivp(rates, (0, T[-1]), [angle, 0.0], t_eval=T, rtol=1e-9, atol=1e-9).y[0]
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    file = tmp_path / "one.toml"
+    file.write_text(ONE_ROD)
+    return load_rig(file)
+
+
+def doubts(folder: Path, rig: Rig, degrees: np.ndarray) -> list[str]:
+    noisy = degrees + np.random.default_rng(4).normal(0, 0.3, len(T))
+    file = table(folder, "t,theta_deg", T, noisy)
+    understood = understand(file, rig, ImportOptions(unit="deg", zero="hanging"))
+    return [question.sentence for question in understood.questions if "position of a point" in question.sentence]
+
+
+def test_a_position_in_mm_is_not_taken_for_an_angle_in_degrees(tmp_path: Path, rig: Rig) -> None:
+    sentences = doubts(tmp_path, rig, 600 * np.sin(swing(0.09)))
+    assert len(sentences) == 1
+    assert "is the column an angle in deg" in sentences[0]
+
+
+@pytest.mark.parametrize(("angle", "drag"), [(0.9, 0.0), (2.0, 0.02), (0.09, 0.0)])
+def test_a_true_angle_is_not_doubted(tmp_path: Path, rig: Rig, angle: float, drag: float) -> None:
+    assert not doubts(tmp_path, rig, np.degrees(swing(angle, drag)))
