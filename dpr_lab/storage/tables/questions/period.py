@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import ellipk
 
 from dpr_lab.arrays import Array
 from dpr_lab.shown import percent
@@ -28,6 +27,8 @@ class PeriodSettings:
     significant: float = 25.0
     """Minimum increase of the sum of squares at the scale 1, in units of the variance of a period: 5 standard
     deviations."""
+    means: int = 5
+    """Steps of the arithmetic-geometric mean; the number of right digits doubles with each."""
 
 
 SETTINGS = PeriodSettings()
@@ -36,7 +37,7 @@ SETTINGS = PeriodSettings()
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Doubt about a column whose period depends on the amplitude as that of much smaller angles does.
 
-    The period of a rod in free swing is T = 2 T0 K(sin(A/2)) / pi with the complete elliptic integral K and the
+    The period of a rod in free swing is T = T0 / agm(1, cos(A/2)) with the arithmetic-geometric mean agm and the
     amplitude A. A position in mm that is read as degrees has the period of another amplitude.
     """
     unit = table.options.unit
@@ -74,6 +75,9 @@ def swings(t: Array, angle: Array) -> tuple[Array, Array]:
 
 def _sum_of_squares(periods: Array, amplitudes: Array) -> float:
     """Sum of squared differences to the periods of a rod with these amplitudes and the best period T0, s^2."""
-    shape = 2 / np.pi * ellipk(np.sin(amplitudes / 2) ** 2)
+    larger, smaller = np.ones_like(amplitudes), np.cos(amplitudes / 2)
+    for _ in range(SETTINGS.means):
+        larger, smaller = 0.5 * (larger + smaller), np.sqrt(larger * smaller)
+    shape = 1 / larger
     small = (shape @ periods) / (shape @ shape)
     return float(np.sum((periods - small * shape) ** 2))
