@@ -87,28 +87,43 @@ def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted:
         assert apply(move, sets, SearchState(both, sets.fits, sets.tests, 4)).current.effects == (SCALE, FRICTION)
 
 
+def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *others: Hypothesis) -> list[frozenset[str]]:
+    """The sets that the move "own share" proposes, if the own share of every effect is small."""
+    monkeypatch.setattr("dpr_lab.gap.which.removals.own_share", lambda *_: 0.03)
+    monkeypatch.setattr("dpr_lab.gap.which.removals.explains_as_much", lambda *_: False)
+    bare = stated(5.5e6, 3)
+    fits = {model.key: model for model in (bare, chosen, *others)}
+    sets = SimpleNamespace(fits=fits, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
+    sets.unexpected, sets.as_possible = lambda model: list(model.effects), lambda model, other: True
+    sets.possible, sets.without = lambda model: True, lambda model, name: fits[model.key - {name}]
+    return [proposal.model.key for proposal in OWN_SHARE.propose(cast(Any, sets), chosen)]
+
+
+def stated(chi2: float, parameters: int, *effects: str) -> Hypothesis:
+    """A fitted set with stated chi2 and number of parameters."""
+    fit = SimpleNamespace(free=range(parameters), chi2=chi2)
+    residuals = ResidualStatistics(chi2, dof=400, level=1.0, autocorrelation=0.0)
+    return Hypothesis(effects, cast(Any, fit), residuals, np.array([chi2]), {})
+
+
 def test_an_effect_stays_if_a_richer_form_that_explains_less_would_take_its_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drift, richer = "encoder_drift_joint1", "friction_curve_joint1"
+    sets = stated(1.33e5, 6, FRICTION, drift), stated(1.4e6, 5, drift), stated(6.7e5, 4, FRICTION)
+    assert proposed_removals(monkeypatch, *sets) == [frozenset({drift})]
+    assert proposed_removals(monkeypatch, *sets, stated(1.42e5, 13, richer)) == []
+    assert proposed_removals(monkeypatch, *sets, stated(6e4, 13, richer)) == [frozenset({drift})]
 
-    def fitted(chi2: float, parameters: int, *effects: str) -> Hypothesis:
-        fit = SimpleNamespace(free=range(parameters), chi2=chi2)
-        residuals = ResidualStatistics(chi2, dof=400, level=1.0, autocorrelation=0.0)
-        return Hypothesis(effects, cast(Any, fit), residuals, np.array([chi2]), {})
 
-    def removed(both: Hypothesis, *others: Hypothesis) -> list[frozenset[str]]:
-        bare = fitted(5.5e6, 3)
-        fits = {model.key: model for model in (bare, both, *others)}
-        sets = SimpleNamespace(fits=fits, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
-        sets.unexpected, sets.as_possible = lambda model: list(model.effects), lambda model, other: True
-        sets.without = lambda model, name: fits[model.key - {name}]
-        return [proposal.model.key for proposal in OWN_SHARE.propose(cast(Any, sets), both)]
-
-    monkeypatch.setattr("dpr_lab.gap.which.removals.own_share", lambda *_: 0.03)
-    monkeypatch.setattr("dpr_lab.gap.which.removals.explains_as_much", lambda *_: False)
-    both = fitted(1.33e5, 6, FRICTION, drift)
-    one_less = fitted(1.4e6, 5, drift), fitted(6.7e5, 4, FRICTION)
-    assert removed(both, *one_less) == [frozenset({drift})]
-    assert removed(both, *one_less, fitted(1.42e5, 13, richer)) == []
-    assert removed(both, *one_less, fitted(6e4, 13, richer)) == [frozenset({drift})]
+def test_an_effect_stays_if_it_would_return_in_a_set_that_explains_less_with_more_parameters(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scale, offset, curve = "encoder_scale_joint2", "encoder_offset_joint1", "encoder_eccentricity_joint1"
+    all_three = stated(4200.0, 6, scale, offset, SCALE)
+    smaller = stated(4.2e4, 5, offset, SCALE), stated(4.1e4, 5, scale, offset), stated(4e4, 5, scale, SCALE)
+    assert proposed_removals(monkeypatch, all_three, *smaller) == [smaller[0].key]
+    returned = stated(1e4, 9, scale, curve)
+    assert proposed_removals(monkeypatch, all_three, *smaller, returned) != [smaller[0].key]
+    fewer = stated(1e4, 5, scale, curve)
+    assert proposed_removals(monkeypatch, all_three, *smaller, fewer) == [smaller[0].key]

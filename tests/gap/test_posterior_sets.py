@@ -10,12 +10,14 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import CALIBRATION, effect_posterior, outside
 from dpr_lab.gap.conclusion.components import components
+from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward, refined
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from tests.background_rigs import law, recordings
 
 OTHER = frozenset({"viscous_ground_link2"})
 
@@ -112,3 +114,11 @@ def test_a_drift_of_rate_zero_is_no_separate_cause(
         assert posterior.forms == forms
         assert set(posterior.members) == {tilt, offset} | ({drift} - {*forms})
         assert posterior.alternatives == ()
+
+
+@pytest.mark.slow
+def test_a_simpler_form_is_in_the_class_if_the_richer_one_adds_less_than_remains() -> None:
+    rig, runs, _ = recordings(2, [law("encoder_offset", 0, 5.0), law("wander", 0, 0.5, 2)], rods=1)
+    names = ("encoder_drift_joint1", "encoder_offset_joint1")  # the wandering torque is in no library
+    named = diagnose(runs, rig, library={name: EFFECTS[name] for name in names}).effects
+    assert [effect.members for effect in named] == [list(names)]

@@ -40,6 +40,7 @@ from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
+    adds_less_than_remains,
     at_noise_floor,
     follows_decay,
     follows_remainder,
@@ -281,18 +282,19 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
     """Whether two effects with the same signature fit equally well, by their fits or by their linear scores.
 
     A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
-    the class only if the recordings cannot show this (`_hidden`).
+    the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect
+    explains beyond this form less than remains: the cause of the remainder can imitate the difference.
     """
-    if score.effect.name in other.effect.nested:
-        return False
-    if min(test.cosine(score, other), test.cosine(other, score)) <= THRESHOLDS.indistinguishable:
+    fitted, is_form = selection.fitted.get(without.key | {other.effect.name}), other.effect.name in score.effect.nested
+    if is_form and adds_less_than_remains(selection.chosen, fitted):
+        return True
+    alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
+    if not alike or score.effect.name in other.effect.nested:
         return False
     margin = indifference(selection.base, selection.chosen)
-    fitted = selection.fitted.get(without.key | {other.effect.name})
     if fitted is not None:
         return fitted.cost - selection.chosen.cost < margin
-    related = other.effect.name in score.effect.nested or score.effect.name in other.effect.nested
-    return not related and score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)
+    return not is_form and score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)
 
 
 def _adds_nothing(selection: Selection, without: Hypothesis, richer: str, sizes: Mapping[str, float | None]) -> bool:

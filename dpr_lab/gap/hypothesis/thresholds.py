@@ -204,6 +204,13 @@ def form_indifference(base: Hypothesis, model: Hypothesis) -> float:
     return indifference(base, model, share=share)
 
 
+def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
+    """Whether a richer form explains, beyond a simpler one, less than it leaves unexplained; False if not fitted."""
+    if simpler is None or at_noise_floor(richer):
+        return False
+    return excess(simpler) - excess(richer) < excess(richer)
+
+
 def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
     """Minimum significant reduction of cost from one set to a larger one.
 

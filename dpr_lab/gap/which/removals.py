@@ -95,7 +95,8 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     A free function can replace an effect with few amplitudes, whether or not this effect is the cause. If the set
     without an effect of more amplitudes explains as much, it is therefore proposed first.
 
-    An effect is not proposed if the search would then choose a richer form that explains less with more parameters.
+    An effect is not proposed if the search would then choose a richer form, or another set with this effect, that
+    explains less with more parameters.
     """
     if at_noise_floor(current) or len(current.effects) < 2:
         return
@@ -105,7 +106,10 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     smaller_sets = {
         name: smaller
         for name, smaller in ((name, sets.without(current, name)) for name in removable)
-        if excess(smaller) <= limit and sets.as_possible(smaller, current) and not _between(sets, smaller, current)
+        if excess(smaller) <= limit
+        and sets.as_possible(smaller, current)
+        and not _between(sets, smaller, current)
+        and not _returns(sets, smaller, current)
     }
     shares: list[Proposal] = []
     for name, smaller in smaller_sets.items():
@@ -137,6 +141,19 @@ def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
         model is not None and len(model.fit.free) > len(larger.fit.free) and larger.cost < model.cost < smaller.cost
         for model in replaced
     )
+
+
+def _returns(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
+    """Whether the best set of the smaller size has the removed effect, and explains less with more parameters.
+
+    The search would replace the smaller set by it: another effect is then missing than the one that was removed.
+    """
+    others = (
+        model for model in sets.fits.values() if len(model.effects) <= len(smaller.effects) and sets.possible(model)
+    )
+    best = min(others, key=lambda model: model.cost, default=smaller)
+    more = len(best.fit.free) > len(larger.fit.free)
+    return more and best.cost > larger.cost and not (larger.key - smaller.key).isdisjoint(best.key)
 
 
 def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:

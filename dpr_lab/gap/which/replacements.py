@@ -218,7 +218,10 @@ def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset
 
     Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
     indistinguishable effect fits worse, its fit ended in a local minimum, and is repeated from the chosen solution.
+    While a residual remains, the simpler forms of each effect are fitted as well.
     """
+    if not at_noise_floor(chosen):
+        list(_simpler(sets, chosen))
     for name in chosen.effects:
         smaller = sets.without(chosen, name)
         test = sets.test(smaller)
