@@ -12,10 +12,11 @@ from dpr_lab.setup import Setup
 
 
 def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
-    """States of the arm that a plan may use: `modes` of the limits file; without it, held and the mode of the rig file.
+    """States of the arm that a plan may use.
 
-    An arm is driven only if the limits file has the largest input. An arm that is prescribed, or driven by an
-    acceleration, is held: a plan does not choose its motion.
+    These are the `modes` of the limits file. If the file has none, they are `held` and the mode of the rig file. An arm
+    is driven only if the limits file states the largest input. A prescribed arm, or one that is driven by an
+    acceleration, is held in all planned releases, because a plan does not choose its motion.
     """
     if limits.arm.modes is not None:
         return limits.arm.modes
@@ -25,7 +26,7 @@ def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
 
 
 def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
-    """Permitted mountings of the rods; the present one first."""
+    """Permitted mountings of the rods; the present mounting is the first one."""
     now: Mounting = rig.rods.mounting
     clamped: tuple[Mounting, ...] = ("clamped",) if "clamped" in limits.rods.elbow and now == "both" else ()
     return tuple(dict.fromkeys((now, *(limits.rods.mounted or ()), *clamped)))
@@ -33,16 +34,16 @@ def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Acting:
-    """Parts that can act in the planned releases: rods, drives, arm."""
+    """Parts of the rig that can act in the planned releases: rods, drives and arm."""
 
     rods: frozenset[Mounting] = frozenset({"both"})
-    """Permitted mountings."""
+    """Permitted mountings of the rods."""
     joint_drives: bool = False
-    """Whether drives of joints 1 and 2 may act."""
+    """Whether the drives of joints 1 and 2 may act."""
     arm_moves: bool = False
-    """Whether the arm may be free or driven."""
+    """Whether the arm may move, freely or driven by its motor."""
     arm_motor: bool = False
-    """Whether the arm's motor may act."""
+    """Whether the motor of the arm may act."""
 
     @classmethod
     def of(cls, rig: Rig, limits: PlanLimits) -> "Acting":
@@ -51,7 +52,7 @@ class Acting:
         return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
 
     def including(self, setups: Sequence[Setup]) -> "Acting":
-        """Parts that the plan permits, together with those that acted in the recordings."""
+        """This selection, extended by the parts that acted in the recordings."""
         driven = [setup.torques for setup in setups if setup.torques is not None]
         return replace(
             self,
@@ -63,12 +64,12 @@ class Acting:
 
     @property
     def elbow(self) -> bool:
-        """Whether joint 2 exists in at least one release."""
+        """Whether joint 2 exists in at least one of the permitted mountings."""
         return bool(self.rods - {"inner", "outer"})
 
     @property
     def hidden_ratios(self) -> tuple[int, ...]:
-        """Indices of ratios, b and p/b that no release determines: parameters of an absent rod."""
+        """Indices of the ratios, p/b included, that no release determines because they belong to an absent rod."""
         if "both" in self.rods:
             return ()
         visible = visible_ratios([Setup(mounting) for mounting in self.rods])

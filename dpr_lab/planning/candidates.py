@@ -20,32 +20,34 @@ class Search:
     spread: int = 40
     """Number of evenly spread poses with which the search starts."""
     screened_s: float = 10.0
-    """Duration at which these poses are compared, s."""
+    """Duration of the releases by which these poses are compared, s."""
     best: int = 3
-    """Number of poses that are refined."""
+    """Number of the best poses, which are then refined."""
     neighbours: int = 4
     """Number of neighbours of each refined pose."""
     near_rad: float = 0.3
-    """Standard deviation of the angles between a pose and its neighbours, rad; halved in the second round."""
+    """Standard deviation of the angles between a pose and its neighbours, rad; the second round uses half of it."""
     finalists: int = 2
-    """Number of releases whose duration is optimised."""
+    """Number of the best releases, whose duration is optimised."""
     placements: int = 2
-    """Number of initial states with a random placement error, over which the information of these releases is averaged.
-    """
+    """Number of random placement errors over which the information of these releases is averaged."""
     quiet_deg: tuple[float, ...] = (5.0, 15.0, 40.0)
-    """Additional candidates: amplitudes about hanging, of one rod and of both. These swings come to rest."""
+    """Amplitudes of additional candidates about hanging, deg.
+
+    One rod or both are displaced, and the swing comes to rest.
+    """
 
     repeated: float = 0.5
-    """Share of the value that a repeated release loses, because a model error affects both releases in the same way."""
+    """Share of its value that a repeated release loses, because a model error affects both releases in the same way."""
     alike_rad: float = 0.5
-    """Distance of two start poses at which most of this loss has disappeared."""
+    """Distance of two start poses, rad, at which most of this loss has disappeared."""
 
 
 SEARCH = Search()
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
-    """(n, 2) reachable start angles: an evenly spread set, and small angles about hanging."""
+    """(n, 2) reachable start angles, rad: an evenly spread set, and small amplitudes about hanging."""
     from scipy.stats.qmc import Sobol  # slow to import
 
     points = Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
@@ -62,20 +64,35 @@ def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Ar
 def near(
     release: CandidateRelease, limits: PlanLimits, width: float, count: int, rng: np.random.Generator
 ) -> list[CandidateRelease]:
-    """Reachable neighbours of a release."""
+    """Releases from random reachable poses near the start pose of a release.
+
+    Args:
+        release: the release
+        limits: limits of the plan
+        width: standard deviation of each angle, rad
+        count: maximum number of neighbours
+        rng: source of randomness
+    """
     theta = np.array([release.theta1, release.theta2]) + width * rng.standard_normal((4 * count, 2))
     theta = theta[limits.poses.reachable(theta)][:count] % (2 * np.pi)
     return [replace(release, theta1=a, theta2=b) for a, b in theta.tolist()]
 
 
 def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:
-    """Copies of the release with random placement errors of the start pose."""
+    """Copies of a release with random placement errors of the start pose.
+
+    Args:
+        release: the release
+        std: standard deviation of each angle, rad
+        count: number of copies
+        rng: source of randomness
+    """
     errors = std * rng.standard_normal((count, 2))
     return [replace(release, theta1=release.theta1 + a, theta2=release.theta2 + b) for a, b in errors.tolist()]
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Share of the value of a release that remains after earlier releases; 1 if none is similar."""
+    """Share of its value that a release keeps after earlier releases; 1 if none of them is similar."""
     alike = [
         np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
         for other in made
@@ -90,7 +107,7 @@ def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
-    """Permitted mountings of free swings; the present one first."""
+    """Permitted mountings for free swings; the present mounting is the first one."""
     masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
     arms = dict.fromkeys(state == "held" for state in arm_states(rig, limits) if state != "driven")
     for held in arms:
@@ -102,12 +119,12 @@ def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
 
 
 def mounted_now(rig: Rig) -> MountedParts:
-    """Present mounting, from the rig file."""
+    """Present mounting of the rig, as stated in its rig file."""
     return MountedParts(rig.rods.mounting, rig.added_mass, rig.arm.mode not in ("free", "driven"))
 
 
 def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits) -> float:
-    """Time of a release after a release with another mounting, minutes."""
+    """Time that a release takes, minutes, including the change from the mounting of the previous release."""
     cost = limits.minutes.place + release.duration_s / 60
     if release.added != before.added:
         cost += limits.minutes.mass
@@ -120,7 +137,7 @@ def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits)
 
 
 def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
-    """Least cost of one release with the present setup of the rig, minutes."""
+    """Shortest time of one release with the present setup of the rig, minutes."""
     now, shortest = mounted_now(rig), limits.recording.shortest_s
     arms = arm_states(rig, limits)
     return min(

@@ -1,21 +1,22 @@
 """Forecast: probability that further releases decide the causes, by the rule of `dpr_lab.planning.stopping`.
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
-of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The probability of a decision is the share of
-random draws, of the true cause from its posterior and of this amount, in which one cause reaches `SURE`. A cause
-outside the library keeps its probability. Causes that no release separates count as one, as in the stopping rule: a
-bench check divides them.
+of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
+the amount from this distribution. The probability of a decision is the share of draws in which one cause reaches
+`SURE`. A cause outside the library keeps its probability. Causes that no release separates count as one, as in the
+stopping rule, because a bench check distinguishes them.
 
 A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
-release. `confirmed` is the share of planned releases in blind trials that decided causes which were sure by this
-probability. This share did not depend on the kind of the diagnosis: one cause 14 of 16, several causes 7 of 8, no gap
-13 of 14, a remainder 4 of 5. Releases from a fixed menu decide less often (24 of 40, all planned ones 26 of 36, sure or
-not), so they are not counted. With n of N such releases the share is (n + 1/2) / (N + 1), the mean of the posterior
-from the prior of Jeffreys.
+release. `confirmed` takes this into account: the share of planned releases in blind trials that decided causes which
+were sure by the above probability. This share did not depend on the kind of the diagnosis: one cause 14 of 16, several
+causes 7 of 8, no gap 13 of 14, a remainder 4 of 5. Releases from a fixed menu are not counted, because they decide less
+often: 24 of 40, compared with 26 of 36 of all planned releases, sure or not. With n of N such releases the share is (n
++ 1/2) / (N + 1), the mean of the posterior from the prior of Jeffreys.
 
 The share of one plant differs from this mean: on some plants the causes stay undecided for a reason that a forecast
-cannot take into account. Its prior is a beta distribution with this mean and the weight `weight` of as many releases.
-After `failed` releases that left the causes undecided, k more releases decide with the beta-binomial probability
+cannot take into account. The prior of this share is a beta distribution with the above mean and a weight of `weight`
+releases. After `failed` releases that left the causes undecided, k more releases decide with the beta-binomial
+probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
@@ -40,17 +41,17 @@ class ForecastSettings:
     """Settings of the forecast."""
 
     confirmed: float = 0.875
-    """Share of planned releases that decided sure causes in blind trials: 38 of 43."""
+    """Share of the planned releases in blind trials that decided causes expected to be decided: 38 of 43."""
     weight: float = 4.0
-    """Weight of this share as the prior of one plant, in releases."""
+    """Weight of this share in the prior of one plant, expressed as a number of releases."""
     likely: float = 0.8
-    """Minimum probability of a decision for which this number of releases is recommended."""
+    """Probability of a decision from which a number of releases is recommended."""
     draws: int = 256
-    """Number of random draws for each cause."""
+    """Number of random draws for each true cause."""
     separable: float = 6.0
-    """Minimum d^2 of two separable causes; it gives odds of 20 to 1 on average."""
+    """Minimum d^2 at which two causes count as separable; odds of 20 to 1 then result on average."""
     repeats: int = 6
-    """Number of further releases whose d^2 may be summed to reach this value."""
+    """Maximum number of further releases whose d^2 may be summed to reach this value."""
 
 
 FORECAST = ForecastSettings()
@@ -63,13 +64,13 @@ def decision_probability(
     inseparable: Collection[str] = (),
     failed: int = 0,
 ) -> float:
-    """Probability that further releases decide every open cause.
+    """Probability that further releases decide the cause of every named effect.
 
     Args:
-        pairs: causes of each named effect
-        gained: (n, n) d^2 that the releases add, of each
+        pairs: candidate causes of each named effect
+        gained: (n, n) d^2 that the releases add, for each named effect
         releases: number of these releases
-        inseparable: causes that no release separates; they count as one
+        inseparable: causes that no release separates; together they count as one cause
         failed: number of recorded releases that did not decide the causes as expected
     """
     weight = FORECAST.weight + failed + np.arange(releases)

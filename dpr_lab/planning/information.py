@@ -1,14 +1,15 @@
-r"""Fisher information of planned releases about ratios and effects, for many releases at once.
+"""Fisher information of planned releases about ratios and effects, for many releases at once.
 
-A release is simulated with the present estimate and cut into the segments that a diagnosis fits. With A_s the whitened
-Jacobian of segment s by ratios and amplitudes, after projecting out its initial state,
+A release is simulated with the present estimate and cut into the segments that a diagnosis fits. Let A_s be the
+whitened Jacobian of segment s with respect to ratios and amplitudes, from which the initial state of the segment is
+projected out. The information is
 
     H = sum over segments of A_s^T A_s.
 
 The horizon is the predictability horizon of the planned swing. With Phi(t) the sensitivity of the angles to the start
 pose and s the standard deviation of a manually placed pose, it is the time at which s |Phi(t)| exceeds a limit. Beyond
 the horizon the actual swing differs from the planned one. Each later segment still contains information, because its
-initial state is fitted; the best releases are therefore rated by the mean of H over manually placed poses
+initial state is fitted. The best releases are therefore rated by the mean of H over manually placed poses
 (`dpr_lab.planning.sequence`). The columns of the Jacobian, all releases and all segments are computed as lanes of one
 batch.
 """
@@ -35,19 +36,19 @@ class SwingSettings:
     """Settings of the simulation of a planned release."""
 
     rate_hz: int = 50
-    """Rate at which readings are compared; each reading represents all samples up to the next one."""
+    """Rate of the compared readings, Hz; each one represents all samples up to the next one."""
     path_hz: int = 200
-    """Rate of the simulated swing; the speeds at the start of segments are differences of its angles."""
+    """Rate of the simulated swing, Hz; the speeds at the start of segments are differences of its angles."""
     step_s: float = 5e-3
-    """Longest Runge-Kutta step; the Jacobian is computed with twice this step."""
+    """Longest Runge-Kutta step, s; the Jacobian is computed with twice this step."""
     horizon_hz: int = 20
-    """Rate at which predictability is checked."""
+    """Rate at which predictability is checked, Hz."""
     nudge_rad: float = 1e-5
-    """Increment of a start pose for its sensitivity."""
+    """Increment of a start pose from which its sensitivity is computed, rad."""
     lost_rad: float = 0.5
-    """Maximum standard deviation of an angle for which the swing counts as predictable, rad."""
+    """Standard deviation of an angle above which the swing is no longer predictable, rad."""
     batch: int = 16
-    """Number of releases in one batch; limits the memory."""
+    """Maximum number of releases in one batch, which limits the memory."""
 
 
 SWING = SwingSettings()
@@ -55,30 +56,30 @@ SWING = SwingSettings()
 
 @dataclass(frozen=True, slots=True)
 class PresentModel:
-    """Present estimate of the rig, and its unknowns."""
+    """Present estimate of the rig, and the unknowns of a plan."""
 
     estimate: Estimate
-    """Ratios and effects; without segments."""
+    """Ratios and effects of the present model, without segments."""
     columns: tuple[FreeParameter, ...]
-    """The unknowns: ratios, b and p/b, then amplitudes of effects."""
+    """The unknowns: the ratios, b and p/b, followed by the amplitudes of effects."""
     rods: RodsWithEffects
     noise: Array
-    """(3,) standard deviation of the mean of one second of readings of joints 1, 2 and 0, rad sqrt(s)."""
+    """(3,) noise of the readings of joints 1, 2 and 0: standard deviation of a mean over one second, rad sqrt(s)."""
     placement_rad: float
-    """Standard deviation of a manually placed start pose."""
+    """Standard deviation of a manually placed start pose, rad."""
     rezeroed: bool = False
-    """Whether the encoders are zeroed before each recording, so that each recording has its own zeros."""
+    """Whether the encoders are zeroed before each recording; each recording then has its own zero errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Informed:
-    """A release and its expected information."""
+    """A release together with its expected information."""
 
     release: CandidateRelease
     information: Array
     """(k, k) Fisher information about the unknowns."""
     horizon_s: float
-    """Predictability horizon, at most the duration."""
+    """Predictability horizon, s; at most the duration of the release."""
 
 
 def informed(
@@ -92,7 +93,7 @@ def informed(
         durations: shorter durations for which the information is also computed, s
 
     Returns:
-        each release, in order, with its own duration and with the shorter ones
+        for each release, in order, the result for its own duration and those for the shorter durations
     """
     rated = []
     for batch in _batches(releases):
@@ -106,14 +107,17 @@ def informed(
 
 
 def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRelease]]:
-    """Batches of releases of equal duration, all with a clamped or all with a moving arm."""
+    """Group releases into batches of equal duration, in which all arms are held or all move."""
     for _, group in groupby(releases, key=lambda release: (release.duration_s, release.mounted.arm_held)):
         members = list(group)
         yield from (members[i : i + SWING.batch] for i in range(0, len(members), SWING.batch))
 
 
 def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases, n, 4) states at `path_hz` from the release on, with effects, rad and rad/s; 6 with a moving arm."""
+    """(releases, n, 4) simulated states with effects, in rad and rad/s, at the rate `path_hz` from the release on.
+
+    With a moving arm a state has 6 components.
+    """
     t = np.arange(round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
     read = t > PAD  # readings before this would start their segment before the release
     swings = segments([t[read]] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
@@ -133,7 +137,10 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
 
 
 def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) -> dict[str, float]:
-    """`joint0`, `joint1`, `joint2` -> speed that the joint reaches in both directions in some releases, rad/s."""
+    """Speed of each joint that is reached in both directions over all releases, rad/s.
+
+    Keys `joint0`, `joint1`, `joint2`.
+    """
     forwards, backwards = np.zeros(3), np.zeros(3)
     for release in releases:
         states = simulated_states([release], model)[0]
@@ -145,9 +152,12 @@ def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) ->
 
 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
-    """Releases of one duration cut into segments with readings of zero, and (segments, 4) their initial states.
+    """Fit problem of releases of one duration, cut into segments whose readings are zero.
 
-    A segment starts one sample (`PAD`) before its first sample; the first one starts at the release.
+    A segment starts one sample (`PAD`) before its first reading; the first segment starts at the release.
+
+    Returns:
+        the problem, and the (segments, 4) initial states of the segments
     """
     path, rate = simulated_states(batch, model), SWING.rate_hz
     length, stride = round(LENGTHS.working * rate), SWING.path_hz // rate
@@ -161,7 +171,7 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
 
 
 def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases, segments, m, k) whitened Jacobian, after projecting out initial states and own zeros."""
+    """(releases, segments, m, k) whitened Jacobian, from which initial states and zero errors are projected out."""
     problem, states = laid_out(batch, model)
     estimate = model.estimate.changed(initial=states)
     slopes = problem.slopes(estimate, model.columns)
@@ -171,14 +181,17 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
 
 
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
-    """(samples, 2) inverse of the noise of a reading; zero for a joint without a rod; 3 columns with a moving arm."""
+    """(samples, 2) inverse standard deviation of each reading; zero for a joint without a rod.
+
+    With a moving arm there are 3 columns.
+    """
     axes = 2 if batch[0].mounted.arm_held else 3
     read = np.array([[1.0, float(not release.setup.alone), 1.0][:axes] for release in batch])
     return np.repeat(read / (model.noise[:axes] * np.sqrt(SWING.rate_hz)), samples, axis=0)
 
 
 def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: int) -> Array:
-    """Jacobian with the zero errors of each release's encoders projected out."""
+    """Jacobian from which the zero errors of each release's encoders are projected out."""
     shifts = np.broadcast_to(np.eye(problem.weight.shape[1], 2), (len(problem.t), problem.weight.shape[1], 2))
     zeros = linear.projected(problem.whitened(shifts)).reshape(releases, -1, 2)
     flat = A.reshape(releases, zeros.shape[1], -1)
@@ -188,7 +201,7 @@ def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: 
 
 
 def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases,) predictability horizons, s."""
+    """(releases,) predictability horizon of each release, s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
     swings = segments([t] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
     starts = np.array([release.start for release in batch])

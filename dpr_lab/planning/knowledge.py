@@ -1,8 +1,8 @@
 """Knowledge before the next release: estimate, information, and undecided causes.
 
 The unknowns are the ratios, b and p/b, and the amplitudes of every effect that is detectable in a release. Their
-information is that of the prior of the rig file and of the runs recorded so far, F = P^-1 + H / f, where f is the
-variance inflation of a reading in these runs. Without runs, the prior alone is used.
+information consists of the prior of the rig file and of the runs recorded so far, F = P^-1 + H / f, where f is the
+variance inflation of a reading in these runs. Without runs, the information is that of the prior alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,15 +42,15 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 RATIO_COLUMNS = len(UNKNOWN_RATIOS)
-"""The unknowns begin with the ratios, b and p/b; amplitudes of effects follow."""
+"""Number of unknowns before the amplitudes of effects: the ratios, b and p/b."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldRatios:
-    """Prior for the ratios that no release determines: it keeps them at their values."""
+    """Narrow prior that keeps the ratios which no release determines at their values."""
 
     exactness: float = 1e6
-    """Size of a ratio over its standard deviation."""
+    """Quotient of a ratio and the standard deviation of its prior."""
 
 
 HELD = HeldRatios()
@@ -63,38 +63,38 @@ class Knowledge:
     rig: Rig
     model: PresentModel
     prior: Array
-    """(k, k) information of the rig file."""
+    """(k, k) information of the rig file about the unknowns."""
     information: Array
-    """(k, k) F, the information of prior and runs."""
+    """(k, k) F, the information of the prior and the runs about the unknowns."""
     inflation: float = 1.0
-    """Variance inflation f of a reading, in past and future runs."""
+    """Variance inflation f of a reading, in recorded and planned runs."""
     named: frozenset[str] = frozenset()
-    """Effects of the model."""
+    """Names of the effects in the model."""
     always: frozenset[str] = frozenset()
-    """Effects of the model that are not faults: the arm, and the unknown gain of its drive."""
+    """Effects of the model that are not faults: the moving arm, and the gain of its drive if it is unknown."""
     causes: tuple[Causes, ...] = ()
     """Candidate causes of each named effect."""
     unexplained: float = 0.0
     """Probability of a cause outside the library."""
     diagnosis: Diagnosis | None = None
-    """Diagnosis of the runs recorded so far; None without runs."""
+    """Diagnosis of the runs recorded so far; None if there are no runs."""
     made: tuple[CandidateRelease, ...] = ()
-    """The runs recorded so far, as releases."""
+    """The runs recorded so far, converted to releases."""
     places: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Effect -> its columns in the vector of unknowns."""
+    """Columns of each effect in the vector of unknowns, by the name of the effect."""
     hidden_ratios: tuple[int, ...] = ()
-    """Indices of ratios that no release determines."""
+    """Indices of the ratios that no release determines."""
 
     @property
     def amplitudes(self) -> Array:
-        """(k,) amplitudes of the model's effects, in the order of the unknowns; zero elsewhere."""
+        """(k,) amplitudes of the effects in the model, in the order of the unknowns; zero for all other unknowns."""
         values = np.array([column.read(self.model.estimate) for column in self.model.columns])
         values[:RATIO_COLUMNS] = 0.0
         return values
 
     @property
     def fitted(self) -> list[int]:
-        """Columns that every fit estimates: the ratios, b and p/b, and the effects of the model."""
+        """Columns of the unknowns that every fit estimates: the ratios, b and p/b, and the effects of the model."""
         return [*range(RATIO_COLUMNS), *(i for name in self.named for i in self.places.get(name, ()))]
 
 
@@ -103,7 +103,7 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 
     Args:
         rig: the rig
-        acting: inputs that may act in planned releases; they determine which effects are considered
+        acting: parts that may act in the planned releases; they determine which effects are considered
     """
     model = _model(rig, nominal_ratios(rig), _with_arm({}, rig, acting), _noise_of(rig), acting)
     always = _always(rig, acting)
@@ -114,7 +114,7 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 
 
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
-    """Knowledge from the rig file, the runs and their diagnosis.
+    """Knowledge from the rig file, the recorded runs and their diagnosis.
 
     Args:
         runs: the runs that were diagnosed
@@ -149,20 +149,20 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
 
 
 def _made(run: Run) -> CandidateRelease:
-    """Convert a run to a release."""
+    """Release that corresponds to a recorded run."""
     _, theta1, theta2 = run.theta[np.searchsorted(run.t, 0.0)].tolist()
     arm: ArmState = run.arm_mode if run.arm_mode in ("free", "driven") else "held"
     return CandidateRelease(theta1, theta2, run.duration, run.mounting, run.added_mass, arm=arm)
 
 
 def _always(rig: Rig, acting: Acting) -> frozenset[str]:
-    """Effects that are part of every model: the arm that moves, and the gain of its drive if it is unknown."""
+    """Effects that are part of every model: a moving arm, and the gain of its drive if it is unknown."""
     gain = acting.arm_motor and not drive_gain(rig).known
     return frozenset([FREE_ARM.name] * acting.arm_moves + [DRIVE_GAIN.name] * gain)
 
 
 def _with_arm(effects: Mapping[str, Mapping[str, float]], rig: Rig, acting: Acting) -> Array:
-    """(SIZE,) parameters of effects, with the arm of the rig file if it moves and is not estimated yet."""
+    """(SIZE,) parameters of effects; a moving arm that is not estimated yet has the parameters of the rig file."""
     inertia, viscous = arm_start(rig)
     arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}} if acting.arm_moves else {}
     return effect_params({**arm, **effects})
@@ -182,7 +182,10 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting)
 
 
 def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
-    """The model without effects that need two rods: no reading of a rod alone depends on any of their amplitudes."""
+    """Model of a rod that is mounted alone, without the effects that need two rods.
+
+    No reading of such a rod depends on any of their amplitudes.
+    """
     swings = [CandidateRelease(2.0, 2.0, LENGTHS.working, mounting) for mounting in acting.rods]
     powers = np.diag(np.sum([swing.information for swing in informed(swings, model)], axis=0))
 
@@ -196,7 +199,7 @@ def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
 
 
 def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
-    """Whether an effect can act in a planned release; unique events do not recur."""
+    """Whether an effect can act in a planned release; an event that occurs only once cannot."""
     if effect.event or effect.absorbed_by or (effect.of_arm and not acting.arm_moves):
         return False
     if effect.joints == (1,) and not acting.elbow:
@@ -210,12 +213,15 @@ def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
 
 
 def _noise_of(rig: Rig) -> Array:
-    """(3,) noise densities of the encoders of joints 1, 2 and 0, rad/sqrt(Hz)."""
+    """(3,) noise densities of the encoders of joints 1, 2 and 0 from the rig file, rad/sqrt(Hz)."""
     return np.asarray(rig.reading_std[[1, 2, 0]] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
 
 
 def _noise_in(recordings: Recordings) -> Array:
-    """(3,) noise densities as in `_noise_of`, from the recordings; for an arm that was held, from the rig file."""
+    """(3,) noise densities of the encoders, estimated from the recordings, as `_noise_of` returns them.
+
+    The value of an arm that was held comes from the rig file.
+    """
     levels = [np.median(record.sigma, axis=0) / np.sqrt(RATE_HZ) for record in recordings.records]
     of_arm = [sigma[2] for sigma in levels if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
     return np.append(np.median([sigma[:2] for sigma in levels], axis=0), np.median(of_arm))
@@ -230,7 +236,10 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
 
 
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
-    """(k, k) information of the rig file: ratios, b, p/b, and amplitudes by their limits; hidden ratios are fixed."""
+    """(k, k) information of the rig file about the ratios, b, p/b, and the amplitudes, whose limits it contains.
+
+    Ratios that no release determines are fixed.
+    """
     information = np.zeros((len(model.columns), len(model.columns)))
     bounded = np.isfinite(prior.mean)
     places = np.flatnonzero(bounded)
@@ -244,7 +253,7 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
 
 
 def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
-    """(k, k) Fisher information of runs as a diagnosis cuts them."""
+    """(k, k) Fisher information of recorded runs, cut into segments as in a diagnosis."""
     problem, initial = recordings.cut(recordings.working_length)
     estimate = problem.with_zeros(model.estimate.changed(initial=initial))
     columns = problem.all_free(model.columns)

@@ -52,14 +52,14 @@ Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
 
 
 class ReachablePoses(RigTable):
-    """Start angles that a hand or a latch can reach, absolute, 0 = upright, rad."""
+    """Start angles that a hand or a latch can reach; absolute angles, 0 = upright, rad."""
 
     theta1_rad: Range = (0.0, 2 * math.pi)
-    """Range of the inner rod."""
+    """Range of the angle of the inner rod."""
     theta2_rad: Range = (0.0, 2 * math.pi)
-    """Range of the outer rod."""
+    """Range of the angle of the outer rod."""
     elbow_rad: Range | None = None
-    """Range of theta2 - theta1 modulo full turns, for an elbow that cannot make a full turn."""
+    """Range of theta2 - theta1 modulo full turns, for an elbow that cannot make a full turn; None: no such limit."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "ReachablePoses":
@@ -76,7 +76,7 @@ class ReachablePoses(RigTable):
         return self
 
     def reachable(self, theta: Array) -> Flags:
-        """(n,) whether (n, 2) start angles are reachable, modulo full turns."""
+        """(n,) mask of the (n, 2) start angles that are reachable, modulo full turns."""
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
             bend = (theta[:, 1] - theta[:, 0] + np.pi) % (2 * np.pi) - np.pi
@@ -90,7 +90,7 @@ def _within(angles: Array, ends: Range) -> Flags:
 
 
 class RecordingTimes(RigTable):
-    """Durations of a recording, s."""
+    """Permitted durations of a recording, s."""
 
     shortest_s: Annotated[float, Field(ge=1, le=600, strict=True)] = 10.0
     """Minimum duration of a recording."""
@@ -109,44 +109,44 @@ class RecordingTimes(RigTable):
 
 
 class AllowedRods(RigTable):
-    """Rods that may be mounted."""
+    """Rods that may be mounted in a planned release."""
 
     mounted: tuple[Literal["both", "inner", "outer"], ...] | None = None
-    """Permitted mountings; None: the mounting of the rig file."""
+    """Permitted mountings; None: only the mounting of the rig file."""
     elbow: tuple[Literal["free", "clamped"], ...] = ("free",)
     """Permitted states of joint 2; `free` must be among them unless joint 2 is always clamped."""
 
 
 class DriveLimits(RigTable):
-    """Limits of joint drives."""
+    """Limits of the drives at joints 1 and 2."""
 
     torque_Nm: Both
-    """Largest magnitude of the torques of joint 1 and joint 2."""
+    """Largest magnitude of the torques at joint 1 and joint 2, N m."""
     speed_rad_s: Both = (1e6, 1e6)
-    """Largest speed of joint 1 and joint 2."""
+    """Largest speed of joint 1 and joint 2, rad/s."""
     angle_rad: Both = (1e6, 1e6)
-    """Largest deviation of joint 1 and joint 2 from hanging straight."""
+    """Largest deviation of joint 1 and joint 2 from hanging straight, rad."""
     rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
-    """Rate at which the device replays an input signal."""
+    """Rate at which the device replays an input signal, Hz."""
     highest_hz: Positive = 5.0
-    """Highest frequency of an input signal."""
+    """Highest frequency in an input signal, Hz."""
 
 
 class ArmPlan(RigTable):
     """Permitted states of the arm in a planned release, and the limits of its motor."""
 
     modes: tuple[ArmState, ...] | None = None
-    """Permitted states. None: held, and the mode of the rig file; a driven arm also needs `input`."""
+    """Permitted states. None: `held`, and the mode of the rig file; a driven arm also requires `input`."""
     input: Positive | None = None
     """Largest magnitude of the motor's input, in the unit of `[motor]` of the rig file: N m, A or V."""
     speed_rad_s: Positive = 1e6
-    """Largest speed of the arm."""
+    """Largest speed of the arm, rad/s."""
     angle_rad: Positive = 1e6
-    """Largest angle of the arm from 0; `limits` in the rig file also apply."""
+    """Largest angle of the arm from 0, rad; `limits` in the rig file also apply."""
     rate_hz: Annotated[int, Field(ge=10, le=10_000, strict=True)] = 200
-    """Rate at which the device replays an input signal."""
+    """Rate at which the device replays an input signal, Hz."""
     highest_hz: Positive = 5.0
-    """Highest frequency of an input signal."""
+    """Highest frequency in an input signal, Hz."""
 
     @model_validator(mode="after")
     def _some_mode(self) -> "ArmPlan":
@@ -158,7 +158,7 @@ class ArmPlan(RigTable):
 
 
 class StepMinutes(RigTable):
-    """Duration of the steps of a recording, minutes."""
+    """Duration of each step of a recording, minutes."""
 
     place: Minutes = 0.5
     """Placing the rods, waiting for rest, and releasing them."""
@@ -167,35 +167,37 @@ class StepMinutes(RigTable):
     clamp: Minutes = 2.0
     """Clamping or freeing the elbow."""
     mount: Minutes = 5.0
-    """Mounting other rods."""
+    """Changing the mounted rods."""
     arm: Minutes = 1.0
     """Clamping or freeing the arm."""
 
 
 class PlanLimits(Limits):
-    """Limits of a plan, and limits of the rig for `dpr-lab accept`."""
+    """Limits of a plan, and the limits of the rig for `dpr-lab accept`."""
 
     poses: ReachablePoses = ReachablePoses()
     """Reachable start poses."""
     recording: RecordingTimes = RecordingTimes()
-    """Durations."""
+    """Permitted durations of a recording."""
     rods: AllowedRods = AllowedRods()
-    """Permitted mountings."""
+    """Permitted mountings of the rods."""
     masses: tuple[AddedMass, ...] = ()
-    """Known masses that may be attached."""
+    """Known masses that may be attached to a rod."""
     drive: DriveLimits | None = None
-    """Joint drives; None: no drives."""
+    """Limits of the joint drives; None: there are no drives."""
     arm: ArmPlan = ArmPlan()
-    """The arm."""
+    """Permitted states and limits of the arm."""
     minutes: StepMinutes = StepMinutes()
-    """Duration of the steps."""
+    """Duration of each step of a recording."""
 
 
 def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
-    """Read the limits of a plan.
+    """Read the limits of a plan from a file.
 
     Raises:
-        ConfigError: not readable, a wrong key or value, or limits that leave nothing to record; the message names them.
+        ConfigError: the file is not readable, a key or value is wrong, or the limits permit no release; the message
+            names
+            the cause.
     """
     limits = read_config(path, PlanLimits)
     refuse_other_limits(path, limits)
@@ -204,10 +206,10 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
 
 
 def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
-    """Refuse limits that do not fit the rig, or that leave nothing to record.
+    """Check that the limits of a plan fit the rig and permit at least one release.
 
     Raises:
-        ConfigError: such a limit; the message names it.
+        ConfigError: a limit does not fit the rig, or the limits permit no release; the message names the limit.
     """
     for number, mass in enumerate(limits.masses, 1):
         longest = rig.L1 if mass.rod == "inner" else rig.L2
@@ -239,7 +241,7 @@ def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
 
 
 def _refuse_impossible_arms(path: Path, limits: PlanLimits, rig: Rig) -> None:
-    """Refuse states of the arm that the rig file does not describe."""
+    """Check that the rig file describes every permitted state of the arm."""
     modes: tuple[ArmState, ...] = limits.arm.modes or (() if limits.arm.input is None else ("driven",))
     for mode in modes:
         if mode == "held":

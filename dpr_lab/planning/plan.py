@@ -25,10 +25,10 @@ from dpr_lab.run import Run, as_runs
 
 @dataclass(frozen=True, slots=True)
 class PlanLength:
-    """Number of planned releases."""
+    """Number of releases in a plan."""
 
     usual: int = 3
-    """Number of releases without a budget; three releases distinguish most effects."""
+    """Number of releases in a plan without a budget; three releases distinguish most effects."""
     optional: int = 1
     """Number of releases once the causes are decided, if some effects are not excluded."""
     most: int = 12
@@ -50,19 +50,21 @@ def plan(
 ) -> Plan:
     """Plan the next recordings of a rig.
 
+    Without a budget, three releases are planned. Once the causes are decided, the plan has one release that tests the
+    effects that are not excluded, or no release.
+
     Args:
         rig: the rig
         runs: the runs recorded so far
         diagnosis: diagnosis of these runs; None: it is computed here
         limits: reachable poses, permitted mountings, drives, and the duration of each step
-        budget_min: time at the rig, minutes; without it three releases are planned; once the causes are decided, one
-            that tests the effects that are not excluded, or none
+        budget_min: time at the rig, minutes
         count: maximum number of releases
         seed: seed of the start poses of the search
 
     Raises:
         ConfigError: the budget is too small for one release, or no pose can be reached.
-        RunError: a run that cannot be used.
+        RunError: a run cannot be used.
     """
     limits, runs = limits or PlanLimits(), as_runs(runs)
     if budget_min is not None:
@@ -79,7 +81,10 @@ def plan(
 
 
 def usual_count(known: Knowledge, limits: PlanLimits) -> int:
-    """Number of releases without a budget: few if the causes are decided and no limit must be tested."""
+    """Number of releases in a plan without a budget.
+
+    It is small if the causes are decided and no limit must be tested.
+    """
     if known.diagnosis is None or not decided(known.diagnosis) or limits.effects or limits.friction or limits.ratios:
         return LENGTH.usual
     return LENGTH.optional if reservation(known.diagnosis) else 0

@@ -1,4 +1,4 @@
-"""A release that can be recorded: start pose, duration, mounting and drive signal."""
+"""A release that can be recorded: start pose, duration, mounting and input signal."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ ArmState = Literal["held", "free", "driven"]
 
 
 class MountedParts(NamedTuple):
-    """Mounted parts, and whether the arm is held."""
+    """Parts that are mounted for a release, and whether the arm is held."""
 
     mounting: Mounting = "both"
     added: AddedMass | None = None
@@ -27,17 +27,17 @@ class CandidateRelease:
     """A candidate for the next recording."""
 
     theta1: float
-    """Absolute angle of the inner rod at rest at the release, 0 = upright, rad."""
+    """Absolute angle of the inner rod, which is at rest at the release, rad; 0 = upright."""
     theta2: float
-    """Absolute angle of the outer rod, rad."""
+    """Absolute angle of the outer rod at the release, rad."""
     duration_s: float
     """Duration of the recording, s."""
     mounting: Mounting = "both"
-    """Mounting: both rods, one rod alone, or both with the elbow clamped."""
+    """Mounted rods: both, one alone, or both with the elbow clamped."""
     added: AddedMass | None = None
-    """Known mass to be clamped to a rod."""
+    """Known mass that is clamped to a rod; None without a mass."""
     torques: Torques | None = None
-    """The input signal of joint drives, or of the arm's motor; None for a free swing."""
+    """Input signal of the joint drives or of the arm's motor; None for a free swing."""
     signal: Literal["", "multisine", "chirp"] = ""
     """Kind of the input signal: `multisine` or `chirp`; empty for a free swing."""
     arm: ArmState = "held"
@@ -50,13 +50,16 @@ class CandidateRelease:
 
     @property
     def setup(self) -> Setup:
-        """Mounting and drives as a setup."""
+        """Setup of the release: its mounting and drives."""
         elbow = round(self.theta2 - self.theta1, 1) if self.mounting == "clamped" else 0.0
         return Setup(self.mounting, self.added, elbow, self.torques, arm_moves=self.arm != "held")
 
     @property
     def start(self) -> Array:
-        """(4,) state at the release: theta1, theta2, speeds of zero, rad and rad/s; (6,) with a moving arm, at 0."""
+        """(4,) state at the release: theta1 and theta2, rad, and zero speeds, rad/s.
+
+        With a moving arm it has 6 components; angle and speed of the arm are zero.
+        """
         theta2 = self.theta1 if self.setup.alone else self.theta2
         return np.array([self.theta1, theta2, 0.0, 0.0, *([] if self.arm == "held" else [0.0, 0.0])])
 

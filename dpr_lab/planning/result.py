@@ -16,75 +16,79 @@ class _Record(BaseModel):
 
 
 class PairBits(_Record):
-    """Expected information of a release about two causes."""
+    """Expected information of a release about two candidate causes."""
 
     causes: tuple[str, str]
     """The two causes, the more probable one first."""
     bits: Number
-    """Expected reduction of the entropy between them, by this release and those before it."""
+    """Expected reduction of the entropy between the two causes, by this release and the previous ones, bits."""
 
 
 class PlannedRelease(_Record):
-    """One release to record."""
+    """One release of a plan."""
 
     number: int
     """Number in the sequence, from 1."""
     text: str
-    """Instruction, in words."""
+    """Instruction for the operator, in words."""
     reason: str
-    """Contribution of the release in addition to the previous ones, in words."""
+    """What this release contributes in addition to the previous ones, in words."""
     theta1_rad: Number
-    """Absolute angle of the inner rod at the release, at rest, 0 = upright."""
+    """Absolute angle of the inner rod, which is at rest at the release, rad; 0 = upright."""
     theta2_rad: Number
-    """Absolute angle of the outer rod at the release."""
+    """Absolute angle of the outer rod at the release, rad."""
     duration_s: Number
     """Duration of the recording, s."""
     rate_hz: int
-    """Samples per second."""
+    """Sampling rate, samples per second."""
     mounted: Literal["both", "inner", "outer"]
     """Mounted rods."""
     elbow: Literal["free", "clamped"]
-    """Whether joint 2 is free."""
+    """Whether joint 2 is free or clamped."""
     added_mass: AddedMass | None
     """Known mass to attach; None without a mass."""
     arm: Literal["held", "free", "driven"]
     """Mode of the arm: clamped, free, or driven by the input signal."""
     signal: Literal["", "multisine", "chirp"]
-    """Input signal of the joint drives, or of the motor of a driven arm; empty for a free swing."""
+    """Kind of the input signal of the joint drives, or of the motor of a driven arm; empty for a free swing."""
     pose: str | None = None
     """Name of the start pose in the written rig file; None without an output folder."""
     rig: str | None = None
-    """Rig file that describes its pose, rods, mass and arm, for `capture`; None without an output folder."""
+    """Rig file for `capture`, which describes pose, rods, mass and arm; None without an output folder."""
     input: str | None
-    """File of the input signal, for the device to replay; None for a free swing, or without an output folder."""
+    """File of the input signal, which the device replays; None for a free swing, or without an output folder."""
     minutes: Number
-    """Time that it takes after the previous release."""
+    """Time that the release takes after the previous one, minutes."""
     horizon_s: Number
-    """Duration for which the swing is predictable, given the placing error of a hand, s."""
+    """Time for which the swing is predictable if the start pose is placed by hand, s."""
     pairs: list[PairBits]
-    """Expected bits about each open pair of causes, by this release and those before it."""
+    """Expected information about each open pair of causes, by this release and the previous ones."""
     library_bits: Number
-    """Mean expected bits about an effect of the library against another, 0 to 1, by this release and those before
-    it.
+    """Mean expected information about one effect of the library against another, by this release and the previous ones.
+
+    The unit is bits, from 0 to 1.
     """
     ratio_std: dict[str, Number]
-    """Expected standard deviation of each ratio, by this release and those before it."""
+    """Expected standard deviation of each ratio after this release and the previous ones."""
     decided: Number | None
-    """Probability that no further release is necessary after it; None before any recording, and if no further release
-    is necessary now."""
+    """Probability that no further release is necessary after this one.
+
+    None before any recording, and if no further release is necessary now.
+    """
     simulated: Number | None = None
-    """Ratio of the simulated to the linearised squared distance of the two most probable causes; None without an
-    open pair.
+    """Simulated squared distance of the two most probable causes, divided by the linearised one.
+
+    None without an open pair.
     """
     _torques: Torques | None = PrivateAttr(default=None)
 
     @property
     def torques(self) -> Torques | None:
-        """The input signal; None for a free swing."""
+        """Input signal of the release; None for a free swing."""
         return self._torques
 
     def driven_by(self, torques: Torques | None) -> Self:
-        """The release with its input signal."""
+        """Copy of the release with an input signal."""
         release = self.model_copy()
         release._torques = torques
         return release
@@ -94,15 +98,15 @@ class Detectable(_Record):
     """Minimum detectable size of one amplitude of an effect."""
 
     effect: str
-    """A name of `dpr_lab.effects.EFFECTS`."""
+    """Name of the effect, a key of `dpr_lab.effects.EFFECTS`."""
     parameter: str
-    """Its amplitude."""
+    """Name of the amplitude."""
     unit: str
-    """SI."""
+    """SI unit of the amplitude."""
     before: Number | None
-    """Size with the recordings so far; None if it is undetectable at any size."""
+    """Minimum detectable size with the recordings so far; None if no size is detectable."""
     after: Number | None
-    """Size with the planned releases too; None if it is undetectable at any size."""
+    """Minimum detectable size with the planned releases added; None if no size is detectable."""
     typical: Number
     """Typical size on a laboratory rig."""
 
@@ -113,54 +117,58 @@ class Inseparable(_Record):
     causes: tuple[str, str]
     """The two causes, the more probable one first."""
     check: str
-    """The bench check that distinguishes them, in words."""
+    """Bench check that distinguishes the two causes, in words."""
 
 
 class LimitForecast(_Record):
-    """Whether the planned releases decide a limit that the rig must satisfy."""
+    """Forecast of whether the planned releases decide a limit that the rig must satisfy."""
 
     quantity: str
-    """Name of the limit, as in `dpr-lab accept`."""
+    """Name of the limited quantity, as in `dpr-lab accept`."""
     unit: str
-    """SI."""
+    """SI unit of the quantity."""
     reach: Number | None
-    """Distance from the limit within which a value remains undecided after the plan; None if it is undetectable at
-    any size.
-    """
+    """Distance from the limit within which a value remains undecided after the plan; None if no size is detectable."""
     reached_rad_per_s: Number | None = None
-    """Speed that the joint of a friction limit reaches, if it is below the speed of the limit; None otherwise."""
+    """Speed that the joint of a friction limit reaches, rad/s; None if it is not below the speed of the limit."""
     decides: bool
-    """Whether a quantity at half its limit, or in the middle of its range, would then pass."""
+    """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan."""
 
 
 class Plan(Shown, _Record):
     """The next recordings, their expected information, and whether they are necessary."""
 
     state: Literal["first", "record", "enough", "bench check"]
-    """`first` before any recording, `record`, `enough` if the causes are decided, although other effects may not be
-    excluded, or `bench check` if no release distinguishes the remaining ones.
+    """State of the recordings: `first`, `record`, `enough` or `bench check`.
+
+    `first` precedes any recording. `record` means that further releases are necessary. `enough` means that the causes
+    are decided, although other effects may not be excluded. `bench check` means that no release distinguishes the
+    remaining causes.
     """
     sentence: str
     """The recommendation in words."""
     releases: list[PlannedRelease]
-    """Releases in the order of recording, the one with the most information per minute first."""
+    """Planned releases in the order of recording; the one with the most information per minute is the first."""
     minutes: Number
-    """Duration of all releases."""
+    """Time that all releases take, minutes."""
     forecast: list[Number]
-    """Probability that no further release is necessary after 1, 2, ... of these releases; empty before any recording,
-    and if none is necessary now.
+    """Probability that no further release is necessary after 1, 2, ... of these releases.
+
+    Empty before any recording, and if no further release is necessary now.
     """
     ratio_std: dict[str, Number]
-    """Standard deviation of each ratio with the recordings so far; before any recording, from the bounds of the rig
-    file."""
+    """Standard deviation of each ratio with the recordings so far.
+
+    Before any recording it follows from the bounds of the rig file.
+    """
     detectable: list[Detectable]
-    """Minimum detectable sizes after the releases, for each effect."""
+    """Minimum detectable sizes of each effect, before and after the planned releases."""
     inseparable: list[Inseparable]
-    """Causes that only a bench check distinguishes."""
+    """Pairs of causes that only a bench check distinguishes."""
     limits: list[LimitForecast]
-    """Limits from the limits file that the rig must satisfy."""
+    """Forecasts for the limits in the limits file that the rig must satisfy."""
     assumptions: list[str]
-    """Assumptions, in words."""
+    """Assumptions of the plan, in words."""
     seconds: Number
     """Computing time, s."""
 
@@ -174,5 +182,5 @@ class Plan(Shown, _Record):
         return [("release", "what to record", "minutes", "reason"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
-        """The plan as a plain object."""
+        """The plan as a dict."""
         return self.model_dump()

@@ -1,4 +1,4 @@
-"""Greedy sequence of releases: each one has the greatest value per minute after the previous ones."""
+"""Greedy sequence of releases: each release has the greatest value per minute, given the previous ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,34 +30,38 @@ class SequenceStep:
     information: Array
     """(k, k) Fisher information of this release."""
     horizon_s: float
-    """Predictability horizon of the planned swing."""
+    """Predictability horizon of the planned swing, s."""
     minutes: float
-    """Duration after the previous release, minutes."""
+    """Time that the release takes after the previous one, minutes."""
     worth: float
-    """Weighted sum of the bits that the release adds."""
+    """Value of the release: weighted sum of the bits that it adds."""
     price: float
-    """Minutes by which the value is divided: the whole duration if there is a budget, otherwise only the operator's
-    time.
+    """Time by which the value is divided, minutes.
+
+    With a budget it is the whole time of the release, otherwise only the time of the operator.
     """
     simulated: float | None = None
-    """Ratio of the simulated to the linearised Delta D^2 of the least decided pair; None without an undecided pair."""
+    """Simulated Delta D^2 of the least decided pair of causes, divided by the linearised one.
+
+    None without such a pair.
+    """
 
 
 @dataclass(frozen=True, slots=True)
 class SequenceSoFar:
-    """State before the next release of a sequence."""
+    """State of a sequence before its next release."""
 
     information: Array
-    """(k, k) information of prior, runs and the releases chosen so far."""
+    """(k, k) information of the prior, the runs and the releases chosen so far."""
     made: tuple[CandidateRelease, ...]
-    """The runs and the releases chosen so far."""
+    """The runs recorded so far, followed by the releases chosen so far."""
     mounted: MountedParts
-    """Present mounting."""
+    """Mounting before the next release."""
     left: float
-    """Remaining minutes."""
+    """Remaining time, minutes."""
 
     def after(self, step: SequenceStep) -> "SequenceSoFar":
-        """State after a release."""
+        """State of the sequence after a further release."""
         return SequenceSoFar(
             self.information + step.information,
             (*self.made, step.release),
@@ -68,16 +72,16 @@ class SequenceSoFar:
 
 @dataclass(frozen=True, slots=True)
 class Planner:
-    """Searches for the next release."""
+    """Search for the sequence of releases in a plan."""
 
     objective: Objective
     limits: PlanLimits
     rng: np.random.Generator
     signals: Sequence[CandidateRelease] = ()
-    """Candidate releases with driven joints."""
+    """Candidate releases with input signals of drives."""
 
     def sequence(self, count: int, budget_min: float | None) -> list[SequenceStep]:
-        """Sequence of releases, each the best one after the previous ones.
+        """Sequence of releases, each of which is the best one after the previous ones.
 
         Args:
             count: maximum number of releases
@@ -97,10 +101,10 @@ class Planner:
         return steps
 
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
-        """The releases, the last ones first, with the minutes of the budget in which no further release fits.
+        """Extend the durations of the releases by the minutes of the budget in which no further release fits.
 
-        Continuing a recording requires no new placing of the rods, and the accuracy of the ratios grows with its
-        duration.
+        The last releases are extended first. Continuing a recording requires no new placing of the rods, and the
+        accuracy of the ratios grows with its duration.
         """
         extended = list(steps)
         for k in reversed(range(len(steps))):
@@ -133,7 +137,7 @@ class Planner:
         return informed([_bent(release) for release in releases], self.objective.known.model, durations)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
-        """Best release of all candidates, refined; None if no release fits into the remaining time."""
+        """Best release of all candidates after refinement; None if no release fits into the remaining time."""
         ranked = self._ranked(pool, now)
         if not ranked:
             return None
@@ -148,13 +152,13 @@ class Planner:
         return max((self._final(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
 
     def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Release with its best duration; its value is corrected by the nonlinear simulation."""
+        """Release with its best duration, and with its value corrected by the nonlinear simulation."""
         averaged = self._averaged(step, now)
         share = self.objective.simulated(averaged.release, averaged.information)
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
-        """Releases that fit into the remaining time, the best first."""
+        """Releases that fit into the remaining time, by decreasing value per minute."""
         F, f = now.information, self.objective.known.inflation
         before = self.objective.worth(F)
         steps = [
@@ -172,7 +176,7 @@ class Planner:
         return sorted(steps, key=_rate, reverse=True)
 
     def _averaged(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Release with its best duration; its information is averaged over random placement errors."""
+        """Release with its best duration, and with its information averaged over random placement errors."""
         release, times = step.release, self.limits.recording
         if release.torques is not None:
             return step
@@ -193,12 +197,12 @@ class Planner:
 
 
 def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) -> CandidateRelease:
-    """A free swing."""
+    """Free swing from a start pose, with the given parts mounted."""
     return CandidateRelease(theta1, theta2, duration_s, on.mounting, on.added, arm="held" if on.arm_held else "free")
 
 
 def _bent(release: CandidateRelease) -> CandidateRelease:
-    """The release; for a single rod, the angle of the absent rod is set to that of the mounted one."""
+    """Release with a consistent start pose: the angle of an absent rod is set to the angle of the mounted one."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 

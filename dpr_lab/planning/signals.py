@@ -31,10 +31,13 @@ from dpr_lab.setup import Torques
 from dpr_lab.shown import percent
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
-"""Columns of the file: time since the release, then the torque of each joint, which holds until the next row."""
+"""Columns of the file of an input signal.
+
+They are the time since the release and the torque of each joint, which holds until the next row.
+"""
 
 INPUTS = {"torque": "tau0_Nm", "current": "current_A", "voltage": "voltage_V"}
-"""Input of `[motor]` -> column of the file of an arm's motor, after the time."""
+"""Column of the arm's motor in the file of an input signal, by the kind of input in `[motor]`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,20 +47,20 @@ class SignalSettings:
     duration_s: float = 10.0
     """Duration of a signal, s."""
     lowest_hz: float = 0.3
-    """Lowest frequency."""
+    """Lowest frequency of a signal, Hz."""
     joints: tuple[tuple[float, float], ...] = ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
-    """Fractions of the torque limits of joint 1 and joint 2."""
+    """Combinations of joint torques, as fractions of the torque limits of joint 1 and joint 2."""
     shrink: float = 0.75
-    """Factor by which the amplitude is reduced until the swing stays within its limits."""
+    """Factor by which the amplitude is reduced repeatedly until the swing stays within its limits."""
     least: float = 0.02
-    """A signal is discarded if its amplitude is below this fraction of the torque limit."""
+    """Smallest amplitude of a signal, as a fraction of the torque limit; a smaller signal is discarded."""
 
 
 SIGNALS = SignalSettings()
 
 
 def multisine(t: Array, lowest_hz: float, highest_hz: float) -> Array:
-    """(n,) a sum of harmonics with a peak of one."""
+    """(n,) sum of harmonics between two frequencies, scaled to a peak of one."""
     length = t[-1] + t[1]
     harmonics = np.arange(max(1, round(lowest_hz * length)), max(2, int(highest_hz * length)) + 1)
     k = np.arange(1, len(harmonics) + 1)
@@ -67,7 +70,7 @@ def multisine(t: Array, lowest_hz: float, highest_hz: float) -> Array:
 
 
 def chirp(t: Array, lowest_hz: float, highest_hz: float) -> Array:
-    """(n,) a sine whose frequency rises evenly, with a peak of one."""
+    """(n,) sine whose frequency increases linearly, with a peak of one."""
     length = t[-1] + t[1]
     return np.sin(2 * np.pi * (lowest_hz * t + 0.5 * (highest_hz - lowest_hz) * t**2 / length))
 
@@ -78,14 +81,14 @@ SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
     "multisine": multisine,
     "chirp": chirp,
 }
-"""Kind of signal -> its values at given instants, between two frequencies."""
+"""Function of each kind of signal, which computes its values at given instants between two frequencies."""
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:
-    """Releases from hanging under each signal that respects the limits; no releases without drives.
+    """Releases from hanging with each signal that respects the limits; empty without drives.
 
     Raises:
-        ConfigError: every signal of a drive breaks its limits.
+        ConfigError: no signal of a drive respects its limits.
     """
     of_joints = _kept(_of_joints(limits, rig), model, limits, rig, "drive", "torque_Nm") if limits.drive else []
     of_arm = "driven" in arm_states(rig, limits)
@@ -93,7 +96,7 @@ def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[C
 
 
 def _of_joints(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
-    """Signals of the joint drives at the largest torques."""
+    """Yield releases with signals of the joint drives at the largest torques."""
     drive = limits.drive
     assert drive is not None
     alone = rig.rods.mounting != "both"
@@ -105,7 +108,7 @@ def _of_joints(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
 
 
 def _of_arm(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
-    """Signals of the arm's motor at the largest input."""
+    """Yield releases with signals of the arm's motor at the largest input."""
     gain, largest = drive_gain(rig), limits.arm.input
     assert largest is not None
     t = _instants(limits, limits.arm.rate_hz)
@@ -121,13 +124,13 @@ def _instants(limits: PlanLimits, rate_hz: int) -> Array:
 
 
 def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
-    """Signals of each kind, with frequencies up to a quarter of the sampling rate."""
+    """Yield a signal of each kind; its highest frequency is at most a quarter of the sampling rate."""
     for kind, shape in SHAPES.items():
         yield kind, shape(t, SIGNALS.lowest_hz, min(highest_hz, 0.25 / t[1]))
 
 
 def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:
-    """A release from hanging with the parts that are mounted now."""
+    """Driven release from hanging, with the parts that are mounted now."""
     duration = len(torques.t) * float(torques.t[1])
     return CandidateRelease(np.pi, np.pi, duration, rig.rods.mounting, rig.added_mass, torques, kind, arm)
 
@@ -135,7 +138,7 @@ def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> Cand
 def _kept(
     signals: Iterable[CandidateRelease], model: PresentModel, limits: PlanLimits, rig: Rig, table: str, size: str
 ) -> list[CandidateRelease]:
-    """The signals with amplitudes that respect the limits of speeds and angles.
+    """Releases whose amplitudes are reduced until they respect the limits of speed and angle.
 
     Raises:
         ConfigError: no amplitude respects the limits; the message names the table and the key of the limit.
@@ -181,18 +184,20 @@ def _keeps(release: CandidateRelease, model: PresentModel, limits: PlanLimits, r
 
 
 def arm_input(torques: Torques, rig: Rig) -> Array:
-    """(n,) input of the arm's motor that gives these torques, in the unit of `[motor]`."""
+    """(n,) input of the arm's motor that produces the torques of a signal, in the unit of `[motor]`."""
     assert torques.on_arm is not None
     return np.asarray(torques.on_arm / drive_gain(rig).value, dtype=np.float64)
 
 
 def write_signal(torques: Torques, file: Path, rig: Rig) -> None:
-    """The input signal as a table (CSV) that a device replays: torques of both joints, or the input of the arm's motor.
+    """Write an input signal as a table (CSV) that a device replays.
+
+    The table contains the torques of both joints, or the input of the arm's motor.
 
     Args:
         torques: the signal
-        file: the table
-        rig: its `[motor]` gives the input of the arm's motor
+        file: path of the table
+        rig: the rig, whose `[motor]` defines the input of the arm's motor
     """
     columns, values = COLUMNS, torques.joints
     if torques.on_arm is not None:

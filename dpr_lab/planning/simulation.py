@@ -1,8 +1,8 @@
-"""Nonlinear check of a planned release: simulate one cause and fit another to the simulated readings.
+"""Nonlinear check of a planned release: one cause is simulated, and another is fitted to the simulated readings.
 
 The linearised distance of two causes is valid near the estimate. Therefore the best releases are simulated under the
-more probable cause, and the other cause is fitted to the readings by Gauss-Newton steps, with the information of the
-runs as prior:
+more probable cause. The other cause is fitted to the readings by Gauss-Newton steps, with the information of the runs
+as prior:
 
     min over p and initial states of chi2(p) + (p - p*)^T F (p - p*),
 
@@ -25,10 +25,10 @@ from dpr_lab.planning.worth.criteria import OpenPairs
 
 @dataclass(frozen=True, slots=True)
 class SimulatedFit:
-    """Settings of the fit of the other cause."""
+    """Settings of the simulation and of the fit of the other cause."""
 
     least: float = 1.0
-    """Minimum linearised Delta D^2 of a simulated release; with less, its information is too small."""
+    """Minimum linearised Delta D^2 of a release that is simulated; a smaller value carries too little information."""
     iterations: int = 6
     """Number of Gauss-Newton steps from the linear solution; further steps hardly change the minimum."""
 
@@ -39,12 +39,12 @@ SIMULATED_FIT = SimulatedFit()
 def simulated_distance(
     release: CandidateRelease, known: Knowledge, pairs: OpenPairs, truth: int, other: int
 ) -> float | None:
-    """Delta D^2 of a release between two causes, without linearisation; None if the fit does not stay finite.
+    """Nonlinear Delta D^2 of a release between two causes; None if the fit does not remain finite.
 
     Args:
         release: the release
         known: knowledge before the release
-        pairs: the causes
+        pairs: the candidate causes
         truth: index of the cause that is simulated
         other: index of the cause that is fitted
     """
@@ -69,7 +69,7 @@ def simulated_distance(
 
 
 def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Estimate:
-    """The model with one cause, at its estimated size, instead of the named effect."""
+    """Present model in which one cause, at its estimated size, replaces the named effect."""
     about = pairs.about
     vector = known.model.estimate.vector.copy()
     if pairs.names[cause] != about:
@@ -82,7 +82,7 @@ def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Est
 
 
 def _best_fit(known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]) -> Estimate:
-    """Best fit of the other cause to the runs recorded so far if `truth` is the cause, by the linear solution."""
+    """Best fit of the cause `other` to the runs recorded so far if `truth` is the cause, by the linear solution."""
     true_places = list(pairs.places[truth])
     lost = known.information[np.ix_(free, true_places)] @ pairs.sizes[truth]
     shift = np.asarray(np.linalg.solve(known.information[np.ix_(free, free)], lost), dtype=np.float64)

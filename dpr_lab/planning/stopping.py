@@ -1,19 +1,18 @@
 """Stopping rule: whether the recordings decide the causes, and which questions are still open.
 
-A cause is decided if one effect of a class and of its alternatives has a probability of at least `SURE`, and if it is
-validated by data that were not fitted: by another release, or by the quarters of a single release. The quarters, and
-the pieces of a long recording, share the pose and all other conditions of the release. A single release therefore
-decides one cause only, with a margin: one of its amplitudes has at least `margin` standard deviations, twice the size
-that counts as detectable, and every other effect is excluded as described below. A small second cause that the first
-release shows but does not suffice to name thus gets its second release. Several causes, and the absence of a gap, are
-confirmed by a second release.
+A cause is decided under two conditions. One effect of a class and of its alternatives has a probability of at least
+`SURE`, and this effect is validated by data that were not fitted: by another release, or by the quarters of a single
+release. The quarters, and the pieces of a long recording, share the pose and all other conditions of the release. A
+single release therefore decides one cause only, and with a margin: one of its amplitudes has at least `margin` standard
+deviations, twice the size that counts as detectable, and every other effect is excluded as described below. A small
+second cause that is visible in the first release but cannot be named from it thus gets a second release. Several
+causes, and the absence of a gap, are confirmed by a second release.
 
 "No gap" is a statement about sizes: every effect of the library that recurs is excluded at its minimum detectable size
-in these recordings (`Exclusion.is_excluded`). An estimate too large to be excluded and too small to be named is
-decided by the next release. Effects that occur only once are not tested, because no further release shows them again.
-
-Causes that two releases decide remain decided although other effects are not excluded. The plan and the report then
-list these effects, and an optional release that tests them (`reservation`).
+in these recordings (`Exclusion.is_excluded`). An effect whose estimate is too large to be excluded and too small to be
+named is decided by the next release. Effects that occur only once are not tested, because no further release shows them
+again. Causes that two releases decide remain decided although other effects are not excluded. The plan and the report
+then list these effects, and an optional release that tests them (`reservation`).
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -34,7 +33,7 @@ class Stopping:
     """Settings of the stopping rule."""
 
     fewest: int = 2
-    """Minimum number of releases for several causes, or for the decision that there is no gap."""
+    """Minimum number of releases that decide several causes, or that there is no gap."""
     margin: float = 10.0
     """Minimum amplitude of a cause that a single release decides, in standard deviations."""
     listed: int = 3
@@ -49,13 +48,16 @@ class Causes:
     """A named effect and its alternatives."""
 
     about: str
-    """The named effect."""
+    """Name of the effect."""
     probabilities: Mapping[str, float]
-    """Probability of each candidate cause, including the named effect."""
+    """Probability of each candidate cause, including the named effect itself."""
 
 
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
-    """Candidate causes of each named effect: the members of its class by their odds, and its alternatives."""
+    """Candidate causes of each named effect.
+
+    They are the members of its class, weighted by their odds, and its alternatives.
+    """
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         alternatives = {name: effect.probability * share for name, share in odds.items()}
@@ -71,11 +73,11 @@ def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
 
 
 def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
-    """The question that the recordings leave open, as a clause; empty if they are sufficient.
+    """Question that the recordings leave open, as a clause; empty if the recordings are sufficient.
 
     Args:
-        diagnosis: of the runs recorded so far
-        inseparable: causes that no release separates; they count as one, which a bench check divides
+        diagnosis: diagnosis of the runs recorded so far
+        inseparable: causes that no release separates; together they count as one, and a bench check distinguishes them
     """
     uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but the cause is ambiguous
     if diagnosis.hints:
@@ -101,14 +103,17 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
 
 
 def reservation(diagnosis: Diagnosis) -> str:
-    """The effects that a decision does not exclude, as a sentence; empty if there are none, or nothing is decided."""
+    """Sentence that lists the effects which a decision does not exclude.
+
+    Empty if all other effects are excluded, or if the causes are not decided.
+    """
     if not decided(diagnosis) or not possible(diagnosis):
         return ""
     return f"Not excluded at the minimum detectable size: {_most_significant(diagnosis)}."
 
 
 def recorded_releases(diagnosis: Diagnosis) -> int:
-    """Number of releases that were fitted or held out; the pieces of one recording are one release."""
+    """Number of releases that were fitted or held out; all pieces of one recording count as one release."""
     if diagnosis.evidence is None:  # a file of an older version
         return 1 if diagnosis.basis == "one release" else STOPPING.fewest
     names = [recording.name for recording in diagnosis.evidence.recordings]
@@ -117,12 +122,12 @@ def recorded_releases(diagnosis: Diagnosis) -> int:
 
 
 def possible(diagnosis: Diagnosis) -> list[str]:
-    """Effects that recur, were not named and are not excluded: one may have its minimum detectable size."""
+    """Effects that recur, are not named and are not excluded; one of them may have its minimum detectable size."""
     return list(dict.fromkeys(amplitude.effect for amplitude in not_excluded(diagnosis)))
 
 
 def _most_significant(diagnosis: Diagnosis) -> str:
-    """The effects that are not excluded as a list, the largest estimate in standard deviations first."""
+    """List, in words, of the effects that are not excluded, by decreasing estimate in standard deviations."""
     ranked = sorted(not_excluded(diagnosis), key=lambda tested: -abs(tested.estimate) / tested.size)
     names = list(dict.fromkeys(tested.effect for tested in ranked))
     rest = len(names) - STOPPING.listed + 1
@@ -130,13 +135,13 @@ def _most_significant(diagnosis: Diagnosis) -> str:
 
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:
-    """Amplitudes of these effects that may have their minimum detectable size."""
+    """Tests of the amplitudes that may have their minimum detectable size; events that occur only once are left out."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
     return [exclusion for exclusion in tested if not (exclusion.is_excluded or EFFECTS[exclusion.effect].event)]
 
 
 def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
-    """Probability of the most probable candidate of one named effect, or of the inseparable ones together."""
+    """Largest probability of a candidate cause of one named effect; inseparable causes count together."""
     together = sum(p for name, p in causes.probabilities.items() if name in inseparable)
     return max(together, *causes.probabilities.values())
 

@@ -1,4 +1,7 @@
-"""Result of planning from a sequence of releases: their reasons, the forecast, and causes that no release decides."""
+"""Result of planning, composed from a sequence of releases.
+
+It contains the reasons of the releases, the forecast, and the causes that no release decides.
+"""
 
 from collections.abc import Collection, Sequence
 from itertools import pairwise
@@ -26,13 +29,13 @@ State = Literal["first", "record", "enough", "bench check"]
 
 
 def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanLimits, seconds: float) -> Plan:
-    """The plan of a sequence.
+    """Plan that consists of a sequence of releases.
 
     Args:
-        objective: the maximised function
+        objective: the function that the plan maximises
         steps: the sequence
-        limits: of the plan
-        seconds: computing time
+        limits: limits of the plan
+        seconds: computing time, s
     """
     known = objective.known
     after = np.cumsum([known.information, *(step.information for step in steps)], axis=0)
@@ -60,7 +63,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
 
 
 def _reasons(objective: Objective, after: Array) -> list[Reason]:
-    """Reason of each release, from (releases + 1, k, k) information before and after it."""
+    """Reason of each release, from the (releases + 1, k, k) information before the first and after each release."""
     expected = [Expected(objective.gain(F), ratio_std(objective.known, F)) for F in after]
     first = len(objective.known.made) + 1
     return [
@@ -101,7 +104,7 @@ def _planned(
 
 
 def _forecast(objective: Objective, gained: Sequence[Array], releases: int, together: Collection[str]) -> float | None:
-    """Probability that this number of releases decides the causes; the causes of `together` count as one.
+    """Probability that this number of releases decides the causes; the causes in `together` count as one.
 
     None before any recording, and if no further release is necessary.
     """
@@ -130,7 +133,7 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
 
 
 def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
-    """Pairs of causes that even several of the best releases do not decide, with the bench check that decides them."""
+    """Pairs of causes that even several of the best releases do not decide, with their bench checks."""
     if not steps:
         return []
     stuck = []

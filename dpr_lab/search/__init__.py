@@ -26,11 +26,17 @@ ALGORITHMS: dict[str, Algorithm[Any]] = {
     "multistart": Algorithm(MultistartSettings, multistart, "local searches from many starts"),
 }
 ALGORITHMS |= plugin_rows("searches", Algorithm, ALGORITHMS)
-"""Value of `algorithm` in a search file -> algorithm; a new algorithm is one file and one row here."""
+"""All search algorithms, by the value of `algorithm` in a search file.
+
+To add an algorithm, write one file and add one row here.
+"""
 
 
 def search_words(name: str) -> str:
-    """Words and name of an algorithm, `improved genetic algorithm [iga]`; other names are unchanged."""
+    """Title and key of an algorithm, such as `improved genetic algorithm [iga]`.
+
+    An unknown name is returned unchanged.
+    """
     return f"{ALGORITHMS[name].words} [{name}]" if name in ALGORITHMS else name
 
 
@@ -39,13 +45,13 @@ class _Choice(BaseModel):
 
 
 def load_search(name: str | Path) -> SearchSettings:
-    """Read a search file by path, or a built-in one by its bare name (`paper`, `segments`).
+    """Read a search file, given by its path or, for a built-in one, by its bare name (`paper`, `segments`).
 
     Returns:
-        the settings, to be run with `ALGORITHMS[settings.algorithm].run(objective, bounds, settings, rng)`
+        the settings, for the call `ALGORITHMS[settings.algorithm].run(objective, bounds, settings, rng)`
 
     Raises:
-        ConfigError: not found or not valid; the message names file, key and value.
+        ConfigError: the file is not found or not valid; the message names file, key and value.
     """
     path = find_config("search", name)
     algorithm = read_config(path, _Choice).algorithm

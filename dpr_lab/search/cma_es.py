@@ -1,4 +1,7 @@
-"""CMA-ES with restarts, for comparison, by the ask-and-tell interface of the package `cma`."""
+"""Covariance matrix adaptation (CMA-ES) with restarts, for comparison with the genetic algorithm.
+
+The package `cma` supplies the strategy through its ask-and-tell interface.
+"""
 
 from collections.abc import Iterator
 from functools import partial
@@ -14,33 +17,36 @@ from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 FEWEST_GENES = 2
-"""Minimum number of dimensions of the package; a dummy dimension is added if needed."""
+"""Minimum number of dimensions that the package `cma` accepts; a single gene is supplemented by a dummy dimension."""
 
 LARGEST_GROWTH = 64
-"""Factor on the first population beyond which a restart does not grow."""
+"""Largest population of a restart, as a multiple of the population of the first search."""
 
 
 class CmaEsSettings(SearchSettings, frozen=True):
-    """Covariance matrix adaptation; a search that has ended starts again with a larger population (IPOP)."""
+    """Settings of the covariance matrix adaptation.
+
+    When a search has ended, the next one starts with a larger population (IPOP).
+    """
 
     algorithm: Literal["cma_es"] = "cma_es"
     generations: Annotated[int, Field(ge=0)] = 500
-    """Maximum number of generations after the first sample, including all restarts."""
+    """Maximum number of generations after the first sample, summed over all restarts."""
     population: Annotated[int, Field(ge=4)] | None = None
-    """Candidates in a generation; default: 4 + 3 ln(genes)."""
+    """Number of candidates in a generation of the first search; default: 4 + 3 ln(number of genes)."""
     sigma: Annotated[Positive, Field(le=1)] = 0.3
-    """First standard deviation, share of each gene's range."""
+    """Initial standard deviation of the sample, as a share of each gene's range."""
     restart_growth: Count = 2
-    """Growth of the population at each restart, up to `LARGEST_GROWTH` times the first."""
+    """Factor by which the population grows at each restart, up to `LARGEST_GROWTH` times the first population."""
 
 
 def cma_es(
     objective: Objective, bounds: Bounds, settings: CmaEsSettings, rng: np.random.Generator
 ) -> Iterator[Generation]:
-    """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+    """Search the box for the smallest cost H by CMA-ES.
 
-    A generation's population is its sample and the best individual so far. A restart begins at a random point of the
-    box.
+    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`. The population of a generation consists of its
+    sample and the best individual so far. A restart begins at a random point of the box.
 
     Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),
     IEEE Congress on Evolutionary Computation, 1769-1776.
@@ -62,7 +68,10 @@ def _populations(problem: SearchProblem, settings: CmaEsSettings, rng: np.random
 
 
 def _search(problem: SearchProblem, size: int, sigma: float, rng: np.random.Generator) -> Iterator[Population]:
-    """Samples of one search until its stopping criteria are met; in the unit cube."""
+    """Yield the samples of one search, as populations, until a stopping criterion of the strategy is met.
+
+    The strategy works in the unit cube.
+    """
     lower, upper = problem.box
     strategy = _strategy(len(lower), size, sigma, rng)
     while not strategy.stop():

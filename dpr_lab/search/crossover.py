@@ -7,12 +7,12 @@ from dpr_lab.search.hybrid_coding import STEPS
 
 
 def cross(x: Array, y: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Cross each pair at one random gene and swap the following genes.
+    """Cross each pair of chromosomes at one random gene, and swap the genes that follow.
 
         x_i' = beta x_i + (1 - beta) y_i,   y_i' = (1 - beta) x_i + beta y_i,   beta in {0, 0.1, ..., 1}
 
-    Each crossover of a gene adds a decimal digit to the grid of hybrid coding, so the precision increases in the region
-    of the search.
+    Each crossover of a gene adds a decimal digit to the grid of hybrid coding. The precision therefore increases in the
+    region of the search.
 
     Args:
         x: (pairs, n) first parents

@@ -1,4 +1,4 @@
-"""Differential evolution of scipy, for comparison, one generation per call."""
+"""Differential evolution of scipy, called for one generation at a time, for comparison with the genetic algorithm."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -23,21 +23,23 @@ class DifferentialEvolutionSettings(SearchSettings, frozen=True):
     generations: Annotated[int, Field(ge=0)] = 300
     """Maximum number of generations after the initial population."""
     population: Annotated[int, Field(ge=5)] = 50
-    """Individuals in the population."""
+    """Number of individuals in the population."""
     strategy: Literal["best1bin", "rand1bin", "currenttobest1bin", "randtobest1bin", "best2bin", "rand2bin"] = (
         "best1bin"
     )
-    """Strategy for trial vectors."""
+    """Strategy that constructs the trial vectors, by its name in scipy."""
     mutation: tuple[NotNegative, NotNegative] = (0.5, 1.0)
-    """Range of the differential weight, drawn for each generation."""
+    """Range from which the differential weight is drawn, once for each generation."""
     recombination: Share = 0.7
-    """Share of the genes of a trial that come from its mutant."""
+    """Share of the genes of a trial vector that come from its mutant."""
 
 
 def differential_evolution(
     objective: Objective, bounds: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
 ) -> Iterator[Generation]:
-    """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+    """Search the box for the smallest cost H by differential evolution.
+
+    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
 
     Source: Storn & Price (1997), Journal of Global Optimization 11, 341-359.
     """
@@ -61,10 +63,10 @@ def _populations(
 def _trials(
     population: Population, box: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
 ) -> Array:
-    """(size, n) one trial for each individual.
+    """(size, n) trial vectors, one for each individual.
 
-    scipy has no function for one generation. It gets the population and its known costs, and runs one iteration, in
-    which it evaluates only the trials.
+    scipy has no function for a single generation. It therefore receives the population with its known costs and runs
+    one iteration, in which it evaluates only the trials.
     """
     from scipy import optimize
 

@@ -8,18 +8,18 @@ from dpr_lab.search.problem import Bounds
 
 
 def around(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
-    """Chromosomes around the best one, within 5 % of each of its genes at the published settings.
+    """New chromosomes near the best one; at the published settings, each gene differs by at most 5 %.
 
         y_i = (mu + nu beta) x_i,   beta uniform on {0, 0.1, ..., 1}, clipped to the bounds
 
-    The range is a share of the gene's value, so it is suitable for parameters far from zero, such as masses and
+    The range is a share of the gene's value. It is therefore suitable for parameters far from zero, such as masses and
     lengths.
 
     Args:
         best: (n,) best chromosome x
-        size: chromosomes wanted
-        mu: start of the range, share of the best gene
-        nu: width of the range, share of the best gene
+        size: number of new chromosomes
+        mu: lower end of the range, as a share of the best gene
+        nu: width of the range, as a share of the best gene
         box: (2, n) lower and upper bound of each gene
         rng: source of randomness
 

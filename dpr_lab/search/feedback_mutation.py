@@ -1,4 +1,4 @@
-"""Feedback mutation: replacement of near-duplicates in the population by new chromosomes, step (4)."""
+"""Feedback mutation: near-duplicates in the population are replaced by new chromosomes, step (4)."""
 
 import numpy as np
 
@@ -10,35 +10,38 @@ from dpr_lab.search.problem import Bounds
 
 
 def near_duplicates(genes: Array, tolerance: Array) -> Flags:
-    """Mask of chromosomes that nearly equal a previous one.
+    """Mask of the chromosomes that nearly equal a better one.
 
     Args:
         genes: (M, n) population, best first
-        tolerance: (n,) maximum difference of equal genes
+        tolerance: (n,) largest difference at which two genes count as equal
 
     Returns:
-        (M,) True if a better chromosome differs in fewer than two genes; never for the best
+        (M,) True if a better chromosome differs in fewer than two genes; always False for the best chromosome
     """
     alike = inbred(genes[:, None], genes[None], tolerance)
     return np.any(np.tril(alike, k=-1), axis=1)
 
 
 def replacements(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
-    """New chromosomes, with equal probability near the best (dynamic encoding) or anywhere (hybrid coding).
+    """New chromosomes that replace near-duplicates.
+
+    Each chromosome is, with equal probability, near the best one (dynamic encoding) or anywhere in the box (hybrid
+    coding).
 
     Args:
         best: (n,) best chromosome
-        size: chromosomes wanted
-        mu: start of the dynamic range, share of the best gene
-        nu: width of the dynamic range, share of the best gene
+        size: number of new chromosomes
+        mu: lower end of the dynamic range, as a share of the best gene
+        nu: width of the dynamic range, as a share of the best gene
         box: (2, n) lower and upper bound of each gene
         rng: source of randomness
 
     Returns:
         (size, n) genes
 
-    Source: docs/theory.md, step 4. The publication requires both kinds without their probabilities; equal probabilities
-    are a choice of dpr-lab.
+    Source: docs/theory.md, step 4. The publication requires both kinds but does not state their probabilities. Equal
+    probabilities are a choice of dpr-lab.
     """
     local = rng.random((size, 1)) < 0.5
     return np.where(local, around(best, size, mu, nu, box, rng), fresh(size, box, rng))

@@ -1,4 +1,4 @@
-"""Recording and stopping rule of a search, common to all algorithms."""
+"""Generations of a search with the stopping rule that all algorithms share."""
 
 from collections.abc import Iterable, Iterator
 
@@ -12,12 +12,12 @@ from dpr_lab.search.settings import SearchSettings
 def generations(
     problem: SearchProblem, populations: Iterable[Population], settings: SearchSettings
 ) -> Iterator[Generation]:
-    """Number and record populations until `settings.generations` or stagnation.
+    """Number and record the populations of a search until `settings.generations` is reached or the search stagnates.
 
     Args:
-        problem: the search problem, for its number of evaluations and its fixed genes
-        populations: infinite sequence with the initial one first; each is evaluated on demand, with the best so far as
-        first row
+        problem: the search problem; it supplies the number of evaluations and the fixed genes
+        populations: infinite sequence, the initial population first; each population is computed on demand, and its
+            first row is the best individual so far
         settings: stopping rule and constants of the fitness
     """
     best_costs: list[float] = []
@@ -29,7 +29,10 @@ def generations(
 
 
 def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
-    """Whether the best cost hardly decreased within the last `stagnation_generations`."""
+    """Whether the relative decrease of the best cost in the last generations is too small to count as progress.
+
+    The setting `stagnation_generations` gives their number, `stagnation_improvement` the required decrease.
+    """
     patience = settings.stagnation_generations
     if patience is None or len(best_costs) <= patience:
         return False

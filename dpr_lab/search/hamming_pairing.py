@@ -8,16 +8,16 @@ from dpr_lab.search.hybrid_coding import fresh
 from dpr_lab.search.problem import Bounds
 
 INBREEDING_BELOW = 2
-"""Minimum number of different genes of parents: docs/theory.md (4)."""
+"""Minimum number of genes in which two parents must differ: docs/theory.md (4)."""
 
 
 def hamming_distance(x: Array, y: Array, tolerance: Array | float = 0.0) -> NDArray[np.int_]:
-    """Number of genes in which chromosomes differ.
+    """Hamming distance: number of genes in which two chromosomes differ.
 
     Args:
         x: (..., n) chromosomes
         y: (..., n) chromosomes
-        tolerance: (n,) or scalar: maximum difference of equal genes
+        tolerance: (n,) or scalar: largest difference at which two genes count as equal
 
     Returns:
         (...) number of genes that differ
@@ -28,22 +28,27 @@ def hamming_distance(x: Array, y: Array, tolerance: Array | float = 0.0) -> NDAr
 
 
 def inbred(x: Array, y: Array, tolerance: Array | float = 0.0) -> Flags:
-    """Whether chromosomes are too close to each other: a Hamming distance below 2 (below 1 for a single gene)."""
+    """Whether two chromosomes are too similar to be parents.
+
+    Their Hamming distance is then below 2, or below 1 if there is a single gene.
+    """
     return hamming_distance(x, y, tolerance) < min(INBREEDING_BELOW, x.shape[-1])
 
 
 def pair(genes: Array, fitness: Array, pairs: int, box: Bounds, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Draw parents with probability proportional to fitness; replace the second of an inbred pair by a new one.
+    """Draw pairs of parents with probability proportional to fitness.
+
+    If the parents of a pair are nearly equal, a new chromosome replaces the second one.
 
     Args:
         genes: (M, n) population
-        fitness: (M,) fitness of each individual; if all are 0 the probabilities are equal
-        pairs: pairs wanted
+        fitness: (M,) fitness of each individual; if all are 0, the probabilities are equal
+        pairs: number of pairs
         box: (2, n) lower and upper bound of each gene
         rng: source of randomness
 
     Returns:
-        two (pairs, n) arrays, first and second parents
+        two (pairs, n) arrays, the first and the second parents
 
     Source: docs/theory.md (4) and step 5; probabilities proportional to fitness are one interpretation.
     """

@@ -10,12 +10,12 @@ STEPS = np.arange(11) / 10
 
 
 def fresh(size: int, box: Bounds, rng: np.random.Generator) -> Array:
-    """New chromosomes, each gene on the grid of eleven values over its range.
+    """New chromosomes; each gene is drawn from a grid of eleven values over its range.
 
         x_i = L_i + beta (U_i - L_i),   beta uniform on {0, 0.1, ..., 1}
 
     Args:
-        size: chromosomes wanted
+        size: number of new chromosomes
         box: (2, n) lower and upper bound of each gene
         rng: source of randomness
 

@@ -28,11 +28,13 @@ from dpr_lab.search.settings import IgaSettings
 
 
 def iga(objective: Objective, bounds: Bounds, settings: IgaSettings, rng: np.random.Generator) -> Iterator[Generation]:
-    """Search the box for the smallest H; the best individual never gets worse.
+    """Search the box for the smallest cost H by the improved genetic algorithm.
+
+    The cost of the best individual never increases.
 
     Args:
         objective: (n, d) candidates -> (n, poses) E >= 0
-        bounds: (2, d) lower and upper bound of each gene, equal for a fixed one
+        bounds: (2, d) lower and upper bound of each gene, equal for a fixed gene
         settings: population size, rates and constants
         rng: source of randomness; the same state gives the same generations
 
@@ -40,8 +42,8 @@ def iga(objective: Objective, bounds: Bounds, settings: IgaSettings, rng: np.ran
         the initial population as generation 0, then every generation
 
     Raises:
-        ValueError: bounds that are not (2, d), not finite, reversed, or all coincide
-        ConfigError: more searched genes than the orthogonal array has columns
+        ValueError: the bounds are not (2, d), not finite or reversed, or they all coincide
+        ConfigError: more genes are searched for than the orthogonal array has columns
 
     Source: docs/theory.md, section 2.
     """
@@ -68,7 +70,7 @@ def _fitness(population: Population, settings: IgaSettings) -> Array:
 
 
 def _converged(population: Population, settings: IgaSettings) -> bool:
-    """Step (4): f_pop > alpha and f_optimal > sigma."""
+    """Whether the population has converged, step (4): f_pop > alpha and f_optimal > sigma."""
     f = _fitness(population, settings)
     return population_fitness(f) > settings.alpha and f[0] > settings.sigma
 
@@ -76,7 +78,7 @@ def _converged(population: Population, settings: IgaSettings) -> bool:
 def _refreshed(
     problem: SearchProblem, population: Population, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """Step (4): the population without its near-duplicates."""
+    """The population in which new chromosomes replace the near-duplicates, step (4)."""
     lower, upper = problem.box
     alike = near_duplicates(population.genes, settings.similarity * (upper - lower))
     best, count = population.genes[0], int(alike.sum())
@@ -87,7 +89,7 @@ def _refreshed(
 def _offspring(
     problem: SearchProblem, population: Population, levels: Levels, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """Steps (5) to (7) for all M Pc / 2 offspring, in any order."""
+    """All M Pc / 2 offspring of a generation, in no particular order, by steps (5) to (7)."""
     pairs = max(1, round(settings.population * settings.crossover_rate / 2))
     parents = pair(population.genes, _fitness(population, settings), pairs, problem.box, rng)  # (5)
     crossed = cross(*parents, rng)

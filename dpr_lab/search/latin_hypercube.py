@@ -1,4 +1,4 @@
-"""Latin hypercube: an initial population that covers the range of every gene evenly."""
+"""Latin hypercube sampling: an initial population that covers the range of every gene evenly."""
 
 import numpy as np
 
@@ -7,7 +7,9 @@ from dpr_lab.search.problem import SearchProblem
 
 
 def latin_hypercube(problem: SearchProblem, size: int, rng: np.random.Generator) -> Population:
-    """Individuals in different intervals of each gene, with `size` equal intervals per gene; best first.
+    """Population drawn by Latin hypercube sampling, best first.
+
+    The range of each gene is divided into `size` equal intervals. Each interval contains exactly one individual.
 
     Source: McKay, Beckman & Conover (1979), Technometrics 21(2), 239-245.
     """

@@ -1,4 +1,4 @@
-"""Local searches from many starts, for comparison: L-BFGS-B from the best points of a Latin hypercube."""
+"""Local searches by L-BFGS-B from the best points of a Latin hypercube, for comparison with the genetic algorithm."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -16,30 +16,33 @@ from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 MAX_POWER = 16
-"""Exponent of the power mean that replaces the largest E: within 7 % of it for three poses, and smooth."""
+"""Exponent of the smooth power mean that replaces the largest E.
+
+For three poses the power mean exceeds the largest E by at most 7 %.
+"""
 
 
 class MultistartSettings(SearchSettings, frozen=True):
-    """Local searches by a quasi-Newton method; a generation is one complete local search."""
+    """Settings of repeated local searches by a quasi-Newton method; a generation is one complete local search."""
 
     algorithm: Literal["multistart"] = "multistart"
     generations: Annotated[int, Field(ge=0)] = 20
     """Maximum number of local searches."""
     population: Annotated[int, Field(ge=2)] = 50
-    """Points of a Latin hypercube; when all have been used as starts, the next hypercube is drawn."""
+    """Number of points of a Latin hypercube; when all have been used as starts, the next hypercube is drawn."""
     iterations: Count = 50
     """Maximum number of iterations of a local search."""
     difference: Annotated[Positive, Field(lt=0.1)] = 1e-6
-    """Step of the finite differences, share of each gene's range."""
+    """Step of the finite differences, as a share of each gene's range."""
 
 
 def multistart(
     objective: Objective, bounds: Bounds, settings: MultistartSettings, rng: np.random.Generator
 ) -> Iterator[Generation]:
-    """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+    """Search the box for the smallest cost H by local searches from many starts.
 
-    Generation 0 is a Latin hypercube. In each later generation, a local search starts from the best point that has not
-    been a start; its result replaces that point.
+    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`. Generation 0 is a Latin hypercube. In each later
+    generation, a local search starts from the best point that has not been a start, and its result replaces that point.
 
     Source: L-BFGS-B: Byrd, Lu, Nocedal & Zhu (1995), SIAM Journal on Scientific Computing 16(5), 1190-1208.
     """
@@ -62,7 +65,7 @@ def _populations(
 
 
 def _descended(problem: SearchProblem, start: Array, start_cost: float, settings: MultistartSettings) -> Population:
-    """One individual: end of the local search from a start, or the start itself if it failed."""
+    """Population of one individual: the end of the local search, or the start itself if its cost is infinite."""
     if not np.isfinite(start_cost):
         return Population(start[None], np.array([start_cost]))
     from scipy.optimize import minimize
@@ -70,7 +73,7 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
     lower, upper = problem.box
 
     def value_and_slope(share: Array) -> tuple[float, Array]:
-        """Cost and gradient from one batch: the point and a neighbour along each gene."""
+        """Cost and gradient from one batch, which contains the point and a neighbour along each gene."""
         inward = np.where(share < 0.5, settings.difference, -settings.difference)
         batch = np.vstack([share, share + np.diag(inward)])
         costs = _smooth_cost(problem.errors(np.clip(lower + batch * (upper - lower), lower, upper)), settings)
@@ -87,7 +90,10 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
 
 
 def _smooth_cost(errors: Array, settings: MultistartSettings) -> Array:
-    """(n,) smooth H for the descent: a quasi-Newton method stalls at the kinks of `max`; a power mean has no kinks."""
+    """(n,) smooth approximation of H for the local search.
+
+    A quasi-Newton method stalls at the kinks of the aggregate `max`. A power mean, which has no kinks, replaces it.
+    """
     combined = cost(errors, settings.aggregate)
     if settings.aggregate != "max":
         return combined

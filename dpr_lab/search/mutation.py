@@ -1,4 +1,4 @@
-"""Hybrid mutation: at one gene or at several, step (7)."""
+"""Hybrid mutation, at one gene or at several genes, step (7)."""
 
 import numpy as np
 
@@ -8,10 +8,10 @@ from dpr_lab.search.problem import Bounds
 
 
 def mutate(genes: Array, rate: float, box: Bounds, rng: np.random.Generator) -> tuple[Array, Flags]:
-    """Give some chromosomes new values on the grid of hybrid coding.
+    """Mutate some of the chromosomes: genes receive new values from the grid of hybrid coding.
 
-    Each chromosome mutates with probability `rate`. With equal probability one gene or several genes (a random number
-    from two to all) change.
+    Each chromosome mutates with probability `rate`. With equal probability one gene changes, or several genes, whose
+    random number lies between two and all.
 
     Args:
         genes: (size, n) chromosomes
@@ -20,7 +20,7 @@ def mutate(genes: Array, rate: float, box: Bounds, rng: np.random.Generator) -> 
         rng: source of randomness
 
     Returns:
-        (size, n) genes and (size,) which chromosomes mutated
+        (size, n) genes, and the (size,) mask of the chromosomes that mutated
 
     Source: docs/theory.md (7); the number of genes in a multi-point mutation is a choice of dpr-lab.
     """

@@ -1,4 +1,4 @@
-"""Orthogonal experiment: best combination of two chromosomes from a few trials, step (6)."""
+"""Orthogonal experiment: search for the best combination of two chromosomes with a few trials, step (6)."""
 
 from collections.abc import Callable
 
@@ -39,7 +39,7 @@ Source: Plackett & Burman (1946), Biometrika 33(4) 305-325, for L12; Sylvester's
 
 
 def array_for(name: str, genes: int) -> Levels:
-    """(runs, genes) the first columns of a named array.
+    """(runs, genes) levels: the first columns of a named array, one for each gene.
 
     Raises:
         ConfigError: the array has fewer columns than there are genes to search for.
@@ -54,7 +54,9 @@ def array_for(name: str, genes: int) -> Levels:
 
 
 def experiment(x: Array, y: Array, levels: Levels, costs: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Best of all trials of each pair and of the combination predicted by their main effects.
+    """Best combination of each pair of chromosomes.
+
+    The candidates of a pair are all its trials and the combination that the main effects of the genes predict.
 
     Args:
         x: (pairs, n) chromosomes, level 0 of each gene
@@ -78,10 +80,12 @@ def experiment(x: Array, y: Array, levels: Levels, costs: Callable[[Array], Arra
 
 
 def better_levels(tried: Array, levels: Levels) -> Levels:
-    """Level of each gene with the lower mean cost of its trials; exact if the cost is a sum over genes.
+    """The better level of each gene, at which the mean cost of the trials is lower.
+
+    The combination of these levels is optimal if the cost is a sum over genes.
 
     Args:
-        tried: (pairs, runs) H of each trial; a failed one counts as the worst of its pair that did not fail
+        tried: (pairs, runs) H of each trial; a failed trial counts as the worst trial of its pair that did not fail
         levels: (runs, n) orthogonal array
 
     Returns:

@@ -16,32 +16,34 @@ from dpr_lab.search.settings import Count, Positive, SearchSettings, Share
 
 
 class PlainGaSettings(SearchSettings, frozen=True):
-    """The traditional genetic algorithm, in real numbers."""
+    """Settings of the traditional genetic algorithm with real-valued genes."""
 
     algorithm: Literal["plain_ga"] = "plain_ga"
     generations: Annotated[int, Field(ge=0)] = 200
     """Maximum number of generations after the initial population."""
     population: Annotated[int, Field(ge=2)] = 100
-    """Chromosomes in the population."""
+    """Number of chromosomes in the population."""
     elite: Count = 2
-    """Number of best chromosomes that survive unchanged."""
+    """Number of the best chromosomes that survive a generation unchanged."""
     tournament: Count = 3
-    """Size of a tournament: number of chromosomes drawn for each parent."""
+    """Number of chromosomes in a tournament, whose winner becomes a parent."""
     crossover_rate: Share = 0.8
-    """Share of the pairs that are crossed."""
+    """Share of the pairs of parents that are crossed."""
     mutation_rate: Share = 0.1
-    """Share of the genes that mutate."""
+    """Share of the genes of the offspring that mutate."""
     mutation_std: Positive = 0.05
-    """Standard deviation of a mutation, share of the gene's range."""
+    """Standard deviation of the Gaussian mutation, as a share of the gene's range."""
 
 
 def plain_ga(
     objective: Objective, bounds: Bounds, settings: PlainGaSettings, rng: np.random.Generator
 ) -> Iterator[Generation]:
-    """Search the box for the smallest H; arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+    """Search the box for the smallest cost H by the traditional genetic algorithm.
 
-    Source: Goldberg (1989), Genetic Algorithms in Search, Optimization and Machine Learning, chapter 1, with real
-    genes instead of bits.
+    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+
+    Source: Goldberg (1989), Genetic Algorithms in Search, Optimization and Machine Learning, chapter 1, with real genes
+    instead of bits.
     """
     problem = SearchProblem(objective, bounds, partial(cost, aggregate=settings.aggregate))
     return generations(problem, _populations(problem, settings, rng), settings)
@@ -59,7 +61,10 @@ def _populations(problem: SearchProblem, settings: PlainGaSettings, rng: np.rand
 
 
 def _crossed(genes: Array, settings: PlainGaSettings, rng: np.random.Generator) -> Array:
-    """(size, n) children; `genes` are sorted, best first, so the winner of a tournament is its lowest index."""
+    """(size, n) children of parents that are selected by tournaments.
+
+    The rows of `genes` are sorted, best first, so the winner of a tournament is its lowest index.
+    """
     size, n = genes.shape
     mothers, fathers = rng.integers(size, size=(2, size, settings.tournament)).min(axis=2)
     point = rng.integers(1, max(2, n), (size, 1))

@@ -1,4 +1,4 @@
-"""A population: chromosomes with their costs, best first."""
+"""A population of chromosomes with their costs, sorted by cost."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ from dpr_lab.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class Population:
-    """Chromosomes with their costs, best first."""
+    """Chromosomes with their costs, the best one first."""
 
     genes: Array
-    """(size, n) free genes."""
+    """(size, n) values of the free genes."""
     cost: Array
     """(size,) cost H of each chromosome."""
 
     def best(self, size: int) -> "Population":
-        """The first `size` individuals."""
+        """Population of the first `size` individuals, which are the best ones."""
         return Population(self.genes[:size], self.cost[:size])
 
 
 def ranked(genes: Array, cost: Array) -> Population:
-    """Sort chromosomes by cost into a population; the sort is stable."""
+    """Sort chromosomes by cost into a population; chromosomes of equal cost keep their order."""
     order = np.argsort(cost, kind="stable")
     return Population(genes[order], cost[order])
 
 
 def merged(first: Population, second: Population) -> Population:
-    """Merge two populations, best first; at equal cost `first` comes first."""
+    """Merge two populations, best first; of two individuals with equal cost, the one from `first` precedes."""
     return ranked(np.vstack([first.genes, second.genes]), np.concatenate([first.cost, second.cost]))

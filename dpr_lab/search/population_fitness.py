@@ -1,10 +1,10 @@
-"""Population fitness: mean fitness of the population relative to its best, docs/theory.md (8)."""
+"""Population fitness: mean fitness of the population relative to its best individual, docs/theory.md (8)."""
 
 from dpr_lab.arrays import Array
 
 
 def population_fitness(fitness: Array) -> float:
-    """Mean fitness of the population as a share of the best one.
+    """Mean fitness of the population as a share of the largest fitness.
 
         f_pop = (1/M) sum_i f_i / f_optimal
 
@@ -12,7 +12,7 @@ def population_fitness(fitness: Array) -> float:
         fitness: (M,) fitness of each individual
 
     Returns:
-        f_pop in 0..1; 0 when every individual failed
+        f_pop in 0..1; 0 if every individual failed
 
     Source: docs/theory.md (8).
     """

@@ -1,4 +1,4 @@
-"""Input and output of a search: common interface of all algorithms."""
+"""Input and output of a search: the interface that all algorithms share."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from dpr_lab.search.settings import SearchSettings
 Settings = TypeVar("Settings", bound=SearchSettings)
 
 Objective = Callable[[Array], Array]
-"""(n, d) candidates -> (n, poses) E(Z) >= 0 of each candidate and pose, docs/theory.md (2); `inf` where one failed."""
+"""Function from (n, d) candidates to (n, poses) errors E(Z) >= 0, docs/theory.md (2); `inf` for a failed candidate."""
 
 Bounds = Array
 """(2, d) lower and upper bound of every gene; a gene whose bounds coincide is fixed."""
@@ -21,48 +21,51 @@ Bounds = Array
 
 @dataclass(frozen=True, slots=True)
 class Generation:
-    """The state of a search after a generation; generation 0 is the initial population."""
+    """State of a search after a generation; generation 0 is the initial population."""
 
     number: int
     evaluations: int
-    """Candidates evaluated so far."""
+    """Number of candidates evaluated so far."""
     best: Array
     """(d,) best candidate so far."""
     best_cost: float
-    """H of the best candidate, `inf` as long as every candidate failed."""
+    """Cost H of the best candidate; `inf` if every candidate has failed so far."""
     best_fitness: float
     population_fitness: float
-    """f_pop of docs/theory.md (8): 1 when the whole population is as good as its best."""
+    """f_pop of docs/theory.md (8): 1 if all individuals are as fit as the best one."""
     population: Array
-    """(size, d) candidates, best first."""
+    """(size, d) candidates, the best one first."""
     cost: Array
-    """(size,) H of each candidate of the population."""
+    """(size,) cost H of each candidate of the population."""
 
 
 @dataclass(frozen=True, slots=True)
 class Algorithm(Generic[Settings]):
-    """One row of `ALGORITHMS`: settings and function of a search.
+    """One row of `ALGORITHMS`: the settings and the function of a search algorithm.
 
-    `run(objective, bounds, settings, rng)` yields generation 0 and then every generation, ends by itself at
-    `settings.generations` or on stagnation, and may be stopped earlier by its consumer. It raises `ValueError`
-    for bounds that are not (2, d), not finite, reversed, or all coincide.
+    `run(objective, bounds, settings, rng)` yields generation 0 and then every generation. It ends at
+    `settings.generations` or on stagnation, and its consumer may stop it earlier. It raises `ValueError` if the bounds
+    are not (2, d), not finite or reversed, or if they all coincide.
     """
 
     settings: type[Settings]
     run: Callable[[Objective, Bounds, Settings, np.random.Generator], Iterator[Generation]]
     words: str
-    """Title."""
+    """Title of the algorithm in words."""
 
 
 @dataclass(slots=True)
 class SearchProblem:
-    """Objective inside a search: function of the free genes with one cost per candidate; counts its evaluations."""
+    """Objective of a search as a function of the free genes, with one cost per candidate.
+
+    An instance counts the evaluations.
+    """
 
     objective: Objective
     bounds: Bounds
     """(2, d) lower and upper bounds of all genes."""
     cost: Callable[[Array], Array]
-    """(n, poses) E -> (n,) H."""
+    """Combination of the errors of all poses: (n, poses) E -> (n,) H."""
     free: Flags = field(init=False)
     """(d,) mask of the free genes."""
     evaluations: int = field(init=False, default=0)
@@ -79,17 +82,21 @@ class SearchProblem:
         return self.bounds[:, self.free]
 
     def candidates(self, genes: Array) -> Array:
-        """(size, n) free genes -> (size, d) with the fixed genes inserted."""
+        """(size, d) candidates from (size, n) free genes, with the fixed genes inserted."""
         genes_of_all = np.tile(self.bounds[0], (len(genes), 1))
         genes_of_all[:, self.free] = genes
         return genes_of_all
 
     def costs(self, genes: Array) -> Array:
-        """(size, n) free genes -> (size,) H, `inf` for a candidate that failed; raises as `errors` does."""
+        """(size,) costs H of candidates given by (size, n) free genes; `inf` for a candidate that failed.
+
+        Raises:
+            ValueError: as `errors`.
+        """
         return self.cost(self.errors(genes)) if len(genes) else np.empty(0)
 
     def errors(self, genes: Array) -> Array:
-        """(size, n) free genes, at least one -> (size, poses) E of the objective.
+        """(size, poses) errors E of candidates given by (size, n) free genes; at least one candidate is required.
 
         Raises:
             ValueError: the objective did not return one row of E >= 0 for each candidate.

@@ -17,11 +17,11 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     generations: Annotated[int, Field(ge=0)] = 1000
     """Maximum number of generations after the initial population."""
     aggregate: Literal["sum", "max", "min"] = "sum"
-    """Combination of the E of the poses to H."""
+    """How the errors E of the poses are combined to the cost H."""
     stagnation_generations: Count | None = None
-    """Stop if the best cost has not decreased noticeably for this number of generations; default: never."""
+    """Number of generations without progress after which the search stops; default: no such limit."""
     stagnation_improvement: Share = 0.01
-    """Relative decrease of the best cost that does not count as progress."""
+    """Relative decrease of the best cost up to which the search counts as stagnant."""
     delta: Positive = 35.0
     """Constant added to H in the fitness; a larger value increases the selection probability of bad individuals."""
     fitness_scale: Positive = 350.0
@@ -29,24 +29,27 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
 
 
 class IgaSettings(SearchSettings, frozen=True):
-    """The improved genetic algorithm, in the symbols of docs/theory.md, section 2."""
+    """Settings of the improved genetic algorithm, in the symbols of docs/theory.md, section 2."""
 
     algorithm: Literal["iga"] = "iga"
     population: Annotated[int, Field(ge=2)] = 200
-    """M, chromosomes in the population."""
+    """M, the number of chromosomes in the population."""
     crossover_rate: Annotated[Share, Field(gt=0)] = 0.8
-    """Pc; a generation has M Pc / 2 offspring."""
+    """Pc, the crossover rate; a generation has M Pc / 2 offspring."""
     mutation_rate: Share = 0.1
-    """Pm, share of the offspring that mutate."""
+    """Pm, the share of the offspring that mutate."""
     alpha: Share = 0.999
-    """Dynamic encoding and feedback mutation are used if f_pop exceeds this value."""
+    """Population fitness f_pop above which the population may count as converged.
+
+    Dynamic encoding and feedback mutation are used if the best fitness also exceeds `sigma`.
+    """
     sigma: NotNegative = 5.0
-    """Dynamic encoding and feedback mutation are used if the best fitness exceeds this value."""
+    """Best fitness above which the population may count as converged; the second condition is `alpha`."""
     mu: Positive = 0.95
-    """Lower end of dynamic encoding: mu times the best gene."""
+    """Lower end of the range of dynamic encoding, as a multiple of the best gene."""
     nu: NotNegative = 0.1
-    """Upper end of dynamic encoding: (mu + nu) times the best gene."""
+    """Width of the range of dynamic encoding: its upper end is (mu + nu) times the best gene."""
     similarity: Share = 0.01
-    """Maximum difference, relative to the range, of genes that count as equal in the feedback mutation."""
+    """Largest difference, as a share of the gene's range, at which the feedback mutation regards two genes as equal."""
     orthogonal_array: Literal["L8", "L12", "L16"] = "L12"
-    """Two-level array of the orthogonal experiment: number of trials for 7, 11 or 15 genes."""
+    """Two-level array of the orthogonal experiment, with 8, 12 or 16 trials for up to 7, 11 or 15 genes."""

@@ -1,1 +1,4 @@
-"""Blind trials: a random plant is sealed, recorded, diagnosed, revealed and scored."""
+"""Blind trials: a random plant is sealed, recorded and diagnosed.
+
+Its truth is then revealed and the diagnosis scored.
+"""

@@ -1,9 +1,11 @@
-"""Campaigns of many trials: numbered cases with results stored line by line, for continuation.
+"""Campaigns of many trials with numbered cases.
 
-campaign.json   definition of the campaign; a folder contains one campaign
-trials.jsonl    one line for each finished trial
-summary.json    scores
-.lock           locked while a campaign runs
+The results are stored line by line, so that an interrupted campaign can be continued.
+
+    campaign.json   definition of the campaign; a folder contains one campaign
+    trials.jsonl    one line for each finished trial
+    summary.json    scores
+    .lock           locked while a campaign runs
 """
 
 import json
@@ -31,26 +33,35 @@ SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """Definition of a campaign: trial `number` hides `kinds[number % len(kinds)]`, drawn with `seed + number`."""
+    """Definition of a campaign.
+
+    Trial `number` hides content of the kind `kinds[number % len(kinds)]`, drawn with the seed `seed + number`.
+    """
 
     kinds: tuple[Kind, ...]
     level: Level = Level.CLEAR
     seed: int = 1
     rig: str = "paper"
-    """Rig file or built-in name: centre of the random rigs."""
+    """Rig file or built-in name of the rig about which the random rigs are drawn."""
     plant: str = "paper"
-    """Plant file or built-in name: centre of the random plants; every worker needs access to the file."""
+    """Plant file or built-in name of the plant about which the random plants are drawn.
+
+    Every worker reads this file.
+    """
     arm: TrialArm | None = None
-    """Mode of the arm; None: that of the rig file."""
+    """Mode of the arm; None: the mode of the rig file."""
     strategies: tuple[str, ...] = ()
-    """Names of `STRATEGIES`: each plant is recorded release by release until decided, by each strategy. Empty: each
-    plant is recorded once from each pose of the rig file."""
+    """Names of the sequential strategies, keys of `STRATEGIES`.
+
+    With strategies, each plant is recorded by each of them, release by release, until its causes are decided. Without
+    strategies, each plant is recorded once from each pose of the rig file.
+    """
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:
-        """Requests of the trials with these numbers, as JSON values.
+        """Requests for the trials with the given numbers, as JSON values.
 
         Raises:
-            ConfigError: unknown rig.
+            ConfigError: the rig is unknown.
         """
         path = load_rig(self.rig).path
         assert path is not None
@@ -68,7 +79,7 @@ class Campaign:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A trial that ended with an error; it is repeated when the campaign continues."""
+    """A trial that ended with an error; it is repeated when the campaign is continued."""
 
     number: int
     error: str
@@ -79,7 +90,7 @@ class Tried:
     """Results of a campaign."""
 
     outcomes: tuple[TrialOutcome, ...]
-    """Results ordered by number."""
+    """Results of the successful trials, in the order of their numbers."""
     failures: tuple[Failure, ...]
 
 
@@ -92,19 +103,19 @@ def run_campaign(
     scheduler: str | None = None,
     on_trial: Callable[[int, TrialOutcome | Failure | None], None] = lambda done, last: None,
 ) -> Tried:
-    """Run the first `n` trials of a campaign, except those that the folder already contains.
+    """Run the first `n` trials of a campaign, except those whose results the folder already contains.
 
     Args:
         campaign: definition of the campaign
         n: total number of trials
         folder: folder of the campaign, created or continued
         jobs: number of processes on this machine
-        scheduler: address of a dask scheduler to use instead
-        on_trial: called at the start and after each with the number done and the last result
+        scheduler: address of a dask scheduler that is used instead of these processes
+        on_trial: called at the start and after each trial, with the number of finished trials and the last result
 
     Raises:
-        RunError: the folder contains another campaign, or one that is running.
-        DprError: a file cannot be written, or the workers are lost; finished trials are kept.
+        RunError: the folder contains another campaign, or a campaign that is running.
+        DprError: a file cannot be written, or the workers are lost; the results of finished trials are kept.
     """
     with _alone(folder):
         _claim(folder, campaign)
@@ -125,7 +136,7 @@ def run_campaign(
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Lock a folder against other processes; the system releases the lock when a process is killed."""
+    """Lock a folder against other processes; the operating system releases the lock when a process is killed."""
     lock = FileLock(folder / LOCK, timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -148,7 +159,7 @@ def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]
 
 
 def _claim(folder: Path, campaign: Campaign) -> None:
-    """Write the definition of a campaign to a folder, or check that it is unchanged."""
+    """Write the definition of a campaign to a folder; in a folder that contains one, check that it is the same."""
     settings = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
     file = folder / SETTINGS
     if not file.exists():
@@ -162,7 +173,9 @@ def _claim(folder: Path, campaign: Campaign) -> None:
 
 
 def read_trials(folder: Path) -> dict[int, TrialOutcome]:
-    """Trials in a folder by number. An incomplete last line of a killed process is removed from the file.
+    """Outcomes of the trials in a folder, by number.
+
+    A process that was killed can leave an incomplete last line, which is removed from the file.
 
     Raises:
         RunError: a complete line is not a valid trial.

@@ -1,7 +1,7 @@
-"""One trial of a campaign, in any process: the case and its outcome are JSON.
+"""One trial of a campaign, run in any process; the case and its outcome are JSON values.
 
-The device records its plant directly, without link and without waiting: the counts are the same, and hundreds of trials
-are feasible.
+The device records its plant directly, without link and without waiting. The counts are the same as through the link,
+and hundreds of trials are feasible.
 """
 
 import time
@@ -55,7 +55,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 
 
 def run_of(recording: dict[str, Any], rig: Rig) -> Run:
-    """The run that results from reading a run file of this recording."""
+    """The run that `load_run` would return for a run file of this recording."""
     t, counts, pose = np.array(recording["t"]), np.array(recording["counts"], dtype=np.int64), recording["pose"]
     theta = rig.theta(counts)
     return Run(

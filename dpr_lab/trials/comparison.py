@@ -1,6 +1,7 @@
-"""A revealed trial as a table: each hidden effect with its diagnosis, then wrongly named effects.
+"""A revealed trial as a table: each hidden effect with its diagnosis, followed by wrongly named effects.
 
-If only ratios to b are identified, both sizes are given as ratios, followed by absolute values with the assumed b.
+If only ratios to b are identified, true and estimated sizes are both given as ratios, followed by absolute values with
+the assumed b.
 """
 
 from dpr_lab.gap.result.causes import NamedEffect
@@ -18,7 +19,10 @@ COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % inte
 
 
 def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
-    """One row for each hidden and each wrongly named effect; a cell has one line for each size."""
+    """Table rows, one for each hidden effect and one for each wrongly named effect.
+
+    A cell has one line for each size.
+    """
     truth, diagnosis = opened.truth, Diagnosis.model_validate(opened.diagnosis)
     unmatched = [effect for effect in diagnosis.effects if effect.name in opened.outcome.named]
     sizes = truth.sizes(rig, assumed_inertia(opened.diagnosis, rig))
@@ -46,5 +50,5 @@ def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, s
 
 
 def _lines(sizes: str) -> str:
-    """Cell with one size per line, so that true and estimated sizes of an effect are next to each other."""
+    """Text of a cell with one size per line, so that true and estimated sizes of an effect are next to each other."""
     return sizes.replace("; ", "\n")

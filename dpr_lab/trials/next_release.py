@@ -1,4 +1,4 @@
-"""Selection of the next release of a sequential trial: by plan, from a fixed menu, or at random."""
+"""Selection of the next release of a sequential trial: by a plan, from a fixed menu, or at random."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,12 +17,12 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class SequentialSettings:
-    """Settings common to all strategies."""
+    """Settings that all strategies share."""
 
     duration_s: float = 10.0
-    """Duration of every release, except those of the strategy `free`."""
+    """Duration of every release, s; the strategy `free` chooses its own durations."""
     most: int = 6
-    """Releases after which a plant counts as undecided."""
+    """Number of releases after which a plant counts as undecided."""
 
 
 SEQUENTIAL = SequentialSettings()
@@ -32,40 +32,40 @@ EQUAL_TIMES = RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENT
 
 
 def limits_of(rig: Rig, largest_input: float | None = None, times: RecordingTimes = EQUAL_TIMES) -> PlanLimits:
-    """Kinds of releases in a plan: the same as for the menu and the random poses.
+    """Limits of the plans in a sequential trial: a plan may use the same kinds of releases as the other strategies.
 
     Args:
-        rig: its mounted rods and the mode of its arm are not changed
-        largest_input: of the arm's motor, the largest of the program that the menu and the random poses use
+        rig: the rig; its mounted rods and the mode of its arm do not change
+        largest_input: largest input of the arm's motor in the program that the other strategies use
         times: permitted durations
     """
     return PlanLimits(recording=times, arm=ArmPlan(modes=(arm_of(rig),), input=largest_input))
 
 
 def arm_of(rig: Rig) -> ArmState:
-    """State of the arm in every release."""
+    """State of the arm in every release of a rig."""
     return rig.arm.mode if rig.arm.mode in ("free", "driven") else "held"
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """Runs and results before the next release."""
+    """Situation before the next release of a sequential trial."""
 
     rig: Rig
     runs: Sequence[Run]
     diagnosis: Diagnosis | None
-    """Diagnosis of these runs; None before the first one."""
+    """Diagnosis of the runs recorded so far; None before the first run."""
     rng: np.random.Generator
     limits: PlanLimits
     proposal: Plan | None = None
-    """Plan after these runs; None before the first one."""
+    """Plan computed after the runs recorded so far; None before the first run."""
 
 
 Chooser = Callable[[Situation], tuple[CandidateRelease, Plan | None]]
 
 
 def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
-    """The first release of a plan."""
+    """Choose the first release of a plan."""
     proposal = now.proposal or plan(now.rig, limits=now.limits, count=2)
     first = proposal.releases[0]
     release = _release(now.rig, first.theta1_rad, first.theta2_rad)
@@ -73,7 +73,7 @@ def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
-    """The poses of the rig file, then those of the menu of recommended recordings, in order."""
+    """Choose the next release of a fixed list: the poses of the rig file, then the menu of recommended recordings."""
     poses = [_release(now.rig, pose.theta1, pose.theta2) for pose in now.rig.poses.values()]
     alone = now.rig.rods.mounting in ("inner", "outer")
     menu = [
@@ -85,25 +85,25 @@ def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
-    """A random pose, uniformly distributed."""
+    """Choose a random start pose, uniformly distributed over both angles."""
     theta1, theta2 = now.rng.uniform(0.0, 2 * np.pi, 2).tolist()
     return _release(now.rig, theta1, theta2), None
 
 
 def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
-    """A release of the rig without a change of the setup; a driven arm follows the program of the device."""
+    """A release with the present setup of the rig; a driven arm follows the program of the device."""
     mounting = rig.rods.mounting
     return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s, mounting, rig.added_mass, arm=arm_of(rig))
 
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """A way to choose the releases of a sequential trial."""
+    """A strategy: how the releases of a sequential trial are chosen."""
 
     choose: Chooser
-    """Selects the next release."""
+    """Function that selects the next release."""
     times: RecordingTimes = EQUAL_TIMES
-    """Durations that a plan may choose."""
+    """Range of durations from which a plan may choose."""
 
 
 STRATEGIES: dict[str, Strategy] = {
@@ -112,4 +112,4 @@ STRATEGIES: dict[str, Strategy] = {
     "menu": Strategy(from_menu),
     "random": Strategy(at_random),
 }
-"""Name -> strategy; `free` is a plan that also chooses the durations, 10 to 30 s."""
+"""All strategies by name; `free` is a plan that also chooses the durations, between 10 and 30 s."""

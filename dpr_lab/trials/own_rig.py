@@ -1,8 +1,9 @@
-"""Blind trials on plants like one rig: the corrected model, recorded in the same way with different noise.
+"""Blind trials on plants that resemble one rig.
 
-The readings are simulated by dpr-lab's own model with a quarter of its step. The trials therefore show the reliability
-of names for this rig, these recordings and this noise, but not for effects outside the library. `dpr-lab trials` uses
-plants of an independent program.
+Each plant is the corrected model of the rig, recorded in the same way with different noise. dpr-lab's own model
+simulates the readings with a quarter of its step. The trials therefore show how reliable the names are for this rig,
+these recordings and this noise, but not for effects outside the library. `dpr-lab trials` uses plants of an independent
+program.
 """
 
 import time
@@ -39,14 +40,17 @@ Effects = Mapping[str, Params]
 
 @dataclass(frozen=True, slots=True)
 class OwnRigSettings:
-    """Hidden content and simulation of a plant."""
+    """Settings of the plants: their hidden content and their simulation."""
 
     times_detectable: tuple[float, float] = (2.0, 20.0)
-    """Range of the sizes of drawn effects, relative to the minimum detectable size; uniform in the logarithm."""
+    """Range of the sizes of drawn effects, relative to the minimum detectable size.
+
+    The logarithm of the size is distributed uniformly.
+    """
     finer: float = 4.0
-    """Factor by which the step is smaller than in the fits."""
+    """Factor by which the integration step of a plant is smaller than the step of the fits."""
     kinds: tuple[str, ...] = ("as found", "another", "another", "clean")
-    """Kinds of plants in turn."""
+    """Kinds of plants; successive trials take them in turn."""
 
 
 OWN_RIG = OwnRigSettings()
@@ -54,7 +58,7 @@ OWN_RIG = OwnRigSettings()
 
 @dataclass(frozen=True, slots=True)
 class _Original:
-    """A recording, and the initial state of its plant."""
+    """A recording, and the initial state from which its plant is simulated."""
 
     run: Run
     seen: Screened
@@ -75,7 +79,7 @@ def trust(
     processes: int = 1,
     on_trial: Callable[[int], None] = lambda done: None,
 ) -> Trust:
-    """Test a diagnosis on plants with known truth.
+    """Test a diagnosis on simulated plants whose truth is known.
 
     Args:
         diagnosis: the diagnosis of the rig
@@ -83,10 +87,10 @@ def trust(
         rig: the rig
         count: number of trials
         library: the candidate effects
-        max_effects: maximum number of effects at once
+        max_effects: maximum number of effects in a diagnosis
         seed: seed of plants and noise
-        processes: number of trials in parallel; with 1 they run in this process
-        on_trial: called before the first and after each with the number done
+        processes: number of trials in parallel; with 1 the trials run in this process
+        on_trial: called before the first trial and after each trial, with the number of finished trials
 
     Raises:
         DprError: a process was killed.
@@ -104,13 +108,16 @@ def trust(
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """Data shared by all trials. An instance is called with the number of a trial, in any process."""
+    """Data that all trials share; an instance is called with the number of a trial, in any process."""
 
     diagnosis: Diagnosis
     originals: tuple[_Original, ...]
     rig: Rig
     library: tuple[str, ...]
-    """Names instead of effect objects, because compiled kernels cannot be sent to another process."""
+    """Names of the candidate effects.
+
+    The effects themselves contain compiled kernels, which no other process can receive.
+    """
     max_effects: int
     seed: int
 
@@ -132,7 +139,7 @@ class _Plan:
 
 
 def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Iterator[tuple[int, TrustTrial]]:
-    """Each finished trial with its number, from this process or from others."""
+    """Yield each finished trial with its number; the trials run in this process or in others."""
     if processes < 2:
         yield from ((number, trial(number)) for number in range(count))
         return
@@ -159,7 +166,7 @@ def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
-    """A random effect that was not named but is detectable; one of its amplitudes has a random size."""
+    """A random detectable effect that the diagnosis does not name, with a random size of one of its amplitudes."""
     named = {effect.name for effect in diagnosis.effects}
     detectable = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in detectable if n in library and n not in named and detectable[n] and not library[n].event]
@@ -175,7 +182,7 @@ def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random
 
 
 def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
-    """Readings of a plant at the instants of a recording; the rest before the release is unchanged."""
+    """Simulated readings of a plant at the instants of a recording; the readings before the release are unchanged."""
     run, screened = original.run, original.seen
     swing = run.t > original.start_s
     finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
@@ -230,7 +237,10 @@ def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
 
 
 def _cells(trial: TrustTrial) -> list[tuple[str, str]]:
-    """(true, named) pairs for each effect and each name; missed effects and wrong names are paired with each other."""
+    """Cells of the confusion table, as (true, named) pairs.
+
+    A correctly named effect is paired with itself. Missed effects are paired with wrong names.
+    """
     missed = [name for name in trial.truth if name not in trial.right]
     count = max(len(missed), len(trial.wrong))
     pairs = zip(

@@ -32,28 +32,28 @@ RIG_FILE, DEVICE = "rig.toml", "device"
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Folder of the trial."""
+    """A trial in a folder."""
 
     folder: Path
     seal: str
-    """Hex SHA-256 of salt and truth."""
+    """Seal of the plant: hexadecimal SHA-256 of salt and truth."""
     asked: str
-    """Requested kind and level, such as `any:clear`."""
+    """Kind and level that were requested, such as `any:clear`."""
     runs: tuple[Path, ...]
 
     @property
     def rig(self) -> Rig:
-        """Rig file of the plant."""
+        """Rig of the trial, read from the rig file of the plant."""
         return load_rig(self.folder / RIG_FILE)
 
     @property
     def diagnosis(self) -> Path:
-        """Path of the diagnosis."""
+        """Path of the file with the diagnosis."""
         return self.folder / "diagnosis.json"
 
     @property
     def opened(self) -> Path:
-        """Path of the truth and the score."""
+        """Path of the file with the truth and the score."""
         return self.folder / "opened.json"
 
 
@@ -67,9 +67,9 @@ class Opened:
 
 
 def keep_runs(folder: Path, seal: str, request: PlantRequest, files: Sequence[Path]) -> Trial:
-    """Write the file which states that a plant is drawn, sealed and recorded.
+    """Write `trial.json`, which states that a plant was drawn, sealed and recorded.
 
-    From then on the folder contains a trial.
+    The folder contains a trial once this file exists.
     """
     names = [path.relative_to(folder).as_posix() for path in files]
     write_json({"seal": seal, "asked": f"{request.kind}:{request.level}", "runs": names}, folder / "trial.json")
@@ -77,10 +77,10 @@ def keep_runs(folder: Path, seal: str, request: PlantRequest, files: Sequence[Pa
 
 
 def read_trial(folder: Path) -> Trial:
-    """Trial in a folder.
+    """Read the trial in a folder.
 
     Raises:
-        RunError: there is no trial, or its draw was not finished.
+        RunError: the folder contains no trial, or the draw of its plant was not finished.
     """
     file = folder / "trial.json"
     if not file.is_file():
@@ -93,27 +93,27 @@ def read_trial(folder: Path) -> Trial:
 
 
 def recordings(trial: Trial) -> list[Run]:
-    """Runs of the trial.
+    """Runs of the trial, read from their files.
 
     Raises:
-        RunError: a run that cannot be read.
+        RunError: a run cannot be read.
     """
     rig = trial.rig
     return [load_run(path, rig=rig) for path in trial.runs]
 
 
 def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
-    """Write the diagnosis.
+    """Write the diagnosis of a trial.
 
     Raises:
-        RunError: the trial is already open, so the diagnosis would not be blind.
+        RunError: the truth is already revealed, so the diagnosis would not be blind.
     """
     refuse_opened(trial)
     write_json(diagnosis, trial.diagnosis)
 
 
 def refuse_opened(trial: Trial) -> None:
-    """Raise RunError if the truth is already known."""
+    """Raise RunError if the truth of the trial is already revealed."""
     if trial.opened.exists():
         raise RunError(f"{trial.folder}: this trial was opened already; a diagnosis after that would not be blind")
 
@@ -122,8 +122,8 @@ def open_trial(trial: Trial) -> Opened:
     """Reveal the plant, verify the seal, and score the diagnosis.
 
     Raises:
-        RunError: there is no diagnosis yet.
-        DprError: the seal is broken.
+        RunError: the trial has no diagnosis yet.
+        DprError: the truth does not match the seal.
     """
     if not trial.diagnosis.is_file():
         raise RunError(f"{trial.folder}: is not diagnosed yet, so it stays sealed: dpr-lab trials run {trial.folder}")

@@ -13,30 +13,30 @@ NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
 STEP = MISSED_COUNTS.name
 SURE = 0.5
-"""A wrong name counts as claimed if its probability exceeds this value."""
+"""Probability above which a wrong name counts as claimed by the diagnosis."""
 
 Json = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """One hidden effect."""
+    """One hidden effect of a plant."""
 
     name: str
     over_limit: float | None
-    """Size relative to the minimum detectable size of the diagnosis; None if unknown."""
+    """Size relative to the minimum detectable size of the diagnosis; None if this size is unknown."""
     named: bool
-    """Whether the diagnosis names it or a member of its class."""
+    """Whether the diagnosis names the effect or a member of its class."""
 
 
 @dataclass(frozen=True, slots=True)
 class SizeError:
-    """Error of one amplitude of a named effect."""
+    """Error of one estimated amplitude of a named effect."""
 
     effect: str
     parameter: str
     relative: float
-    """|estimate - true value| over the largest true amplitude of the effect in the same unit."""
+    """|estimate - true value|, divided by the largest true amplitude of the effect in the same unit."""
     covered: bool
     """Whether the 90 % interval contains the true value."""
     leads: bool
@@ -45,7 +45,7 @@ class SizeError:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A statement with a probability, and whether it was true."""
+    """A statement of a diagnosis with its probability, and whether the statement is true."""
 
     probability: float
     true: bool
@@ -53,56 +53,62 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class TrialOutcome:
-    """One trial, scored."""
+    """Outcome of one trial: the truth, the diagnosis and their comparison."""
 
     kind: str
     level: str
     seed: int
     truth: tuple[str, ...]
-    """Names of the hidden effects, the largest first; an out-of-library effect by its own name."""
+    """Names of the hidden effects, the largest effect first; an out-of-library effect has its own name."""
     held_back: bool
     verdict: str
     named: tuple[str, ...]
     """Named effects in the order of the diagnosis."""
     class_sizes: tuple[int, ...]
-    """Number of effects in the class of each named effect; a class of the whole library would always be right."""
+    """Number of effects in the class of each named effect.
+
+    This number is needed for comparison, because a class that contains the whole library would always be right.
+    """
     first: bool
-    """Whether the first name is one of the causes."""
+    """Whether the first named effect is one of the causes."""
     top3: bool
-    """Whether one of the causes is among the first three names, including alternatives."""
+    """Whether one of the causes is among the first three names; alternatives count as names."""
     exact: bool
-    """Whether the names are exactly the causes."""
+    """Whether the named effects are exactly the causes."""
     invented: bool
-    """Whether a name is not a cause."""
+    """Whether at least one named effect is not a cause."""
     silent: bool
     """Whether the diagnosis reports no gap."""
     wrong_name: bool
-    """Whether a name that is not a cause has a probability above `SURE`."""
+    """Whether a named effect that is not a cause has a probability above `SURE`."""
     admitted: bool
-    """Whether the diagnosis reports an unexplained part."""
+    """Whether the diagnosis reports that part of the gap is unexplained."""
     explained_share: float
     closed: float
-    """Share of the gap above the noise floor that closes on held-out data; nan if the diagnosis gives none."""
+    """Share of the gap above the noise floor that closes on held-out data.
+
+    nan if the diagnosis does not state this share.
+    """
     sizes: tuple[SizeError, ...]
     claims: tuple[Claim, ...]
     sensor_findings: tuple[str, ...]
     faults_missed: tuple[str, ...]
-    """Encoder faults of the plant that no sensor finding names."""
+    """Encoder faults of the plant to which no sensor finding corresponds."""
     seconds: float
     seal: str = ""
     causes: tuple[Cause, ...] = ()
-    """Hidden effects of the library, with their sizes relative to the minimum detectable ones."""
+    """Hidden effects with their sizes relative to the minimum detectable sizes."""
     classes: tuple[tuple[str, ...], ...] = ()
-    """Members of each named class; empty in an outcome of an older version."""
+    """Members of the class of each named effect; empty in an outcome of an older version."""
 
     @property
     def named_classes(self) -> tuple[tuple[str, ...], ...]:
-        """Members of each named class, the named effect first."""
+        """Members of the class of each named effect, the named effect itself first."""
         return self.classes or tuple((name,) for name in self.named)
 
     @property
     def grade(self) -> str:
-        """Grade of the trial: right, right in part, not named, or wrong."""
+        """Grade of the trial: `right`, `right in part`, `not named` or `wrong`."""
         if not self.truth or self.kind == "outside":
             right = self.admitted and not self.wrong_name if self.truth else self.silent
             return "right" if right else "wrong"
@@ -114,9 +120,10 @@ class TrialOutcome:
 
     @property
     def is_true(self) -> bool:
-        """Whether the statement of the diagnosis is true: it is right, or all unnamed effects are too small to detect.
+        """Whether the statement of the diagnosis is true.
 
-        "No gap", or a list of causes, is a statement about effects above the minimum detectable sizes of the diagnosis.
+        This is the case if the grade is `right`, or if every unnamed effect is too small to be detected. "No gap", or a
+        list of causes, is a statement about effects above the minimum detectable sizes of the diagnosis.
         """
         if self.grade == "right":
             return True
@@ -124,7 +131,7 @@ class TrialOutcome:
         return bool(self.causes) and small and not self.invented and self.verdict in ("no_gap", "named")
 
     def to_json(self) -> dict[str, Any]:
-        """The outcome as a dict, non-finite numbers as null; inverse of `read_outcome`."""
+        """The outcome as a dict, with null for non-finite numbers; `read_outcome` is the inverse."""
         numbers = {name: value for name in _NUMBERS if math.isfinite(value := getattr(self, name))}
         return asdict(self) | dict.fromkeys(_NUMBERS) | numbers
 
@@ -134,7 +141,7 @@ _NUMBERS = ("explained_share", "closed")
 
 
 def read_outcome(saved: Mapping[str, Any]) -> TrialOutcome:
-    """Outcome from the dict of `to_json`."""
+    """Outcome from the dict that `TrialOutcome.to_json` returns."""
     lists = {name: tuple(saved[name]) for name in _LISTS}
     sizes, claims = (
         tuple(make(**record) for record in saved[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
@@ -150,16 +157,16 @@ def read_outcome(saved: Mapping[str, Any]) -> TrialOutcome:
 def score(
     diagnosis: Json, truth: Truth, rig: Rig, *, kind: str, level: str, seed: int, seconds: float, seal: str = ""
 ) -> TrialOutcome:
-    """Score a diagnosis.
+    """Score a diagnosis against the revealed truth.
 
     Args:
         diagnosis: output of `dpr-lab diagnose --json`
-        truth: the revealed plant
+        truth: the revealed truth of the plant
         rig: the rig file of the diagnosis
         kind: the requested kind
         level: the requested visibility
         seed: seed of the draw
-        seconds: duration of the diagnosis
+        seconds: duration of the diagnosis, s
         seal: the published seal
     """
     effects = _named(diagnosis)
@@ -197,7 +204,10 @@ def score(
 
 
 def _named(diagnosis: Json) -> list[Json]:
-    """Named effects; a step found only by the sensor screening counts as a name without a probability."""
+    """Effects that the diagnosis names.
+
+    A step that only the sensor screening found counts as a named effect without a probability.
+    """
     effects: list[Json] = list(diagnosis["effects"]) if diagnosis["verdict"] in NAMING else []
     steps = any(finding["name"] == STEP for finding in diagnosis["sensor_findings"])
     if steps and all(effect["name"] != STEP for effect in effects):
@@ -221,7 +231,7 @@ def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) ->
 
 
 def _faults(truth: Truth) -> list[str]:
-    """Expected sensor findings for the encoders of the plant."""
+    """Names of the sensor findings that the faulty encoders of the plant should cause."""
     hidden_faults = {
         "undithered_quantisation": truth.encoders["step_counts"] > 1,
         "jitter": truth.encoders["jitter_ms"] > 0,
@@ -233,13 +243,13 @@ def _faults(truth: Truth) -> list[str]:
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:
-    """True cause that an effect of a diagnosis and its class correspond to; None if there is none."""
+    """Index of the true cause that an effect of a diagnosis, or a member of its class, names; None if there is none."""
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
 
 
 def _claims(diagnosis: Json, effects: Sequence[Json], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
-    """Claims with a probability: each named effect, or no gap, or a gap without a name."""
+    """Statements of the diagnosis with a probability: each named effect, or no gap, or an unexplained gap."""
     if claimed := _claimed(effects, hits):
         return claimed
     true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(diagnosis["verdict"], False)
@@ -252,7 +262,10 @@ def _claimed(effects: Sequence[Json], hits: Sequence[int | None]) -> list[Claim]
 
 
 def _sizes(effects: Sequence[Json], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
-    """Errors of the amplitudes of effects that were named themselves, not through an indistinguishable effect."""
+    """Errors of the estimated amplitudes of correctly named effects.
+
+    An effect that was named only through an indistinguishable one has no estimate of its own and is left out.
+    """
     errors: list[SizeError] = []
     for effect in effects:
         amplitudes = true.get(effect["name"], {})

@@ -1,6 +1,7 @@
-"""Requests to the process of the simulated device: draw and seal a plant, and reveal it.
+"""Requests to the process of the simulated device, which draws, seals and reveals a plant.
 
-The truth stays in a folder of the device, which dpr-lab never reads; dpr-lab gets a seal, a rig file and recordings.
+The truth stays in a folder of the device, which dpr-lab never reads. dpr-lab receives a seal, a rig file and
+recordings.
 """
 
 import json
@@ -18,10 +19,10 @@ from dpr_lab.errors import ConfigError, DprError
 
 
 class Kind(StrEnum):
-    """Kind of hidden content of a plant."""
+    """Kind of the hidden content of a plant."""
 
     ANY = "any"
-    """Any of the other kinds; the kind is hidden too."""
+    """One of the kinds in `DRAWN`; the kind itself is hidden too."""
     SINGLE = "single"
     """One effect of the library."""
     PAIR = "pair"
@@ -29,19 +30,19 @@ class Kind(StrEnum):
     CLEAN = "clean"
     """No effect."""
     FORM = "form"
-    """An effect of the library in another functional form."""
+    """An effect of the library with another functional form."""
     OUTSIDE = "outside"
     """An effect outside the library."""
     DIRTY = "dirty"
     """Faulty encoders, with one effect or without an effect."""
     DRIVEN = "driven"
-    """Driven joints with reported torques, with or without a fault of the drives; never part of `ANY`."""
+    """Driven joints with reported torques, with or without a fault of the drives; never chosen by `ANY`."""
     BACKGROUND = "background"
-    """One effect among several small ones, sometimes with a fault of the logger; never part of `ANY`."""
+    """One effect among several small ones, sometimes with a fault of the logger; never chosen by `ANY`."""
 
 
 DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, Kind.DRIVEN, Kind.BACKGROUND))
-"""Kinds of free swings, from which `ANY` chooses."""
+"""Kinds of plants that swing freely; `ANY` chooses one of them."""
 
 
 ON_ARM: tuple[Kind, ...] = (Kind.SINGLE, Kind.PAIR, Kind.TRIPLE, Kind.CLEAN, Kind.DIRTY)
@@ -56,49 +57,50 @@ class Level(StrEnum):
     SUBTLE = "subtle"
     """A gap of about the size of the noise."""
     FAINT = "faint"
-    """One to ten times the smallest size that is detectable in one release of 10 s."""
+    """Effects between one and ten times the smallest size that is detectable in one release of 10 s."""
 
 
 class TrialArm(StrEnum):
     """Mode of the arm of a plant."""
 
     FREE = "free"
-    """The arm moves by itself; effects at joint 0 are drawn."""
+    """The arm moves freely; effects at joint 0 may be drawn."""
     DRIVEN = "driven"
-    """A motor drives the arm with a reported input; effects at joint 0 and of the drive are drawn."""
+    """A motor drives the arm with a reported input; effects at joint 0 and of the drive may be drawn."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlantRequest:
-    """Plant to be drawn by the simulated device."""
+    """Request for a plant that the simulated device draws."""
 
     kind: Kind = Kind.ANY
     level: Level = Level.CLEAR
     seed: int | None = None
-    """Seed; None: 128 random bits, so that nobody can draw the plant again. With a small seed, the plant can be
-    found by trying seeds.
+    """Seed of the draw; None: 128 random bits, so that nobody can repeat the draw.
+
+    A small seed can be found by trial, and the plant with it.
     """
     rig: str = "paper"
-    """Rig file or built-in name: centre of the random rig."""
+    """Rig file or built-in name of the rig about which the random rig is drawn."""
     plant: str = "paper"
-    """Plant file or built-in name: centre of the random plant; never read here."""
+    """Plant file or built-in name of the plant about which the random plant is drawn; dpr-lab never reads this file."""
     arm: TrialArm | None = None
-    """Mode of the arm; None: that of the rig file."""
+    """Mode of the arm; None: the mode of the rig file."""
 
 
 def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[str, Any]:
     """Draw and seal a plant in a folder of the simulated device.
 
     Args:
-        request: what to draw
-        folder: created by the device
-        direct: whether the device also records it, without link
+        request: the requested plant
+        folder: folder that the device creates
+        direct: whether the device also records the plant, without link
 
     Returns:
-        `seal`; `rig`, the text of its rig file; `runs` if recorded
+        `seal`; `rig`, the text of the plant's rig file; `runs` if the plant is recorded
 
     Raises:
-        ConfigError: unknown rig or plant, or the folder exists already.
+        ConfigError: rig or plant is unknown, or the folder exists already.
     """
     from dpr_lab.kernel_cache import compiling_simulator  # hashes every kernel source
 
@@ -114,14 +116,17 @@ def _words(request: PlantRequest) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class HeldPlant:
-    """A sealed plant whose truth is in the memory of another process."""
+    """A sealed plant whose truth exists only in the memory of another process."""
 
     public: dict[str, Any]
-    """Result of `seal`."""
+    """Public data of the plant, as `seal` returns them."""
     _ask: Callable[[str], dict[str, Any]]
 
     def record(self, release: dict[str, Any]) -> dict[str, Any]:
-        """Record a release: `theta1`, `theta2`, `duration_s`, and any `rods` and `added_mass` as in a rig file.
+        """Record one release of the plant.
+
+        Args:
+            release: `theta1`, `theta2`, `duration_s`, and optionally `rods` and `added_mass` as in a rig file
 
         Raises:
             DprError: the rig cannot make this release.
@@ -129,7 +134,7 @@ class HeldPlant:
         return self._ask(json.dumps(release))
 
     def opened(self) -> dict[str, Any]:
-        """Truth and salt of the plant; nothing can be recorded after this request."""
+        """Reveal truth and salt of the plant, which can then no longer be recorded."""
         return self._ask("open")
 
 
@@ -138,13 +143,13 @@ def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) ->
     """Draw and seal a plant in a process that keeps the truth only in memory.
 
     Args:
-        request: what to draw
-        rig: text of the rig file at the centre of the draw
+        request: the requested plant
+        rig: text of the rig file about which the plant is drawn
         direct: whether the device itself records one release from each pose of the rig file, without a link
 
     Raises:
-        ConfigError: the device refuses a file or an argument; with its message.
-        DprError: the device failed; with its message.
+        ConfigError: the device refuses a file or an argument; the error contains its message.
+        DprError: the device failed; the error contains its message.
     """
     words = [sys.executable, "-m", "sim_device", *_words(request), "--seal", "-", *(["--direct"] if direct else [])]
     with (
@@ -168,7 +173,7 @@ def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) ->
 
 
 def unseal(folder: Path) -> dict[str, Any]:
-    """Truth that the device keeps in a folder, with its salt.
+    """Truth and salt of the plant that the device keeps in a folder.
 
     Raises:
         ConfigError: the folder contains no sealed plant.
@@ -177,11 +182,11 @@ def unseal(folder: Path) -> dict[str, Any]:
 
 
 def ask(*words: str) -> dict[str, Any]:
-    """Output of the simulated device for given arguments.
+    """Run the simulated device with the given arguments, and return its output.
 
     Raises:
-        ConfigError: the device refuses a file or an argument; with its message.
-        DprError: the device failed; with its message.
+        ConfigError: the device refuses a file or an argument; the error contains its message.
+        DprError: the device failed; the error contains its message.
     """
     child = subprocess.run(
         [sys.executable, "-m", "sim_device", *words],

@@ -1,4 +1,4 @@
-"""A sequential trial: choose a release, record it on a sealed plant, diagnose, and so on until the cause is decided."""
+"""A sequential trial of a sealed plant: releases are chosen, recorded and diagnosed until the cause is decided."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -28,19 +28,20 @@ from dpr_lab.trials.truth import Truth, unsealed
 from dpr_lab.version import __version__
 
 Record = Callable[[CandidateRelease], Run]
-"""Records a release."""
+"""Function that records a release."""
 
 
 def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     """Run a sequential trial of one sealed plant with each strategy.
 
     Args:
-        case: as of `run_case`; `strategies`, names of `STRATEGIES`
+        case: as the case of `run_case`, and `strategies`, names of `STRATEGIES`
 
     Returns:
-        `outcome`, of the last diagnosis of the first strategy; `strategies`: `recordings` until decided or until a
-        bench check must decide, null where neither was reached; `minutes` at the rig; `right`, `true`
-        (`TrialOutcome.is_true`) and `score`, of the last diagnosis; `looks`, one after each release
+        `outcome`, the score of the last diagnosis of the first strategy, and `strategies`, which contains for each
+        strategy: `recordings`, the number of releases until the causes were decided or until only a bench check
+        could decide them, null if neither occurred; `minutes` at the rig; `right`, `true`
+        (`TrialOutcome.is_true`) and `score` of the last diagnosis; `looks`, one for each release
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
@@ -70,19 +71,22 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class SequentialLook:
-    """The diagnosis after an additional release."""
+    """State of a sequential trial after one more release."""
 
     release: CandidateRelease
     diagnosis: Diagnosis
-    """Diagnosis of all runs so far."""
+    """Diagnosis of all runs recorded so far."""
     decided: bool
-    """Whether the causes are decided."""
+    """Whether the recordings decide the causes."""
     bench_check: bool
-    """Whether the causes are decided except for those that no release separates."""
+    """Whether the causes are decided except for those that no release separates; a bench check must then decide."""
     forecast: tuple[float, ...]
-    """Probability of a decision after this release, after the next one, ..., by the plan that recommended it."""
+    """Probabilities that the causes are decided after this release, after the next one, and so on.
+
+    The plan that recommended the release computed these probabilities.
+    """
     plan_seconds: float | None
-    """Processor time of this plan; None without one."""
+    """Processor time of this plan, s; None if no plan was used."""
 
     @property
     def is_last(self) -> bool:
@@ -98,20 +102,20 @@ def played(
     limits: PlanLimits,
     most: int = SEQUENTIAL.most,
 ) -> list[SequentialLook]:
-    """Choose, record and diagnose until the causes are decided, or until a bench check must decide them.
+    """Choose, record and diagnose releases until the causes are decided, or until only a bench check can decide them.
 
     The stopping rule is the same for all strategies, so a plan is computed after each release of every strategy.
 
     Args:
         rig: the rig
         choose: function that selects the next release
-        record: function that records it
+        record: function that records a release
         rng: random generator
-        limits: of the plan
+        limits: limits of the plan
         most: maximum number of recordings
 
     Returns:
-        a `SequentialLook` after each release
+        a `SequentialLook` for each release
     """
     runs: list[Run] = []
     looks: list[SequentialLook] = []
@@ -140,7 +144,7 @@ def _diagnosed(runs: Sequence[Run], rig: Rig) -> Diagnosis:
 
 
 def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
-    """Record a release on a sealed plant, as a run of its rig."""
+    """Record a release on a sealed plant, and return the recording as a run of its rig."""
     wanted: dict[str, Any] = {"theta1": release.theta1, "theta2": release.theta2, "duration_s": release.duration_s}
     if release.added is not None:
         wanted["added_mass"] = release.added.model_dump()
@@ -153,7 +157,7 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
 
 
 def _minutes(releases: Sequence[CandidateRelease], rig: Rig) -> float:
-    """Time at the rig, with the usual durations of its steps."""
+    """Time at the rig that the releases need, minutes; each step has its usual duration."""
     mounted, total = mounted_now(rig), 0.0
     for release in releases:
         total += minutes(release, mounted, PlanLimits())
@@ -162,7 +166,7 @@ def _minutes(releases: Sequence[CandidateRelease], rig: Rig) -> float:
 
 
 def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str, Any]:
-    """Result of one strategy, as JSON values."""
+    """Result of the sequential trial with one strategy, as JSON values."""
     outcomes = [score(k.diagnosis.to_json(), truth, rig, **truth.drawn, seconds=k.diagnosis.seconds) for k in looks]
     return {
         "recordings": len(looks) if looks[-1].is_last else None,

@@ -1,4 +1,4 @@
-"""Sequential trials by strategy: releases until decided, right when stopped, and calibration of the forecast."""
+"""Summary of sequential trials by strategy: number of releases, share of right results, calibration of forecasts."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,16 +16,16 @@ Outcome = Mapping[str, Any]
 
 
 def read_strategies(folder: Path) -> list[dict[str, Outcome]]:
-    """Results of the trials in the folder of a campaign, each as strategy -> result."""
+    """Results of the trials in the folder of a campaign; each result is a dict by strategy."""
     file = folder / TRIALS
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # no results if every trial failed
     return [json.loads(line)["strategies"] for line in lines if line]
 
 
 def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dict[str, Any]]:
-    """Strategy -> summary of its trials.
+    """Summary of the trials for each strategy.
 
-    A plant that stays undecided counts as one release more than the maximum.
+    A plant that remains undecided counts as one release more than the maximum.
     """
     names = list(dict.fromkeys(name for trial in trials for name in trial))
     return {name: _of_strategy([trial[name] for trial in trials if name in trial]) for name in names}
@@ -56,14 +56,14 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def forecast_claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
-    """Each forecast that k more releases are enough, and whether it occurred.
+    """Yield the forecasts that k more releases are enough, and whether each forecast was right.
 
-    They are also enough if only a bench check can decide between the remaining causes, because a forecast counts causes
-    that no release separates as one. A trial that ends at the maximum number of releases contains no information about
-    a later release.
+    The releases are also enough if only a bench check can decide between the remaining causes, because a forecast
+    counts causes that no release separates as one. A trial that ends at the maximum number of releases contains no
+    information about a later release.
 
     Args:
-        looks: each with `forecast`, `decided` and `bench_check`
+        looks: states after each release, with `forecast`, `decided` and `bench_check`
     """
     for first, look in enumerate(looks):
         for k, probability in enumerate(look["forecast"], 1):

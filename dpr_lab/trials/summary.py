@@ -18,9 +18,10 @@ def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool
 
 
 def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float]]:
-    """For each non-empty bin of stated probability: number of claims, mean probability, number of true claims.
+    """Reliability table: one row for each bin of stated probability that contains claims.
 
-    The bins are of equal width. `low` and `high` are the 90 % interval of the share of true claims.
+    A row gives the number of claims, their mean probability, and the number of true claims. The bins have equal width.
+    `low` and `high` are the 90 % interval of the share of true claims.
     """
     table: list[dict[str, float]] = []
     bin_of = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
@@ -34,7 +35,7 @@ def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float
 
 
 def calibration_error(claims: Sequence[Claim]) -> float:
-    """Expected calibration error: weighted mean distance of stated probability and observed frequency.
+    """Expected calibration error: weighted mean distance between stated probability and observed frequency.
 
     Source: Naeini, Cooper & Hauskrecht (2015), Obtaining well calibrated probabilities using Bayesian binning, AAAI.
     """
@@ -44,9 +45,10 @@ def calibration_error(claims: Sequence[Claim]) -> float:
 
 
 def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
-    """Mean calibration error of outcomes drawn with the stated probabilities, which is the error of an exact forecast.
+    """Calibration error that an exact forecast would have by chance, as a mean over random draws.
 
-    Bins of few claims have an error by chance alone. A forecast is miscalibrated only if its error exceeds this one.
+    The outcomes of the claims are drawn with the stated probabilities. Bins with few claims have an error by chance
+    alone. A forecast is miscalibrated only if its error exceeds this mean.
 
     Source: J. Broecker & L. A. Smith (2007), Increasing the reliability of reliability diagrams, Weather and
     Forecasting 22, 651-661.
@@ -58,12 +60,12 @@ def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
 
 
 def brier(claims: Sequence[Claim]) -> float:
-    """Mean squared distance of stated probability and outcome."""
+    """Brier score: mean squared difference between stated probability and outcome."""
     return float(np.mean([(claim.probability - claim.true) ** 2 for claim in claims])) if claims else float("nan")
 
 
 def wilson90(held: int, of: int) -> tuple[float, float]:
-    """90 % interval of a share by Wilson's score."""
+    """90 % interval of a share, by Wilson's score, when `held` of `of` trials have a property."""
     from scipy.stats import binomtest  # slow import
 
     interval = binomtest(held, of).proportion_ci(0.9, method="wilson")
@@ -71,9 +73,9 @@ def wilson90(held: int, of: int) -> tuple[float, float]:
 
 
 def summary(outcomes: Sequence[TrialOutcome]) -> dict[str, Any]:
-    """All scores over the given trials; shares of no trials are nan.
+    """All scores of the given trials; a share of no trials is nan.
 
-    Names are scored if the library contains the cause; otherwise the cause should be reported as unexplained.
+    Names are scored if the library contains the cause. Otherwise the cause should be reported as unexplained.
     """
     sizes = [size for o in outcomes for size in o.sizes]
     claims = [claim for o in outcomes for claim in o.claims]
@@ -115,7 +117,7 @@ SHARES: dict[str, tuple[str, Callable[[TrialOutcome], bool]]] = {
     "wrong_name": ("all", lambda o: o.wrong_name),
     "faults_missed": ("all", lambda o: bool(o.faults_missed)),
 }
-"""Key of the summary -> the trials it refers to, and the counted property."""
+"""Shares in the summary: for each key, the trials that are considered and the property that is counted."""
 
 
 def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
@@ -129,7 +131,11 @@ def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
 
 
 def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
-    """Errors of amplitudes: median and 90th percentile for the largest of each effect, interval coverage over all."""
+    """Statistics of the errors of amplitudes.
+
+    Median and 90th percentile refer to the largest amplitude of each effect, the coverage of the intervals to all
+    amplitudes.
+    """
     leading = [size.relative for size in sizes if size.leads]
     return {
         "size_error": _median(leading),
@@ -139,7 +145,7 @@ def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
 
 
 def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
-    """One row for each requested kind and level."""
+    """Scores by requested kind and level, one row for each combination."""
     groups: dict[tuple[str, str], list[TrialOutcome]] = {}
     for o in outcomes:
         groups.setdefault((o.kind, o.level), []).append(o)
@@ -151,7 +157,11 @@ def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
 
 
 def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
-    """One row for each hidden effect: how often it was named, and scores of the trials in which it is the largest."""
+    """Scores by hidden effect, one row for each effect.
+
+    `named` and the errors of sizes count every trial with the effect; `first` and `exact` count the trials in which it
+    is the largest effect.
+    """
     rows: list[dict[str, Any]] = []
     for name in sorted({cause.name for o in outcomes for cause in o.causes}):
         with_effect = [o for o in outcomes if name in o.truth]
@@ -172,10 +182,10 @@ def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
 def by_size(
     outcomes: Sequence[TrialOutcome], limits: Sequence[float] = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 ) -> list[dict[str, Any]]:
-    """One row for each range of an effect's size relative to the minimum detectable size; `to` is None in the last.
+    """Scores by size of the hidden effect relative to the minimum detectable size, one row for each range of sizes.
 
-    `limits` are the lower ends of the ranges. `named` counts every effect; `first` and `exact` count the trials in
-    which an effect of this size is the largest.
+    `limits` are the lower ends of the ranges. The last range has no upper end, so its `to` is None. `named` counts
+    every effect; `first` and `exact` count the trials in which an effect of this size is the largest.
     """
     rows: list[dict[str, Any]] = []
     for low, high in pairwise([*limits, math.inf]):
@@ -196,7 +206,7 @@ def by_size(
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:
-    """A failed trial and the arguments that reproduce it."""
+    """Summary of a failed trial, including the arguments that reproduce the trial."""
     names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
     return {name: getattr(outcome, name) for name in names}
 
@@ -206,7 +216,10 @@ def _within(cause: Cause, low: float, high: float) -> bool:
 
 
 def confusion(outcomes: Sequence[TrialOutcome]) -> dict[str, dict[str, int]]:
-    """True largest effect -> first named effect (or the verdict) -> number of trials."""
+    """Confusion table: number of trials by true largest effect and by first named effect.
+
+    If no effect is named, the verdict takes the place of the name.
+    """
     table: dict[str, Counter[str]] = {}
     for o in outcomes:
         table.setdefault(o.truth[0] if o.truth else "nothing", Counter())[o.named[0] if o.named else o.verdict] += 1

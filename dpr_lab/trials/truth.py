@@ -1,4 +1,4 @@
-"""Hidden effects of a sealed plant, revealed after the diagnosis is written."""
+"""Hidden effects of a sealed plant, which are revealed after the diagnosis is written."""
 
 import hashlib
 import json
@@ -21,23 +21,23 @@ class Truth:
     """Revealed truth of a plant."""
 
     effects: Coefficients
-    """Library effects and their parameters, SI; torques at the scale of the plant."""
+    """Effects of the library and their parameters, SI; torques are at the scale of the plant."""
     foreign: str | None
-    """Effect that is not in the library, or not in this form."""
+    """Effect that is not in the library, or not in this functional form; None if there is none."""
     family: tuple[str, ...]
-    """Library effects that count as right for an out-of-library effect."""
+    """Effects of the library that count as right answers for the out-of-library effect."""
     held_back: bool
-    """Whether the out-of-library effect is excluded from all tuning."""
+    """Whether the out-of-library effect was excluded from all tuning of dpr-lab."""
     parameters: Mapping[str, float]
-    """The nine true parameters, SI."""
+    """True values of the nine parameters, SI."""
     encoders: Mapping[str, Any]
-    """Errors of encoders and board."""
+    """Errors of the encoders and of the board."""
     drawn: Mapping[str, Any] = field(default_factory=dict)
-    """Requested kind, level and seed; empty for a plant that was not sealed."""
+    """Kind, level and seed that were requested; empty for a plant that was not sealed."""
 
     @property
     def answers(self) -> tuple[tuple[str, ...], ...]:
-        """For each cause, the names that are right for it."""
+        """Right names for each cause."""
         known = tuple((name,) for name in self.effects)
         return (*known, self.family) if self.family else known
 
@@ -52,10 +52,11 @@ class Truth:
         return not self.effects and self.foreign is None
 
     def sizes(self, rig: Rig, assumed: float) -> dict[str, dict[str, float]]:
-        """True amplitudes of the library effects, converted to the scale assumed by dpr-lab.
+        """True amplitudes of the library effects, converted to the scale that dpr-lab assumes.
 
-        A free swing does not show the common scale of torques and inertias: dpr-lab's values are relative to an
-        inertia (`assumed_inertia`), so true torques and inertias are multiplied by its ratio to that of the plant.
+        A free swing does not determine the common scale of torques and inertias. dpr-lab's values are relative to an
+        assumed inertia (`assumed_inertia`). True torques and inertias are therefore multiplied by the ratio of the
+        assumed inertia to that of the plant.
         """
         Z = np.array([self.parameters[name] for name in PARAMETERS])
         l1, _, m1, *_, J1, _ = Z.tolist()
@@ -73,7 +74,9 @@ class Truth:
 
 
 def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
-    """Inertia, kg m^2, to which a diagnosis relates all sizes: b, or that of the inner rod if it alone is mounted.
+    """Inertia, kg m^2, to which a diagnosis relates all sizes.
+
+    It is b, or the inertia of the inner rod if this rod is mounted alone.
 
     Args:
         diagnosis: output of `dpr-lab diagnose --json`
@@ -87,7 +90,7 @@ def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
 
 
 def read_truth(opened: Mapping[str, Any]) -> Truth:
-    """The truth from a revealed plant."""
+    """Truth from the content of a revealed plant."""
     foreign = next(iter(opened["foreign"]), None)
     return Truth(
         effects=opened["effects"],
@@ -101,7 +104,7 @@ def read_truth(opened: Mapping[str, Any]) -> Truth:
 
 
 def unsealed(opened: Mapping[str, Any], seal: str) -> Truth:
-    """The truth of a plant whose seal was published before.
+    """Truth of a revealed plant, after verification of its published seal.
 
     Raises:
         DprError: the revealed truth does not match the seal.

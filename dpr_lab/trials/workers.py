@@ -1,6 +1,6 @@
 """Workers for the cases of a campaign: processes of this machine, or workers of a cluster.
 
-A case and its result are JSON values; each worker runs one case on one thread at a time.
+A case and its result are JSON values. Each worker runs one case at a time, on one thread.
 """
 
 import asyncio
@@ -20,18 +20,21 @@ from dpr_lab.kernel_cache import compiling_simulator
 Case = dict[str, Any]
 CaseFunction = Callable[[Case], dict[str, Any]]
 Done = tuple[Case, dict[str, Any]]
-"""A case, and its result or `error`, a message."""
+"""A case with its result; after an error, the result is a dict with the message as `error`."""
 
 ADDRESS = re.compile(r"(?P<scheme>tcp|tls)://(?P<host>[^/\s]+):\d+")
 
 START_SCHEDULER = "dask scheduler --host 127.0.0.1 --dashboard-address 127.0.0.1:8787"
 START_WORKERS = "dask worker {scheduler} --host 127.0.0.1 --dashboard-address 127.0.0.1:0 --nthreads 1 --nworkers auto"
-"""These options restrict both to this machine; by default they listen on every interface and execute any code they
-receive."""
+"""Command that starts the workers.
+
+The options of both commands restrict scheduler and workers to this machine. By default they listen on every interface
+and execute any code that they receive.
+"""
 
 
 def exposure(scheduler: str) -> str | None:
-    """Warning about the access that this address gives to others; None on the local interface, or with TLS."""
+    """Warning about the access that a scheduler address gives to others; None on the local interface, or with TLS."""
     address = ADDRESS.fullmatch(scheduler)
     if address is None or address["scheme"] == "tls" or _loopback(address["host"].strip("[]")):
         return None
@@ -49,7 +52,7 @@ def _loopback(host: str) -> bool:
 
 
 def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) -> Iterator[Done]:
-    """Run the cases on this machine; the first one runs alone, so that kernels are compiled only once.
+    """Run the cases on this machine; the first case runs alone, so that kernels are compiled only once.
 
     Raises:
         DprError: a process was killed; the results yielded before are valid.
@@ -70,17 +73,17 @@ def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) ->
 def on_cluster(
     run: CaseFunction, cases: Sequence[Case], scheduler: str, *, connect_s: float = 10.0, workers_s: float = 60.0
 ) -> Iterator[Done]:
-    """Run the cases on the workers of a dask scheduler, which need dpr-lab installed.
+    """Run the cases on the workers of a dask scheduler; dpr-lab must be installed on these workers.
 
     Args:
         run: a function of this package, which the workers import
         cases: JSON objects
         scheduler: address of the scheduler, such as tcp://127.0.0.1:8786
-        connect_s: maximum time for its answer, s
-        workers_s: maximum time for its first worker, s
+        connect_s: maximum time until the scheduler answers, s
+        workers_s: maximum time until the first worker is available, s
 
     Raises:
-        LinkError: no scheduler at this address, or the connection was lost.
+        LinkError: no scheduler answers at this address, or the connection was lost.
         DprError: dask.distributed is not installed.
     """
     try:
@@ -115,7 +118,7 @@ def on_cluster(
 
 
 async def _is_scheduler(address: str, patience_s: float) -> bool:
-    """Whether a dask scheduler answers at an address; a client could wait forever for another server."""
+    """Whether a dask scheduler answers at an address; a client of another kind of server could wait forever."""
     from distributed.comm.core import connect
     from distributed.security import Security
 
@@ -140,7 +143,10 @@ def _wait_for_workers(wait: Callable[[], object], scheduler: str) -> None:
 
 
 def _result(future: Any) -> dict[str, Any]:
-    """Result of a future of either kind; a killed process is an error."""
+    """Result of a case from a future of a process pool or of dask; a killed process raises an error.
+
+    The message of every other error becomes the result.
+    """
     error = future.exception()
     if isinstance(error, BrokenProcessPool):
         raise error

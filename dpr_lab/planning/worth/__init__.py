@@ -1,1 +1,1 @@
-"""Value of information: bits about causes, library, ratios and limits, and the reason of each release."""
+"""Value of the information from a release: bits about causes, library, ratios and limits, and reasons in words."""

@@ -1,7 +1,7 @@
-r"""Value of information: bits about the causes, about other effects of the library, and about the ratios.
+"""Value of information: bits about the causes, about other effects of the library, and about the ratios.
 
-**Causes (T-optimality).** If A is the cause, with amplitudes a, the squared distance of its readings from the nearest
-readings under B, with ratios and all other effects of the model fitted, is
+**Causes (T-optimality).** Suppose that A is the cause, with amplitudes a. The squared distance of its readings from the
+nearest readings under B, with ratios and all other effects of the model fitted, is
 
     D^2(A, B) = a^T (G_AA - G_AB G_BB^-1 G_BA) a + trace((G_AA - G_AB G_BB^-1 G_BA) cov(a)),
 
@@ -11,15 +11,15 @@ d^2 / 2 and variance d^2, where d^2 = Delta D^2 / T and T is the temperature of 
 value of the recording is the expected reduction of the entropy between both causes, given their present probabilities.
 
 **Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
-every amplitude of the library against every other one and against no effect, at several sizes and even odds, and
-averaged.
+every amplitude of the library against every other one and against no effect, at several sizes and even odds. Their mean
+is the value.
 
 **Effects that are not excluded.** If no gap is visible, or causes explain it, the answer is open as long as other
 amplitudes may have their minimum detectable size. For each of these amplitudes the same bits are computed against no
 effect, at this size and even odds.
 
-**Ratios (D-optimality).** log2 of the reduction of the volume of their covariance, with the effects of the model
-fitted.
+**Ratios (D-optimality).** The value is log2 of the factor by which the volume of their covariance decreases, with the
+effects of the model fitted.
 
 Sources: G. E. P. Box & W. J. Hill (1967), Discrimination among mechanistic models, Technometrics 9, 57-71. A. C.
 Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating between two rival models, Biometrika 62,
@@ -48,26 +48,36 @@ class Worth:
     """Weights of the parts of the value of a plan."""
 
     library: float = 0.3
-    """Weight of a bit about the library while causes are undecided: the part of the plan that can detect an unexpected
-    cause.
+    """Weight of a bit about the library while causes are undecided.
+
+    This part of the plan can detect an unexpected cause.
     """
     ratios: float = 0.02
-    """Weight of a bit about the ratios; it matters once the causes are decided."""
+    """Weight of a bit about the ratios, which matters once the causes are decided."""
     limits: float = 0.3
-    """Weight of a bit about a quantity with a limit: log2 of its standard deviation."""
+    """Weight of a bit about a limited quantity; the bits are log2 of its standard deviation."""
     sizes: tuple[float, ...] = (0.1, 0.3, 1.0)
-    """Sizes of the library's amplitudes, in units of their typical size."""
+    """Sizes of the library's amplitudes for which bits are computed, in units of their typical size."""
     least: float = 0.01
-    """Minimum probability of a cause that is considered."""
+    """Probability above which a candidate cause is considered."""
     seen: float = 1e-6
-    """Minimum share of the information about an amplitude that must remain after the fit, for it to be detectable."""
+    """Share of the information about an amplitude that must remain after the other unknowns are fitted.
+
+    An amplitude with a smaller share is not detectable.
+    """
 
 
 WORTH = Worth()
 
 
 def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
-    """Information about some unknowns when others are fitted too: the Schur complement."""
+    """Information about some unknowns when others are fitted too, by the Schur complement.
+
+    Args:
+        F: (k, k) information about all unknowns
+        fitted: indices of the unknowns that are fitted
+        columns: indices of the unknowns that the result refers to
+    """
     across = F[np.ix_(fitted, columns)]
     scale = 1 / np.sqrt(np.diag(F)[list(fitted)])
     inner = F[np.ix_(fitted, fitted)] * scale[:, None] * scale + 1e-12 * np.eye(len(scale))
@@ -76,25 +86,25 @@ def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class OpenPairs:
-    """Candidate causes of one named effect, with the size that each would have."""
+    """Candidate causes of one named effect, with the size that each of them would have."""
 
     about: str
-    """The named effect."""
+    """Name of this effect."""
     names: tuple[str, ...]
     probabilities: Array
     """(n,) probability of each cause; their sum is 1 minus the probability of a cause outside the library."""
     fitted: tuple[int, ...]
-    """Columns that every fit estimates."""
+    """Columns of the unknowns that every fit estimates."""
     places: tuple[tuple[int, ...], ...]
-    """Columns of each cause."""
+    """Columns of the unknowns that belong to each cause."""
     sizes: tuple[Array, ...]
-    """Amplitudes of each cause."""
+    """Estimated amplitudes of each cause."""
     spreads: tuple[Array, ...]
-    """Covariance of these amplitudes."""
+    """Covariance of the amplitudes of each cause."""
 
     @classmethod
     def of(cls, known: Knowledge, causes: Causes) -> "OpenPairs":
-        """The causes that are probable enough and detectable in a release."""
+        """Select the causes that are probable enough and detectable in a release."""
         names = [name for name, p in causes.probabilities.items() if name in known.places and (p > WORTH.least)]
         others = [i for i in known.fitted if i not in known.places.get(causes.about, ())]
         about = known.places.get(causes.about, ())
@@ -118,12 +128,12 @@ class OpenPairs:
         )
 
     def sized_distance(self, F: Array, truth: int, other: int) -> float:
-        """D^2 of two causes at their expected sizes, without the uncertainty of the sizes."""
+        """D^2 between two causes at their expected sizes, without the uncertainty of the sizes."""
         no_spread = tuple(np.zeros_like(spread) for spread in self.spreads)
         return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
-        """(n, n) expected D^2 of readings under a cause (row) from the nearest readings under another one (column)."""
+        """(n, n) expected D^2 of the readings under one cause (row) from the nearest ones under another (column)."""
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
@@ -146,10 +156,14 @@ class OpenPairs:
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
-        """(n, n) d^2 that information adds to the log odds of each cause against each other one.
+        """(n, n) d^2 by which additional information separates each cause from each other one.
 
-        A richer form that contains a simpler one never fits worse. The evidence for the richer form is the evidence for
-        its additional amplitude.
+        A richer form that contains a simpler one never fits worse. The evidence for the richer form is therefore the
+        evidence for its additional amplitude.
+
+        Args:
+            before: (n, n) D^2 before the additional information
+            F: (k, k) information that includes it
         """
         d2 = np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
         for i, name in enumerate(self.names):
@@ -160,9 +174,10 @@ class OpenPairs:
 
 
 def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge, sizes: Array, target: Array) -> Array:
-    """Sizes of a cause; the additional amplitude of a richer form has the largest size that could be undetected.
+    """Sizes of a cause for the comparison with the named effect.
 
-    A diagnosis keeps both forms in one class until this size would be detectable.
+    The additional amplitude of a richer form has the largest size that could remain undetected. A diagnosis keeps both
+    forms in one class until this size would be detectable.
     """
     if about not in EFFECTS[name].nested or not len(target):
         return sizes
@@ -172,7 +187,7 @@ def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
-    """Expected bits of each pair of the most probable cause and another cause."""
+    """Expected bits about each pair that consists of the most probable cause and another cause."""
     if len(pairs.names) < 2:
         return {}
     best = int(np.argmax(pairs.probabilities))
@@ -188,13 +203,13 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
 
 @cache
 def _even_bits() -> tuple[Array, Array]:
-    """Lookup table of the expected bits at even odds over d."""
+    """Lookup table of the expected bits at even odds: values of d, and the bits at each of them."""
     separations = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
     return separations, np.array([expected_bits([0.5, 0.5], d) for d in separations.tolist()])
 
 
 def library_bits(known: Knowledge, F: Array) -> float:
-    """Mean bits about an amplitude of the library against another amplitude, and against no effect, at even odds."""
+    """Mean expected bits, at even odds, about two amplitudes of the library, or an amplitude and no effect."""
     columns = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
     G = given(F, known.fitted, columns)
     power = np.maximum(np.diag(G), 0.0)
@@ -215,7 +230,10 @@ def library_bits(known: Knowledge, F: Array) -> float:
 
 
 def open_bits(known: Knowledge, F: Array) -> float:
-    """Mean bits, by further information, about the amplitudes that are not excluded; 0 if part of the gap remains."""
+    """Mean bits that further information contributes about the amplitudes that are not excluded.
+
+    It is 0 if part of the gap remains unexplained.
+    """
     diagnosis = known.diagnosis
     if diagnosis is None or diagnosis.verdict not in ("no_gap", "named"):
         return 0.0
@@ -231,7 +249,7 @@ def open_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_bits(known: Knowledge, F: Array) -> float:
-    """Negative log2 of the volume of the covariance of the five ratios, in bits, up to a constant."""
+    """Negative log2 of the volume of the covariance of the five ratios, up to a constant, bits."""
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     G = given(F, nuisance, range(len(RATIOS)))
     scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
@@ -245,7 +263,7 @@ def ratio_std(known: Knowledge, F: Array) -> Array:
 
 
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
-    """Standard deviations of the ratios that some release determines: of the rods, the arm and its drive.
+    """Standard deviations of the ratios of the rods, the arm and its drive that at least one release determines.
 
     A parameter x of arm or drive is an unknown at the scale b, but a free swing determines only the ratio r = x / b. To
     first order the variance of b r is the variance of x - r b.
@@ -269,13 +287,13 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
 def detectable(
     known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None
 ) -> dict[str, dict[str, float | None]]:
-    """Size of each amplitude of some or all effects, in standard deviations; None if it is not detectable.
+    """Size of each amplitude at a given number of standard deviations; None for an amplitude that is not detectable.
 
     Args:
         known: the present knowledge
         F: (k, k) information
-        sigmas: standard deviations of a size
-        names: of the effects; None: all
+        sigmas: number of standard deviations
+        names: names of the effects; None: all effects
     """
     sizes: dict[str, dict[str, float | None]] = {}
     for name in known.places if names is None else names:

@@ -1,8 +1,8 @@
 """Limits of a rig (`dpr-lab accept`) as goals of a plan, and whether its releases decide them.
 
-A limit is decided by a 90 % interval, 1.645 standard deviations on either side. A quantity at half its limit, or in the
-middle of its range, passes on average if this half width is smaller than its distance from the limit. A friction limit
-also needs a recording in which the joint reaches its speed in both directions.
+A limit is decided by a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half its limit,
+or in the middle of its range. It passes on average if this half width is smaller than its distance from the limit. A
+friction limit also requires a recording in which the joint reaches the speed of the limit in both directions.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,24 +25,25 @@ from dpr_lab.planning.worth.criteria import WORTH, detectable, given, shown_rati
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A limit and the expected accuracy of its quantity."""
+    """A limit, and the expected accuracy of the limited quantity."""
 
     quantity: str
-    """Name of the quantity, as in `dpr-lab accept`."""
+    """Name of the limited quantity, as in `dpr-lab accept`."""
     unit: str
-    """SI."""
+    """SI unit of the quantity."""
     reach: float | None
-    """Half width of the 90 % interval; None if the quantity is not detectable."""
+    """Half width of the expected 90 % interval; None if the quantity is not detectable."""
     room: float
     """Distance from half the limit to the limit, or from the middle of a range to its ends."""
     single: bool = True
-    """Whether the interval of `accept` is the interval of one shape; over all shapes of an effect it is wider than
-    `reach`.
+    """Whether the interval of `accept` refers to one shape of an effect.
+
+    Over all shapes the interval is wider than `reach`.
     """
 
 
 def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
-    """Each limit of a file with some information.
+    """One goal for each limit of a file, given an information about the unknowns.
 
     Args:
         known: the present knowledge
@@ -53,9 +54,9 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
 
 
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
-    """Sum over the limits of the negative log2 of half width / distance.
+    """Bits about the limits: sum of the negative log2 of the half width divided by the distance from the limit.
 
-    A ratio below one half gives no further gain.
+    A quotient below one half gives no further gain.
     """
     shares = [goal.reach / goal.room for goal in goals(known, F, limits) if goal.reach is not None]
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0
@@ -64,13 +65,14 @@ def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
 def limit_forecasts(
     known: Knowledge, F: Array, limits: Limits, releases: Sequence[CandidateRelease] = ()
 ) -> list[LimitForecast]:
-    """Each limit of a file, and whether releases decide it.
+    """Forecast for each limit of a file: whether the releases decide it.
 
     Args:
         known: the present knowledge
         F: (k, k) information after the releases
         limits: limits that the rig must satisfy
-        releases: the releases; a friction limit is decided only if the joint reaches its speed in one of them or before
+        releases: the releases; a friction limit is decided only if the joint reaches the speed of the limit in one of
+            them, or has reached it in a recording
     """
     slow = _too_slow(known, limits, releases)
     return [
@@ -86,7 +88,7 @@ def limit_forecasts(
 
 
 def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
-    """Friction limit -> speed that its joint reaches, for limits whose speed the joint does not reach, rad/s."""
+    """Speed that the joint reaches, rad/s, for each friction limit whose speed the joint does not reach."""
     if not limits.friction:
         return {}
     planned, evidence = reached_speeds(releases, known.model), known.diagnosis.evidence if known.diagnosis else None
@@ -110,7 +112,7 @@ def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
 
 
 def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
-    """Half width of the interval of each amplitude of an effect; {} if they cannot be separated."""
+    """Half width of the 90 % interval of each amplitude of an effect; empty if the amplitudes cannot be separated."""
     places = list(known.places.get(name, ()))
     amplitudes = given(F, [i for i in known.fitted if i not in places], places)
     data = amplitudes - known.prior[np.ix_(places, places)]
@@ -123,7 +125,11 @@ def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
 
 
 def _of_friction(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
-    """Friction torque of a joint at the speeds of a limit, with a free-form friction curve added to the model."""
+    """Yield the goals of friction limits.
+
+    The limited quantity is the friction torque of a joint at the speeds of the limit. A free-form friction curve is
+    added to the model.
+    """
     for name, limit in limits.friction.items():
         joint, model = int(name[-1]), known.model
         curve = known.places.get(f"friction_curve_{name}", ())

@@ -16,10 +16,10 @@ from dpr_lab.planning.worth.goals import goal_bits
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Bits of each part of the objective, unweighted."""
+    """Bits of each part of the objective, without weights."""
 
     causes: Mapping[tuple[str, str], float]
-    """Bits of each undecided pair of causes."""
+    """Bits about each undecided pair of causes."""
     open_effects: float
     """Bits about the effects that are not excluded."""
     library: float
@@ -40,13 +40,13 @@ class Objective:
 
     known: Knowledge
     pairs: tuple[OpenPairs, ...]
-    """Candidate causes of each named effect."""
+    """Candidate causes of each named effect that has at least two of them."""
     before: tuple[Array, ...]
-    """(n, n) D^2 of the runs recorded so far, for each named effect."""
+    """(n, n) D^2 between the causes from the runs recorded so far, for each named effect."""
     ratios: float
-    """Information about the ratios from the runs and releases so far, bits."""
+    """Bits about the ratios before the planned releases."""
     limits: Limits = field(default_factory=Limits)
-    """Limits of the rig."""
+    """Limits that the rig must satisfy."""
 
     @classmethod
     def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
@@ -57,11 +57,14 @@ class Objective:
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """(n, n) d^2 that further information adds, for each named effect."""
+        """(n, n) d^2 between the causes that additional information contributes, for each named effect."""
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Ratio of simulated to linearised Delta D^2 of the least decided pair; None without an undecided pair."""
+        """Simulated Delta D^2 of the least decided pair of causes, divided by the linearised one.
+
+        None without such a pair.
+        """
         if not self.pairs:
             return None
         pairs = max(self.pairs, key=lambda open_pair: float(np.sort(open_pair.probabilities)[-2]))
@@ -77,20 +80,20 @@ class Objective:
         return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
-        """Expected bits of each undecided pair with this information."""
+        """Expected bits about each undecided pair of causes, given an information."""
         return self.bits_of(self.gained(F))
 
     def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
-        """Expected bits of each undecided pair, from the added d^2 of each named effect (`gained`)."""
+        """Expected bits about each undecided pair of causes, from the d^2 that `gained` returns."""
         of_each = (cause_bits(open_pair, d2) for open_pair, d2 in zip(self.pairs, gained, strict=True))
         return {pair: bits for open_pair in of_each for pair, bits in open_pair.items()}
 
     def gain(self, F: Array) -> Gain:
-        """Bits of each part with this information."""
+        """Bits of each part of the objective, given an information."""
         ratios = ratio_bits(self.known, F) - self.ratios
         limits = goal_bits(self.known, F, self.limits)
         return Gain(self.bits(F), open_bits(self.known, F), library_bits(self.known, F), ratios, limits)
 
     def worth(self, F: Array) -> float:
-        """Weighted sum of the bits with this information."""
+        """Value of the objective, the weighted sum of the bits, given an information."""
         return self.gain(F).weighed

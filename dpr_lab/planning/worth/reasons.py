@@ -12,7 +12,7 @@ from dpr_lab.shown import listed, percent
 
 @dataclass(frozen=True, slots=True)
 class Noticeable:
-    """Minimum information gain, bits, that a reason mentions."""
+    """Minimum gains of information that a reason mentions, bits."""
 
     causes: float = 0.05
     library: float = 0.02
@@ -24,30 +24,30 @@ NOTICEABLE = Noticeable()
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """Expected results of a sequence of releases."""
+    """Expected results after a number of releases of a sequence."""
 
     gain: Gain
     ratio_std: Array
-    """(5,) standard deviations of the ratios."""
+    """(5,) expected standard deviations of the ratios."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Contribution of a release, in addition to the previous ones."""
+    """Reason for a release: its contribution in addition to the previous releases."""
 
     text: str
-    """Reason in words."""
+    """The reason in words."""
     only_ratios: bool
-    """Whether its only noticeable contribution is the accuracy of the ratios."""
+    """Whether the accuracy of the ratios is the only noticeable contribution."""
 
 
 def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: bool = True) -> Reason:
-    """Compare the expected results before and after a release.
+    """Reason for a release, from the expected results before and after it.
 
     Args:
         before: expected results before the release
         after: expected results after the release
-        needed: whether the earlier releases alone decide nothing
+        needed: whether the earlier releases alone cannot decide the causes
         diagnosed: whether there are recordings whose causes are named
     """
     parts = ["verifies the result of the first release with another swing"] if needed else []
@@ -67,9 +67,10 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
 
 
 def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
-    """Sentence on the shares of the effects, 0 to 1, that are distinguished before and after a release.
+    """Clause on the share of the effects that a release distinguishes, from the shares before and after it, 0 to 1.
 
-    The sentence agrees with the rounded shares of the table: their difference, or the second one if the first is small.
+    The clause agrees with the rounded shares of the table. It states their difference, or only the second share if the
+    first one is small.
     """
     effects = "the effects that are not named so far" if diagnosed else "the effects of the library"
     if before < NOTICEABLE.library:
@@ -78,11 +79,11 @@ def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
 
 
 def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
-    """Sentence that lists the releases that only improve the accuracy of the ratios; empty if there are none.
+    """Sentence that lists the releases which only improve the accuracy of the ratios; empty if there are none.
 
     Args:
-        reasons: of all releases
-        undecided: whether a diagnosis left causes undecided, which such a release decides if the first one does not
+        reasons: reasons of all releases
+        undecided: whether a diagnosis left causes undecided; such a release decides them if the first release does not
     """
     numbers = [str(k) for k, release in enumerate(reasons, 1) if release.only_ratios]
     if not numbers:
