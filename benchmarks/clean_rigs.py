@@ -16,7 +16,6 @@ import numpy as np
 from _bars import Bar, at_most, options, show
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
 
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.rig import Rig, load_rig
@@ -138,6 +137,8 @@ def _recorded(rig: Rig, true: Physics, L1: float, logger: Logger, pose: str, rng
     read_at, order = (t + late)[t >= 0], np.argsort((t + late)[t >= 0], kind="stable")
     theta[np.flatnonzero(t >= 0)[order], 1:] = swing(true, L1, rig.g, start, read_at[order])[:, :2]
     if logger.tracked_rad:
+        from scipy.signal import lfilter  # slow to import
+
         fresh = rng.normal(0.0, logger.tracked_rad * np.sqrt(1 - logger.shared**2), (len(t), 2))
         theta[:, 1:] += np.asarray(lfilter([1.0], [1.0, -logger.shared], fresh, axis=0))
         return Run(pose, t, theta, None, pose, rig.name, "", rate)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import h5py
 import pytest
-import xarray
 
 from dpr_lab.cli.run_info import QUANTITIES
 from dpr_lab.storage.inspect import RunInfo
@@ -84,6 +83,8 @@ def test_an_export_makes_its_folder(runs: list[Path], tmp_path: Path, cli) -> No
 
 @pytest.mark.slow
 def test_an_export_for_xarray_needs_no_name(runs: list[Path], tmp_path: Path, cli) -> None:
+    import xarray  # slow to import
+
     copied = shutil.copy(runs[0], tmp_path / "x1.mcap")
     done = cli("run", "export", copied, "--xarray", "--json")
     assert done.json["out"] == str(tmp_path / "x1.nc"), done.err

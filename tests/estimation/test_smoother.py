@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter
 
 from dpr_lab.estimation.chain import CHAIN, fill_chain
 from dpr_lab.estimation.smoother import STATES, smooth_chains
@@ -27,6 +26,8 @@ def transition(interval: float, snap: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def by_filterpy(t, theta, noise, snap, prior):
     """Forward pass and `rts_smoother` of filterpy; its matrices of sample k lead from k - 1 to k."""
+    from filterpy.kalman import KalmanFilter  # slow to import
+
     kalman = KalmanFilter(dim_x=STATES, dim_z=2)
     kalman.x = np.zeros(STATES)
     kalman.x[THETA] = theta[0]

@@ -4,7 +4,6 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.signal import savgol_filter
 
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.simulate import simulate
@@ -41,6 +40,8 @@ def rms(errors):
 
 def best_savitzky_golay(theta, truth, rate_hz):
     """The smallest error over windows and orders, chosen with the truth in hand."""
+    from scipy.signal import savgol_filter  # slow to import
+
     return min(
         rms(savgol_filter(theta, window, order, deriv=1, delta=1 / rate_hz, axis=0) - truth)
         for window in range(5, 82, 4)

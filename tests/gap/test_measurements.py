@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate
 
 from dpr_lab.checks.update import candidates, hypotheses, posterior, update
 from dpr_lab.effects import EFFECTS
@@ -153,9 +153,10 @@ def densities(diagnosis: Diagnosis) -> tuple[Predictions, dict[str, float]]:
 
 def integrated(y: float, u: float, size: Any) -> float:
     """Density of a measured y by numerical integration over the true amplitude, whose density is `size`."""
+    from scipy.stats import norm  # slow to import
 
     def integrand(true: float) -> float:
-        return float(stats.norm.pdf(y, true, u) * size.pdf(true))
+        return float(norm.pdf(y, true, u) * size.pdf(true))
 
     near = [size.mean() + k * size.std() for k in (-9, -3, 0, 3, 9)] if math.isfinite(size.std()) else [0.0]
     pieces = sorted({*near, *(y + k * u for k in (-30, -5, 0, 5, 30))})
@@ -164,12 +165,14 @@ def integrated(y: float, u: float, size: Any) -> float:
 
 @pytest.mark.parametrize(("y", "u"), [(0.005, 2e-4), (0.0, 1e-4), (0.0042, 5e-4), (0.02, 1e-3), (-0.3, 0.01)])
 def test_the_update_is_that_of_numerical_integration(y: float, u: float) -> None:
+    from scipy.stats import cauchy, norm
+
     predicted, prior = densities(made())
     size, background = SIZES[CLOCK], 0.1 * 1e-3
     spread = math.hypot(0.02 * size / 1.6448536, 0.1 * size)
-    little, broad = stats.norm(0, background), stats.cauchy(0, 3 * size)
+    little, broad = norm(0, background), cauchy(0, 3 * size)
     by_hand = {
-        CLOCK: integrated(y, u, stats.norm(size, spread)),
+        CLOCK: integrated(y, u, norm(size, spread)),
         LENGTH: integrated(y, u, little),
         NONE_OF_THEM: 0.5 * integrated(y, u, little) + 0.5 * integrated(y, u, broad),
     }

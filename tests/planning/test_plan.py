@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import beta
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
@@ -152,6 +151,8 @@ def test_a_forecast_grows_with_information_and_with_releases() -> None:
 
 def test_a_forecast_falls_with_each_release_that_left_the_causes_undecided() -> None:
     """It is the posterior mean of a share with a beta prior."""
+    from scipy.stats import beta  # slow to import
+
     chances = [decision_probability([], [], failed=failed) for failed in range(6)]
     a, b = FORECAST.confirmed * FORECAST.weight, (1 - FORECAST.confirmed) * FORECAST.weight
     assert chances == pytest.approx([float(beta(a, b + failed).mean()) for failed in range(6)])

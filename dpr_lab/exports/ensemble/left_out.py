@@ -27,8 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtri, stdtrit
 
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import NORMAL_Q90
@@ -96,12 +95,12 @@ def widening(errors: Sequence[float]) -> float:
     """Width factor on the standard deviations, from the value s of each recording."""
     if not errors:
         return 1.0
-    variance = float(np.median(errors) * LEFT_OUT.independent / chi2.median(LEFT_OUT.independent))
+    variance = float(np.median(errors) * LEFT_OUT.independent / chdtri(LEFT_OUT.independent, 0.5))
     if variance <= LEFT_OUT.chance:
         return 1.0
     count = LEFT_OUT.expected + len(errors)
     pooled = (LEFT_OUT.expected + len(errors) * variance) / count
-    return float(pooled**0.5 * student.ppf((1 + BANDS.level) / 2, count) / NORMAL_Q90)
+    return float(pooled**0.5 * stdtrit(count, (1 + BANDS.level) / 2) / NORMAL_Q90)
 
 
 def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:

@@ -16,7 +16,7 @@ the encoders are zeroed before each recording (`rezeroed`).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from dpr_lab.exports.ensemble.sampled import square_root
 from dpr_lab.fitting.covariance import considered
@@ -58,7 +58,7 @@ def drawn_starts(problem: Problem, fit: Fit, rng: np.random.Generator) -> Estima
     by_zeros = turned @ (linear.initial_state_coefficients @ zeros)[:, :, None] / inflation
     noise = np.linalg.cholesky(precision) @ rng.standard_normal((*fit.estimate.initial.shape, 1))
     steps = np.asarray(np.linalg.solve(precision, noise - by_zeros)[:, :, 0], dtype=np.float64)
-    most = linear.chi2_by_segment + inflation * chi2.isf(STARTS.tail, states + len(zeros))
+    most = linear.chi2_by_segment + inflation * float(chdtri(states + len(zeros), STARTS.tail))
     for _ in range(STARTS.halvings):
         drawn = moved(fit.estimate, fit.free, zeros, steps)
         residual = problem.whitened(problem.measured - problem.predict(drawn))
