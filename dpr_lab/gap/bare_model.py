@@ -31,7 +31,7 @@ def nominal_ratios(rig: Rig) -> Array:
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
     """Fit the ratios, robustly at the first segment length and then at the working length.
 
-    Isolated outliers are excluded afterwards, because at a low rate only a model shows them.
+    Isolated outliers are excluded afterwards, because at a low rate they are visible only in the residual of a model.
 
     Args:
         recordings: the runs

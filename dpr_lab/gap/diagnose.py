@@ -115,7 +115,7 @@ def diagnose(
 
 
 def _begin(request: Request, stage: str) -> None:
-    """Report the start of a stage."""
+    """Report that a stage of the diagnosis starts."""
     request.on_progress(StageBegan(STAGES.index(stage) + 1, len(STAGES), stage))
 
 

@@ -15,7 +15,7 @@ from dpr_lab.gap.screen.recordings import Recordings
 
 @dataclass(frozen=True, slots=True)
 class RowRules:
-    """Limits for torques that change between rows."""
+    """Rules for known torques that change between the rows of a file."""
 
     earlier: float = 1.0
     """Maximum time by which known torques act before their rows, as a share of the interval between rows.

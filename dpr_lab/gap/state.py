@@ -62,7 +62,7 @@ class Request:
     held_out: tuple[Run, ...]
     rig: Rig
     library: Mapping[str, Effect]
-    """Effects to choose from."""
+    """Effects from which the diagnosis chooses."""
     max_effects: int
     start: Array
     """(7,) initial ratios, b and p/b."""
@@ -137,7 +137,7 @@ class Transferred(Classified):
     """State with the performance of the selected set on recordings that were not fitted."""
 
     free_runs: Mapping[str, FreeRuns]
-    """Free runs of the models `before` and `after` along all recordings."""
+    """Free runs along all recordings, by model: `before` and `after` the correction."""
     transfer: Transfer
     description: Description
     """Result of the test whether a wrong description of the recordings explains the gap."""
@@ -156,7 +156,7 @@ class Advised(Transferred):
 
     @property
     def intervals(self) -> dict[tuple[str, str], float]:
-        """(effect, parameter) -> half width of the 90 % interval of a fitted value."""
+        """Half width of the 90 % interval of each fitted value, by effect and parameter."""
         reach = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
         free = self.selection.chosen.fit.free
         return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, reach, strict=True)}

@@ -89,7 +89,7 @@ class Comparison(Shown):
 
 @dataclass(frozen=True, slots=True)
 class FreeRun:
-    """One simulation from a fitted initial state to the end of the record."""
+    """Simulation of a recording from a fitted initial state to the end, without correction."""
 
     t: Array
     """(n,) times since the release, s."""

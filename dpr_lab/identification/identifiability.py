@@ -206,7 +206,7 @@ def identifiability(
 
 
 def summary(analysis: Identifiability) -> dict[str, Any]:
-    """Part of the JSON of an identification: rank, free directions, recommendations as sentences."""
+    """Part of an identification's JSON output: rank, free directions, and recommendations as sentences."""
     return {
         "rank": analysis.rank,
         "null_space": [dict(direction) for direction in analysis.null_space],

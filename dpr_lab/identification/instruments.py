@@ -15,7 +15,7 @@ from dpr_lab.rig_tables import AddedMass
 
 @dataclass(frozen=True, slots=True)
 class BenchReading:
-    """Quantity that an instrument measures."""
+    """Quantity that a bench instrument measures."""
 
     name: str
     """Name of the quantity in words, for example `mass of the outer rod`."""

@@ -153,7 +153,7 @@ def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
 
 
 def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
-    """Number of samples of the next segment that the free run of a segment follows."""
+    """Number of samples of the next segment along which the free run of a segment follows the readings."""
     begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
     layout = ratio_fit.problem.segments
     passed = begin + 1 if layout.setups[layout.run[index]].free else border  # known torques are indexed by sample

@@ -46,7 +46,7 @@ def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]
 
 
 class EstimatedValue(_Record):
-    """A number with its standard deviation and 90 % interval."""
+    """Estimated value with its standard deviation and 90 % interval."""
 
     value: Number
     """Estimated value, SI."""
@@ -85,7 +85,7 @@ class ParameterValue(_Record):
 
 
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check that ratios have the names for both rods, or for the inner rod alone."""
+    """Check that the names of the ratios are those of both rods, or of the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
 
 
@@ -168,7 +168,7 @@ class Covariance(_Record):
 
 
 class Identifiable(_Record):
-    """Identifiable directions of the nine parameters."""
+    """Directions in the space of the nine parameters that the recordings identify."""
 
     rank: int
     """Number of directions, of nine, that the runs determine."""
@@ -179,7 +179,7 @@ class Identifiable(_Record):
 
 
 class FitSummary(_Record):
-    """Quality of the fit of each run, over segments with free initial states."""
+    """Quality of the fit of all runs, over segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Rms residual of `theta1` and `theta2`, rad."""

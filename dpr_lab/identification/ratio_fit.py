@@ -43,7 +43,7 @@ For 6e4 readings, 1e-8 of chi2 corresponds to a fortieth of a standard deviation
 
 @dataclass(frozen=True, slots=True)
 class ShortSegments:
-    """Lengths of the first segments."""
+    """Lengths of the segments with which a fit begins."""
 
     first_segment_s: float = 0.25
     """First length, s; the fit converges from all initial values that are wrong by at most 20 %."""

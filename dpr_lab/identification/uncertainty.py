@@ -52,7 +52,7 @@ class RatioUncertainty:
 
     @property
     def std(self) -> Array:
-        """(n,) standard deviations, including the contribution of ratios that the runs do not determine."""
+        """(n,) standard deviations of the unknowns, including the contribution of undetermined ratios."""
         return np.sqrt(np.diag(self.covariance + self.assumed))
 
     @property

@@ -93,9 +93,9 @@ class RecordingTimes(RigTable):
     """Permitted durations of a recording, s."""
 
     shortest_s: Annotated[float, Field(ge=1, le=600, strict=True)] = 10.0
-    """Minimum duration of a recording."""
+    """Minimum duration of a recording, s."""
     longest_s: Annotated[float, Field(ge=1, le=600, strict=True)] = 30.0
-    """Maximum duration of a recording."""
+    """Maximum duration of a recording, s."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "RecordingTimes":

@@ -27,7 +27,7 @@ class MultistartSettings(SearchSettings, frozen=True):
 
     algorithm: Literal["multistart"] = "multistart"
     generations: Annotated[int, Field(ge=0)] = 20
-    """Maximum number of local searches."""
+    """Maximum number of generations, each of which is one local search."""
     population: Annotated[int, Field(ge=2)] = 50
     """Number of points of a Latin hypercube; when all have been used as starts, the next hypercube is drawn."""
     iterations: Count = 50

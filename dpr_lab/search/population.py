@@ -14,7 +14,7 @@ class Population:
     genes: Array
     """(size, n) values of the free genes."""
     cost: Array
-    """(size,) cost H of each chromosome."""
+    """(size,) cost H of each chromosome, ascending."""
 
     def best(self, size: int) -> "Population":
         """Population of the first `size` individuals, which are the best ones."""

@@ -24,11 +24,12 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     """Seal, record, diagnose, reveal and score one plant.
 
     Args:
-        case: `kind`, `level`, `seed`, `arm`; `rig`, the text of a rig file; `plant`, a name or a file on this machine;
-        `version` of the calling program
+        case: `kind`, `level`, `seed` and `arm` of the plant; `rig`, the text of a rig file; `plant`, a name or a file
+            on
+            this machine; `version` of the calling program
 
     Returns:
-        `outcome`, as `TrialOutcome.to_json` gives it
+        `outcome`, the dict of `TrialOutcome.to_json`
 
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.

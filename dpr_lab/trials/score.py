@@ -40,7 +40,7 @@ class SizeError:
     covered: bool
     """Whether the 90 % interval contains the true value."""
     leads: bool
-    """Whether this amplitude is the largest of its effect."""
+    """Whether this amplitude is the largest one of its effect."""
 
 
 @dataclass(frozen=True, slots=True)

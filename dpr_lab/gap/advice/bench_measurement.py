@@ -63,10 +63,10 @@ def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
-    """Predictive densities of the measured value.
+    """Predictive densities of a measured value under the candidate causes.
 
     Raises:
-        RunError: the value has no unit, is impossible, or is questioned and was not confirmed.
+        RunError: the value has no unit or is impossible, or it is questioned and was not confirmed.
     """
     value, std = _read(check, answer)
     predicted = predictions(diagnosis, check, prior)

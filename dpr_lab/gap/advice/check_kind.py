@@ -20,7 +20,7 @@ class NextStep:
 
     text: str
     checks: tuple[AdvisedCheck, ...]
-    """Checks without ids."""
+    """Recommended checks, which have no ids yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class OpenQuestion:
     causes: tuple[str, ...]
     """Possible causes: the members of a class, or the effect and one alternative."""
     probabilities: tuple[float, ...]
-    """Probability of each cause."""
+    """Probability of each cause, in the order of `causes`."""
     one_class: bool
     """Whether the causes are the members of one class."""
     chosen: Hypothesis
@@ -55,13 +55,13 @@ class CheckAnswer:
     value: float | str | None = None
     """A number in the unit of the quantity, or text with a unit."""
     std: float | str | None = None
-    """Standard uncertainty of the value; text without a unit is in the unit of the value."""
+    """Standard uncertainty of the value; a text without a unit has the unit of the value."""
     confirmed: bool = False
-    """Whether to accept a value that no candidate predicts."""
+    """Whether the operator confirms a value that no candidate predicts, so that it is accepted."""
 
     @property
     def given(self) -> set[str]:
-        """Names of the fields that contain a result."""
+        """Names of the fields of this answer that contain a result."""
         names = {field.name for field in fields(self)} - {"rig", "confirmed"}
         return {name for name in names if getattr(self, name) not in ((), None)}
 

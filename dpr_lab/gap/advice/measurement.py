@@ -115,9 +115,9 @@ class Predictions:
     background: Prediction
     """Prediction if the measured effect is not the cause."""
     scale: float
-    """c: scale of the amplitude under a cause outside the candidates."""
+    """Scale c of the amplitude under a cause outside the candidates."""
     largest: float
-    """Maximum accepted value and uncertainty."""
+    """Largest value and largest uncertainty that are accepted."""
     estimate: Interval | None
     """Prediction of the recordings if the measured effect is the cause."""
 

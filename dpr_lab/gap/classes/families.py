@@ -32,7 +32,7 @@ def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -
 
 
 def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
-    """Share of the excess that returns if all effects of the family are removed, 0 to 1."""
+    """Share of the excess chi2 that returns if all effects of a family are removed, 0 to 1."""
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
         return refit_without(problem, model, name, selection.base)

@@ -117,7 +117,7 @@ CALIBRATION = Calibration()
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """An alternative to a named effect."""
+    """An alternative to a named effect, with its probability."""
 
     name: str
     members: tuple[str, ...]
@@ -136,7 +136,7 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class EffectPosterior:
-    """A named effect, the effects indistinguishable from it, and its alternatives."""
+    """Probability of a named effect, with the effects that are indistinguishable from it and its alternatives."""
 
     name: str
     members: tuple[str, ...]

@@ -79,9 +79,9 @@ def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> 
 
 
 def _farthest(room: Array, direction: Array) -> float:
-    """Largest step in a direction that keeps all values within their bounds.
+    """Largest step along a direction that keeps all values within their bounds.
 
-    Values at a bound that do not move are ignored.
+    Values that do not change along the direction are ignored.
     """
     ahead = np.where(direction > 0.0, room[1], room[0])[direction != 0.0] / direction[direction != 0.0]
     return float(ahead.min(initial=np.inf))

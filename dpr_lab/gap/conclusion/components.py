@@ -29,9 +29,9 @@ class MixtureSettings:
     """Limits of the sets that the mixture contains."""
 
     least: float = 0.01
-    """Minimum probability of a set that is included."""
+    """Minimum probability of a set that belongs to the mixture."""
     most: int = 8
-    """Maximum number of sets."""
+    """Maximum number of sets in the mixture."""
 
 
 MIXTURE = MixtureSettings()
@@ -58,7 +58,7 @@ def components(
 
 
 def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
-    """The selected set and other sets that may be true, the most probable first, with their weights."""
+    """The selected set and other sets that may be the true one, with their weights, by decreasing weight."""
     chosen = selection.chosen
     others = {
         model.key: model

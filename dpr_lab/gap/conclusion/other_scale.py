@@ -25,7 +25,7 @@ class OtherScaleRules:
     """Limit for a message about the scale of the readings."""
 
     explains: float = 0.93
-    """Minimum share of the excess chi-square that the model at the other scale explains."""
+    """Minimum share of the bare model's excess chi-square that the model at the other scale explains."""
 
 
 OTHER_SCALE = OtherScaleRules()

@@ -124,7 +124,7 @@ def _undecided(transferred: Transfer) -> bool:
 
 
 def _only_held_out(transferred: Transfer) -> bool:
-    """Whether the held-out recordings show a gap that the fitted recordings do not show."""
+    """Whether only the held-out recordings show a gap."""
     return transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
 
 
@@ -288,5 +288,5 @@ def _class(posterior: EffectPosterior) -> str:
 
 
 def _doubt(cause: EffectPosterior) -> str:
-    """The probability in words, for an effect that explains a part of the gap but is probably not the cause."""
+    """Clause with the probability of an effect that explains a part of the gap but is probably not its cause."""
     return "" if cause.probability >= VERDICT.rather else f" (probability only {percent(cause.probability)})"

@@ -24,7 +24,7 @@ class RestRules:
     block_s: float = 0.05
     """Length of the blocks whose medians are compared, s."""
     fewest: int = 4
-    """Minimum number of readings in a block."""
+    """Minimum number of readings in a block of the recording at rest."""
     of_median: float = 1.25
     """Ratio of the standard deviations of median and mean of normal values, sqrt(pi / 2)."""
     periods: float = 0.55
@@ -58,7 +58,7 @@ class Touch:
 
 
 def touch(record: Record, slow_period_s: float) -> Touch | None:
-    """The first motion after the rods of a free swing came to rest; None if there is none."""
+    """First motion after the rods of a free swing have come to rest; None if there is none."""
     t, joints, sigma = _blocks(record)
     if len(t) < 2:
         return None

@@ -253,7 +253,7 @@ def _without_slips(record: Record) -> Record:
 
 
 def _returns(record: Record, first: Jump, later: Jump) -> bool:
-    """Whether a later step cancels the first one."""
+    """Whether a later step of the readings cancels an earlier one."""
     sizes = first.size[0], later.size[0]
     takes_back = first.joint == later.joint and abs(sum(sizes)) < DISTURBANCE.returns * abs(sizes[0])
     return takes_back and later.at - first.at < DISTURBANCE.while_share * float(np.ptp(record.t))

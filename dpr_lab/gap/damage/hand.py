@@ -45,7 +45,7 @@ class HandRules:
     scatters: float = 5.0
     """Minimum rise of the energy, in standard deviations of the noise of the energy."""
     smoothed: int = 5
-    """Number of segments of the running median by which the energy is smoothed."""
+    """Number of segments in the running median that smooths the energy."""
     early: float = 0.3
     """Fraction of the recording within which the rise must occur.
 
@@ -79,7 +79,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
 
 
 def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
-    """One recording in short segments, fitted with given ratios."""
+    """Short segments of one recording, and their fit with given ratios."""
     short, initial = recordings.cut(LENGTHS.first)
     return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=HAND.iterations)
 

@@ -46,7 +46,7 @@ class JumpRules:
     others: int = 6
     """Minimum number of segments elsewhere to which a jump is compared."""
     most: float = 0.1
-    """Maximum number of jumps, relative to the number of segments; two are always possible."""
+    """Maximum number of jumps as a share of the number of segments; at least two jumps are always permitted."""
     kick_torques: int = 0
     """Degree of the polynomial torques that are projected out before kicks: a constant.
 
@@ -75,7 +75,7 @@ class Jump:
     """Reduction of chi2 by the jump."""
     run: int
     at: float
-    """Instant midway between two readings, s."""
+    """Instant of the jump, midway between two readings, s."""
     joint: int | None
     """Index of the joint whose reading steps; None for a kick."""
     size: tuple[float, ...]
@@ -190,7 +190,7 @@ class _Changes:
         )
 
     def kicks(self) -> tuple[Array, Array]:
-        """(samples,) gain and (samples, 2) impulses on theta1, theta2 of a kick just before each sample."""
+        """For a kick just before each sample: (samples,) gain, and (samples, 2) impulses on theta1 and theta2."""
         score = self._later(np.einsum("nas,na->ns", self.out, self.e))
         power = self._later(np.einsum("nas,nar->nsr", self.out, self.out))
         shared = self._later(np.einsum("nas,naq->nsq", self.out, self.Q))
@@ -211,7 +211,7 @@ class _Changes:
         return self._inside(gain), size
 
     def lone(self) -> Array:
-        """(samples,) gain of one wrong reading at each sample or at its neighbours."""
+        """(samples,) gain that results if one reading, at each sample or at its neighbours, is wrong."""
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
         gain = np.max(self.e**2 / np.maximum(remaining, JUMP.seen), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))

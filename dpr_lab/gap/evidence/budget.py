@@ -50,7 +50,7 @@ class AssumedInputs:
     gravity: float = 0.026
     """Half the range of g at sea level, from the equator (9.780) to the poles (9.832), m/s^2."""
     rectangular: float = 3.0**-0.5
-    """Standard deviation of a rectangular distribution of half width 1."""
+    """Standard deviation of a uniform distribution of half width 1."""
     richardson: float = 16 / 15
     """Ratio of the error of a fourth-order method to the change of its result when the step is halved."""
 
@@ -70,11 +70,11 @@ class _Source:
     variance: Callable[["FreeSwings"], list[Array]]
     """Function that returns the (n, 2) variance of the readings of each recording, rad^2."""
     left: float = 1.0
-    """Factor by which the recordings reduce the given standard uncertainty."""
+    """Factor by which the recordings reduce the given standard uncertainty of the source."""
 
 
 def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
-    """All contributions to the uncertainty of a prediction."""
+    """All sources that contribute to the uncertainty of a prediction."""
     return [_integrator(problem, model), *_constants(problem, model, rig), *_noise(model)]
 
 

@@ -40,7 +40,7 @@ class ShapeSettings:
     most: int = 800
     """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s; the test of more is too slow."""
     block: int = 32
-    """Number of columns that are processed at a time, to limit the memory."""
+    """Number of columns that are processed together, which limits the memory."""
 
 
 SHAPES = ShapeSettings()

@@ -62,7 +62,7 @@ GRID = SpeedGrid()
 
 
 def laws_of(joint: int) -> tuple[str, ...]:
-    """Effects that are friction laws of joint 0, 1 or 2."""
+    """Names of the effects that are friction laws of joint 0, 1 or 2."""
     return tuple(f"{law}_joint{joint}" for law in LAWS)
 
 

@@ -49,7 +49,7 @@ PENALTY = Penalty()
 
 @dataclass(frozen=True, slots=True)
 class Refits:
-    """Settings of the fits that the search compares."""
+    """Settings of the preliminary fits that the search compares."""
 
     preliminary: float = 3e-3
     """Relative reduction of the cost at which a fit far from the noise ends.

@@ -40,7 +40,7 @@ ASSUMPTIONS = NoiseAssumptions()
 
 @dataclass(frozen=True, slots=True)
 class ResidualStatistics:
-    """Residuals of a fit relative to the noise."""
+    """Statistics of the residuals of a fit, relative to the noise."""
 
     chi2: float
     dof: int
@@ -72,12 +72,12 @@ class ResidualStatistics:
 
     @property
     def z(self) -> float:
-        """Distance of the residual from noise, in standard deviations."""
+        """Significance of the residual: its distance from the value expected for noise, in standard deviations."""
         return self.excess / self.uncertainty
 
     @property
     def inflation(self) -> float:
-        """Variance inflation n / n_eff of a first-order process, times the variance of the residuals."""
+        """Variance inflation n / n_eff of a first-order process, multiplied by the variance of the residuals."""
         rho = min(max(self.autocorrelation, 0.0), ASSUMPTIONS.most_correlated)
         return max(self.chi2 / self.dof, 1.0) * (1 + rho) / (1 - rho)
 
@@ -88,7 +88,7 @@ class ResidualStatistics:
 
 
 def degrees_of_freedom(problem: Problem) -> Integers:
-    """(segments,) number of readings minus number of initial values."""
+    """(segments,) number of readings of each segment minus the number of its initial values."""
     return np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
 
 
@@ -144,7 +144,7 @@ def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
 
 
 def _off_a_line(values: Array, width: int = 7) -> Array:
-    """(n, 2) deviation of each value from the robust line through the `width` values around it."""
+    """(n, 2) deviation of each value from a robust line through the `width` neighbouring values."""
     if len(values) < width:
         return np.zeros_like(values)
     begin = np.clip(np.arange(len(values)) - width // 2, 0, len(values) - width)

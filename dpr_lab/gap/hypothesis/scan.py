@@ -36,7 +36,7 @@ class ScanSettings:
     reach: float = 0.75
     """Range of the additional shapes on either side, in steps of the grid."""
     block: int = 32
-    """Number of columns that are processed at a time, to fit in the cache."""
+    """Number of columns that are processed together, so that they fit into the cache."""
     amplitudes: int = 2
     """Number of leading amplitudes of an effect that a scan fits."""
     periods: int = 2

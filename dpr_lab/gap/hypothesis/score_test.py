@@ -31,7 +31,7 @@ class Score:
     effect: Effect
     shape: Shape
     gain: float
-    """Predicted reduction of chi2."""
+    """Predicted reduction of chi2 by the effect in this shape."""
     columns: tuple[int, ...]
     """Columns of the effect's amplitudes in the test; absorbed amplitudes are excluded, unless all are absorbed."""
     free: tuple[FreeParameter, ...]
@@ -39,7 +39,7 @@ class Score:
     amplitudes: Array
     """(columns,) amplitudes by the linear solution."""
     absorbed: Mapping[str, str] = field(default_factory=dict)
-    """Amplitude -> parameter of the fit from which it is indistinguishable."""
+    """Amplitudes that are indistinguishable from a parameter of the fit, with the name of this parameter."""
 
     @property
     def named_amplitudes(self) -> dict[str, float]:
@@ -58,15 +58,15 @@ class ScoreTest:
     """Parameters of all columns: first those of the fit, then those of the candidates."""
     space: ColumnSpace
     prior: RigPrior
-    """Prior of all columns."""
+    """Prior of all columns of the test."""
     ranking: tuple[Score, ...] = ()
     """Scores of all effects, best first; an effect with several shapes has the score of its best one."""
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
-    """Scores of all shapes of each effect, best first."""
+    """Scores of all shapes of each effect, the best shape first."""
 
     @property
     def fitted_columns(self) -> tuple[int, ...]:
-        """Columns of the fit itself."""
+        """Columns of the parameters that the fit estimates."""
         return tuple(range(len(self.fit.free)))
 
     def of(self, effect: str) -> Score | None:
@@ -140,7 +140,7 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
 
 
 def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
-    """Predicted reduction of chi2 by several effects together, each in the shape of its score."""
+    """Predicted reduction of chi2 if several effects are added together, each in the shape of its own score."""
     rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
     prior, chosen = test.prior_of(rows), test.space.chosen(rows)
     return chosen.reduction(_bounded_step(test, prior.free, chosen, prior.A, prior.e))

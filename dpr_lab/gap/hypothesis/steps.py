@@ -34,7 +34,7 @@ class StepSettings:
     side: int = 8
     """Number of readings on either side of a step to which a polynomial is fitted."""
     degree: int = 5
-    """Degree of the polynomial."""
+    """Degree of this polynomial."""
     reach: int = 3
     """Maximum number of readings by which the residual may misplace a step."""
     part: float = 0.5
@@ -69,7 +69,7 @@ class ReadingStep(NamedTuple):
 
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
-    """Properties of the recordings from which shapes are proposed."""
+    """Properties of the recordings from which possible shapes of an effect are derived."""
     screened = [(axis, run, instant) for run, record in enumerate(records) for instant, axis in record.screened.breaks]
     return Recorded(
         arm_moves=tuple(record.encoder0_moves for record in records),
@@ -164,5 +164,5 @@ def step_gain(score: Array, power: Array, on_nuisances: Array, least: Array) -> 
 
 
 def _from_end(values: Array) -> Array:
-    """Cumulative sums from the last sample backwards, of (segments, samples, ...)."""
+    """Cumulative sums over the samples, from the last sample backwards, of (segments, samples, ...) values."""
     return np.cumsum(values[:, ::-1], axis=1)[:, ::-1]

@@ -20,7 +20,7 @@ FREQUENCY = "frequency_hz"
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """Limits of the harmonics of a swing."""
+    """Settings for the harmonics of a swing."""
 
     harmonics: int = 5
     """Highest tested multiple of the frequency of the swing.

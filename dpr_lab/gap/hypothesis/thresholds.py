@@ -38,11 +38,11 @@ class Thresholds:
     The unit is the standard error from the scatter of segments.
     """
     fewest_segments: int = 10
-    """Minimum number of segments for an estimate of their scatter."""
+    """Minimum number of segments from which their scatter can be estimated."""
     takes_over: float = 2.0
     """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     integrator: float = 5e-4
-    """Fraction of the explained chi2 that is uncertain because of the integrator's steps."""
+    """Uncertain fraction of the explained chi2, because of the integrator's steps."""
     integrator_at_floor: float = 5e-5
     """Fraction as `integrator`, for a set that leaves only noise, which confirms the steps."""
     slow: float = 1.3
@@ -205,7 +205,7 @@ def form_indifference(base: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Whether a richer form explains, beyond a simpler one, less than it leaves unexplained; False if not fitted."""
+    """Whether a richer form explains less beyond a simpler one than it leaves unexplained; False if none is fitted."""
     if simpler is None or at_noise_floor(richer):
         return False
     return excess(simpler) - excess(richer) < excess(richer)

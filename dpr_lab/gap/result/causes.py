@@ -16,7 +16,7 @@ class EffectSize(Interval):
     """
 
     ratio: Number | None = None
-    """value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
+    """Ratio value / b^k, which does not depend on the scale; None if the recordings determine b, or if k is 0."""
     ratio_unit: str = ""
     """Unit of the ratio, SI."""
     ratio_interval90: tuple[Number, Number] | None = None
@@ -26,7 +26,7 @@ class EffectSize(Interval):
 
 
 class NamedEffect(Saved):
-    """One effect of the selected set."""
+    """One effect of the selected set, with its size and probability."""
 
     name: str
     """Name of the effect, a key of `dpr_lab.effects.EFFECTS`."""
@@ -59,13 +59,13 @@ class NamedFamily(Saved):
     effects: list[str]
     """Named effects that belong to the family."""
     probability: Number
-    """Probability that all of them are present."""
+    """Probability that all effects of the family are present."""
     share: Number
-    """Share of the excess that returns without all of them."""
+    """Share of the excess chi2 that returns if all effects of the family are removed."""
 
 
 class RivalEffect(Saved):
-    """An alternative to a named effect."""
+    """An alternative to a named effect, with its probability."""
 
     name: str
     """Name of the alternative, a key of `dpr_lab.effects.EFFECTS`."""

@@ -133,7 +133,7 @@ def _amplitudes(effect: str) -> dict[str, EffectParameter]:
 
 
 NONE_OF_THEM = "unexplained"
-"""Key of a cause outside the candidates, in probabilities and results of checks."""
+"""Key that represents a cause outside the candidates, in probabilities and results of checks."""
 
 
 class CheckDone(Saved):

@@ -36,7 +36,7 @@ class SensorFinding(Saved):
     """A sensor fault that was detected without a model."""
 
     name: str
-    """Kind of fault."""
+    """Kind of the sensor fault."""
     run: str
     """Name of the run."""
     axis: str | None
@@ -66,11 +66,11 @@ class Diagnosis(Shown, Saved):
     the unmodelled remainder.
     """
     hints: list[str] = []
-    """Evidence for a wrong description of the recordings, with the option or key of the rig file that corrects it."""
+    """Signs that the recordings are described wrongly, each with the option or key of the rig file that corrects it."""
     basis: Basis = "releases left out"
     """Data on which the verdict was tested."""
     transfer: dict[str, dict[str, Interval]] = {}
-    """Effect -> held-out run -> share of the gap without the effect that the effect closes."""
+    """Share of the gap without an effect that the effect closes, by effect and by held-out run."""
     withdrawn: list[str] = []
     """Effects that explain the fitted recordings but do not carry over to held-out data."""
     gap: Gap
@@ -88,7 +88,7 @@ class Diagnosis(Shown, Saved):
     probabilities: dict[str, Number]
     """Probability of `no_gap`, of `unexplained`, and of each effect."""
     detectable: dict[str, dict[str, Number | None]]
-    """Effect -> parameter -> minimum detectable size at the assumed b, SI; None if it is undetectable at any size."""
+    """Minimum detectable size at the assumed b, SI, by effect and by parameter; None if no size is detectable."""
     absorbed: dict[str, dict[str, str]] = {}
     """Effect -> amplitude -> quantity from which the amplitude is indistinguishable in these recordings.
 

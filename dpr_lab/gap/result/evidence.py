@@ -66,7 +66,7 @@ class ResidualLook(Saved):
     spacing_s: Number
     """Time between neighbouring readings, s."""
     readings: int
-    """Number of residuals of a joint."""
+    """Number of residuals of each joint."""
     normal: list[Number]
     """Quantiles of the standard normal distribution, to which the residuals are compared."""
     joints: dict[str, dict[str, Whiteness]]

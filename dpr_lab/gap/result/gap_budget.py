@@ -55,7 +55,7 @@ class GapBudget(Saved):
     varying: Share
     """Share that parameters remove if they may differ between recordings."""
     unmodelled: Share
-    """Reproducible share that no effect of the model explains."""
+    """Reproducible share of the gap that no effect of the model explains."""
     not_reproducible: Share
     """Share above the noise that differs from recording to recording."""
     noise: Share

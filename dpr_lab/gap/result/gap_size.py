@@ -14,7 +14,7 @@ class ClosedShare(Saved):
     interval90: tuple[Number, Number]
     """90 % interval of the estimate."""
     per_run: dict[str, Number]
-    """Run -> share of the gap that closes on it."""
+    """Share of the gap that closes on each run, by the name of the run."""
     held_out: dict[str, Number] = {}
     """Run -> share of the gap that closes on whole recordings that were held out on request."""
 
@@ -26,7 +26,7 @@ class Gap(Saved):
     """
 
     floor_rad: dict[str, Number]
-    """Joint -> noise floor, rad."""
+    """Noise floor of each joint, rad, by the name of the joint."""
     before_rad: dict[str, Number]
     """Joint -> rms of the residual of the bare model above the noise, rad."""
     after_rad: dict[str, Number]
@@ -54,7 +54,7 @@ class Gap(Saved):
     Empty if the residual is noise.
     """
     remainder_rad: dict[str, Number] = {}
-    """Joint -> rms encoder error of the discrepancy term, rad."""
+    """Rms encoder error of the discrepancy term at each joint, rad, by the name of the joint."""
     budget: GapBudget | None = None
     """Reproducible share of the gap, and the part that effects explain; None in a file of an older version."""
 

@@ -9,7 +9,7 @@ class SearchStep(Saved):
     move: str
     """Kind of change that was tried, the name of a move."""
     before: list[str]
-    """Effects of the current set."""
+    """Effects of the set that was current before this trial."""
     tried: list[str]
     """Effects of the proposed set, which was tried."""
     criterion: Number | None = None

@@ -21,7 +21,7 @@ class TrustTrial(Saved):
     """Effects of the plant with all parameters, SI."""
     named: list[str]
     verdict: str
-    """Verdict of the diagnosis, or `REFUSED`."""
+    """Verdict of the diagnosis, or `REFUSED` if the diagnosis failed."""
     right: list[str]
     """Effects of the plant that were named, alone or in a class of indistinguishable effects."""
     wrong: list[str]

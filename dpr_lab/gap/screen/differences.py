@@ -19,7 +19,7 @@ class SpeedNoiseSettings:
     bins: int = 12
     """Number of bins by speed, with equally many readings."""
     fewest: int = 40
-    """Minimum number of readings in a bin; with fewer readings, the test is omitted."""
+    """Minimum number of readings in a bin of speed; with fewer readings, the test is omitted."""
     uneven: float = 0.9
     """Maximum deviation of the sampling interval in a neighbourhood, in sampling periods."""
     overlap: float = 4.0
@@ -100,7 +100,7 @@ def noise_by_speed(
 
 
 def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array], float]) -> tuple[float, float]:
-    """Slope of the variance of `residual` over `speed2`, and its standard error, from levels in bins of speed."""
+    """Slope of the variance of `residual` over `speed2` and its standard error, from the levels in bins of speed."""
     in_bin = len(residual) / SPEED_NOISE.bins
     if in_bin < SPEED_NOISE.fewest:
         return 0.0, math.inf

@@ -46,11 +46,11 @@ class InstantSettings:
     likelihood: float = 6.0
     """Minimum log-likelihood ratio, nats, that is sufficient by itself, for few stamps that are very late."""
     fewest: int = 48
-    """Minimum number of readings."""
+    """Minimum number of readings for the tests of time stamps."""
     fast: float = 0.4
     """Fraction of the windows that are compared, those of highest speed; at rest, all instants are equivalent."""
     cycle: int = 64
-    """Maximum distance between two late readings, in samples."""
+    """Maximum interval between two late readings in a periodic pattern, in samples."""
     significance: float = 8.0
     """Minimum periodic delay, in standard errors."""
     contrast: float = 2.0
@@ -252,12 +252,12 @@ def _largest(z: Array, contrast: float) -> tuple[float, int]:
 
 
 def _differences(values: Array, weights: Array) -> Array:
-    """(windows,) divided differences of values (n,)."""
+    """(windows,) divided differences of (n,) values, one for each window."""
     return np.einsum("wj,wj->w", sliding_window_view(values, ORDER + 1), weights)
 
 
 def _to_samples(values: Array, samples: int) -> Array:
-    """(samples,) sums of values (windows, 7) over the windows that contain each sample."""
+    """(samples,) sum of the (windows, 7) values over all windows that contain a sample."""
     total = np.zeros(samples)
     for position in range(ORDER + 1):
         total[position : samples - ORDER + position] += values[:, position]

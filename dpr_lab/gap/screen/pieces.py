@@ -11,7 +11,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class PieceSettings:
-    """Settings of the division."""
+    """Settings of the division of a recording into pieces."""
 
     length_s: float = 10.0
     """Length of a piece, s: as long as the releases for which thresholds and probabilities were calibrated."""
@@ -23,7 +23,7 @@ PIECES = PieceSettings()
 
 
 def whole(name: str) -> str:
-    """Name of the run from which a piece was cut, or of the whole run itself."""
+    """Name of the run from which a piece was cut, or of the run itself if it is whole."""
     return re.sub(r" \d+-\d+ s$", "", name)
 
 

@@ -41,14 +41,14 @@ class ThinningSettings:
     Before it the latch may touch the rod, and an initial state lies 20 ms before its segment.
     """
     gap_s: float = 0.03
-    """Maximum duration of a gap within a segment, s."""
+    """Longest gap that a segment may contain, s."""
     gap_spacings: float = 4.5
     """Maximum duration of a gap within a segment, in median sampling intervals, for slow recordings.
 
     The larger of the two limits applies. The frames of a camera are 33 ms apart, and a few of them may be lost.
     """
     averaged_from: float = 1.5
-    """Minimum ratio of the sampling rate to the rate of the blocks for which a recording is averaged."""
+    """Minimum ratio of the sampling rate to the rate of the blocks; a recording with a larger ratio is averaged."""
     bent: float = 0.092
     """Coefficient of (speed times a block)^4 in the remaining curvature bias of a block mean, rad."""
     most_bias: float = 6.0
@@ -162,10 +162,10 @@ class Record:
 
 
 def record(run: Run, rig: Rig) -> Record:
-    """Screen a run and thin it to about 200 Hz.
+    """Screen a run, and reduce its sampling rate to about 200 Hz.
 
     Raises:
-        RunError: fewer samples after the release, or in a row, than a segment needs.
+        RunError: fewer readings follow the release, or follow one another without a gap, than a segment needs.
     """
     if (run.t >= THINNING.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")

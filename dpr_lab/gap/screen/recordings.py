@@ -27,7 +27,7 @@ from dpr_lab.rig import MASSES, Rig
 
 @dataclass(frozen=True, slots=True)
 class SegmentLengths:
-    """Segment lengths of the fits, s."""
+    """Lengths of the segments in the fits, s."""
 
     first: float = 0.25
     """Length of the first fit, which converges from any rig file within 20 % of the truth."""
@@ -245,7 +245,7 @@ class Recordings:
         )
 
     def only(self, chosen: Sequence[Record]) -> "Recordings":
-        """Copy with other runs of the same rig."""
+        """Copy of the recordings with other runs of the same rig."""
         return replace(self, records=tuple(chosen))
 
 

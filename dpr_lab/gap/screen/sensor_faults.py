@@ -89,7 +89,7 @@ SCREEN = ScreenSettings()
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One sensor fault."""
+    """One fault of a sensor."""
 
     name: str
     run: str

@@ -27,7 +27,7 @@ from dpr_lab.gap.screen.recordings import Recordings, TrackingNoise
 
 @dataclass(frozen=True, slots=True)
 class TrackingNoiseSettings:
-    """Settings of the likelihood."""
+    """Settings of the likelihood of tracking noise."""
 
     shorter: float = 0.2
     """Maximum fraction of the segments that may be shorter than a window."""
@@ -36,13 +36,13 @@ class TrackingNoiseSettings:
     most: int = 64
     """Maximum number of readings in a window."""
     windows: int = 8
-    """Minimum number of windows."""
+    """Minimum number of windows for an estimate."""
     correlations: tuple[float, ...] = tuple((1 - np.geomspace(1.0, 0.04, 24)).tolist())
     """Tested correlations of neighbouring errors, 0 first."""
     remainders: tuple[float, ...] = (0.0, *np.geomspace(0.1, 1e5, 13).tolist())
     """Tested variances of the smooth remainder, relative to the variance of the errors."""
     smooth: tuple[float, ...] = (0.5, 1.0)
-    """Tested times l of the smooth remainder, in units of sqrt(L1 / g)."""
+    """Tested time scales l of the smooth remainder, in units of sqrt(L1 / g)."""
     significant: float = 10.8
     """Minimum of twice the logarithm of the likelihood ratio to white noise; chance exceeds it in 0.1 % of cases."""
     rougher: float = 1.5

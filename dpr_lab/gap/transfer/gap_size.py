@@ -42,12 +42,13 @@ def gap(
     budget: GapBudget,
     remainder: Discrepancy | None,
 ) -> Gap:
-    """Compute all sizes of the gap that a diagnosis reports.
+    """Compute all measures of the gap that a diagnosis reports.
 
     Args:
         state: the state with the selected set of effects
         transferred: performance of the selected set on held-out recordings
-        runs_by_model: free runs of the models before and after, along all recordings including held-out ones
+        runs_by_model: free runs of the models before and after the correction along all recordings, held-out ones
+            included
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
     """

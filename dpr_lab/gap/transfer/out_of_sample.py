@@ -115,12 +115,12 @@ def reduction(above: Array, rng: np.random.Generator, block: int) -> GapReductio
 
 
 def share(above: Array) -> float:
-    """Relative reduction of the gap from (2, segments) chi2 above the noise, before and after."""
+    """Relative reduction of the gap, from (2, segments) chi2 above the noise, before and after the correction."""
     return float(_shares(above))
 
 
 def _shares(above: Array) -> Array:
-    """(...) relative reductions from (2, ..., segments)."""
+    """(...) relative reductions of the gap, from (2, ..., segments) chi2 above the noise."""
     before, after = np.maximum(above.sum(axis=-1), 0.0)
     remaining_share = np.sqrt(after / np.where(before > 0, before, 1.0))
     return np.where(before > 0, np.maximum(1 - remaining_share, -1.0), 0.0)

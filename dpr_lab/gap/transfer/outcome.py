@@ -75,7 +75,7 @@ class Transfer:
 
     basis: Basis
     tested: bool
-    """Whether there are enough segments to predict some segments from the other segments."""
+    """Whether there are enough segments to predict some of them from the others."""
     closed: GapReduction
     """Share of the gap that all effects together close."""
     gap_ratio: float
@@ -91,7 +91,7 @@ class Transfer:
     held_out: Mapping[str, GapReduction]
     """Run -> share of the gap that closes in a held-out run."""
     effects: Mapping[str, Mapping[str, GapReduction]]
-    """Effect -> run -> share of the gap without the effect that the effect closes."""
+    """Share of the gap without an effect that the effect closes, by effect and by run."""
     withdrawn: tuple[str, ...]
     """Effects that do not improve the prediction of recordings that were not fitted."""
     unproven: tuple[str, ...]

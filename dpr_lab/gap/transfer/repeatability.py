@@ -172,7 +172,7 @@ class _Varying:
 
     column: int
     own: Array
-    """(recordings,) deviation from the common value in each recording, in units of the column."""
+    """(recordings,) deviation of each recording's value from the common value, in units of the column."""
     std: Array
     """(recordings,) standard deviations of the deviations, in the same units."""
     scatter: float

@@ -175,7 +175,7 @@ def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[tuple[s
 
 
 def _helps(test: OutOfSample, reductions: Array) -> bool:
-    """Whether chi2 is significantly reduced over all runs and significantly increased in none."""
+    """Whether an effect reduces chi2 significantly over all runs and increases it significantly in none."""
     total, tolerance = _sum(reductions, test.block)
     by_run = [_sum(reductions[rows], test.block) for _, rows in test.runs]
     beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(reductions, test.block) > TRANSFER.beyond_chance)

@@ -25,7 +25,7 @@ def hats(x: Array, knots: Array) -> Array:
 
 
 def angle_hats(angle: Array) -> tuple[Array, Array]:
-    """(n, k) hat functions around the circle, and their knots."""
+    """(n, k) hat functions around the circle, and the angles of their knots."""
     knots = np.linspace(-math.pi, math.pi, BINS + 1)
     weights = hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
     weights[:, 0] += weights[:, -1]
@@ -41,7 +41,7 @@ def speed_hats(speed: Array) -> tuple[Array, Array]:
 
 
 def time_hats(t: Array) -> tuple[Array, Array]:
-    """(n, k) hat functions from the release to the last instant, and their knots."""
+    """(n, k) hat functions between the release and the last instant, and the times of their knots."""
     knots = np.linspace(0, float(t.max()), BINS)
     return hats(t, knots), knots
 

@@ -39,7 +39,7 @@ SIGNIFICANT = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Residual map of one location over one coordinate."""
+    """Residual map of one location as a function of one coordinate."""
 
     site: str
     """Location: joint1, joint2, encoder1 or encoder2; joint0 or encoder0 of an arm that moves."""
@@ -48,14 +48,14 @@ class Place:
     share: float
     """Share of the excess chi2 that the map explains, 0 to 1."""
     knots: Array
-    """(k,) positions of the hat functions, SI."""
+    """(k,) coordinates of the knots of the hat functions, SI."""
     values: Array
     """(k,) values of the map at the knots, in `unit`.
 
     They are torques, N m, friction over time, N m s/rad, friction radii over load, m, or encoder errors, rad.
     """
     std: Array
-    """(k,) standard deviations of the values."""
+    """(k,) standard deviations of the values at the knots."""
     unit: str
     sentence: str
 

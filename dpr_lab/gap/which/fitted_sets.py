@@ -88,7 +88,7 @@ class FittedSets:
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have, of any size; recordings need not show them."""
     held_out_chi2: Callable[[Hypothesis], float] | None = None
-    """Function that returns the sum of chi2 on held-out runs; None without held-out runs."""
+    """Function that returns the chi2 of a model, summed over the held-out runs; None without held-out runs."""
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
@@ -122,7 +122,7 @@ class FittedSets:
         return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], _results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
-        """Store a fit if it is the best of its set; return the best fit of the set."""
+        """Store a fit if it is the best one of its set, and return the best fit of this set."""
         best = self._fits.get(model.key)
         if best is None or model.fit.chi2 <= best.fit.chi2:
             self._fits[model.key] = best = model
@@ -147,7 +147,7 @@ class FittedSets:
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
-        """Effects of a set for which the recordings alone are evidence."""
+        """Effects of a set that the rig is not known to have, so that only the recordings are evidence for them."""
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
@@ -290,7 +290,7 @@ class FittedSets:
         return model
 
     def _better(self, other: Fit, model: Hypothesis) -> Hypothesis:
-        """The set of `model` with the better of the two fits."""
+        """The set of `model`, with the better of its two fits."""
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
     def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:

@@ -36,7 +36,7 @@ class Beam:
     fitted_when_far: int = 6
     """Number of candidates that are fitted far from the noise, where linear scores are unreliable."""
     sets: int = 2
-    """Number of sets that are extended to the next size."""
+    """Number of sets that are extended to the next larger size."""
     worse: float = 4.0
     """Maximum ratio of the excess of a set to the excess of the best set for which the set is extended."""
     exceeded: float = GAUSS_NEWTON.exceeded
@@ -126,7 +126,7 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
 
 
 def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Whether a set has an effect of impossible size, and whether it has one that adds too little."""
+    """Whether a set contains an effect of impossible size, and whether it contains an effect that adds too little."""
     little = follows_remainder(sets.bare, model, best) or any(
         follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
     )

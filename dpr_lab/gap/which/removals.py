@@ -70,7 +70,7 @@ def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> De
 
 
 def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """The sets without one effect, for each effect in turn."""
+    """All sets that result from removing one effect."""
     for name in current.effects:
         yield Proposal(sets.without_substitute(current, name))
 
@@ -144,9 +144,10 @@ def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
 
 
 def _returns(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Whether the best set of the smaller size has the removed effect, and explains less with more parameters.
+    """Whether a search would replace the smaller set by a worse set that again contains the removed effect.
 
-    The search would replace the smaller set by it: another effect is then missing than the one that was removed.
+    The best set of at most the smaller size then contains the removed effect. It has more parameters than the larger
+    set and explains less. Another effect than the removed one would be missing from it.
     """
     others = (
         model for model in sets.fits.values() if len(model.effects) <= len(smaller.effects) and sets.possible(model)

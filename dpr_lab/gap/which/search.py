@@ -20,7 +20,7 @@ class Proposal(NamedTuple):
     value: float = float("nan")
     """Quantity by which the move selected the set, if the criterion alone does not decide; nan otherwise."""
     trials: tuple[SearchStep, ...] = ()
-    """Trials of a nested search that led to the set."""
+    """Trials of a nested search that resulted in the proposed set."""
 
 
 class Decision(NamedTuple):

@@ -55,7 +55,7 @@ class Selection:
 
     @property
     def share_explained(self) -> float:
-        """Fraction of the bare model's excess chi2 that the selected effects remove, 0 to 1."""
+        """Fraction of the bare model's excess chi2 that the selected effects explain, 0 to 1."""
         before, after = self.base.residuals.excess, self.chosen.residuals.excess
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 

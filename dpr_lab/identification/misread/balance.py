@@ -49,9 +49,9 @@ class EnergySettings:
     refined: int = 5
     """Maximum number of local minima that are refined, lowest first."""
     zero_step_rad: float = 0.1
-    """First step of the refinement, rad."""
+    """First step of the refinement of the zeros, rad."""
     zero_rows: int = 800
-    """Number of rows used in the search for zeros."""
+    """Number of rows of the table that are used in the search for zeros."""
     friction: float = 100.0
     """Maximum factor of a viscous coefficient, which is poorly known, relative to its value in the rig file."""
     dry: float = 0.5

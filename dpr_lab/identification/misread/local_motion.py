@@ -31,7 +31,7 @@ class LocalMotionSettings:
     fewest: int = 30
     """Minimum number of windows for a result."""
     instants: int = 1500
-    """Maximum number of windows."""
+    """Maximum number of windows, and thus of instants."""
 
 
 @dataclass(frozen=True, slots=True)

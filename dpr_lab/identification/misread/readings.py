@@ -18,7 +18,7 @@ Angles = Callable[[Array, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True, slots=True)
 class Misreading:
-    """Another interpretation of a recording."""
+    """Another interpretation of a recording, which a mistake in its description would require."""
 
     cause: str
     """Description of the mistake, and the option or key of the rig file that corrects it."""

@@ -30,8 +30,10 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     """Check that the rig can have produced the recordings.
 
     Raises:
-        IdentificationError: the rig cannot have produced them; the message names the probable cause, which was tested.
-        RunError: a run without enough samples or motion in any interpretation.
+        IdentificationError: the rig cannot have produced the recordings; the message names the probable cause, which
+            was
+            tested.
+        RunError: a run has too few samples or too little motion in every interpretation.
     """
     if moves(runs):
         return  # signs and units of arm and input are tested in `gap.screen.input` and `moving_arm.doubts`

@@ -83,7 +83,7 @@ class TorqueBalance:
 
     @property
     def elbow(self) -> float:
-        """Angle th2 - th1 of a clamped elbow, rad; without meaning for two rods that swing."""
+        """Angle th2 - th1 of a clamped elbow, rad; not used for two rods that swing."""
         return float(np.median(self.moving.rods[:, 1] - self.moving.rods[:, 0]))
 
     def _solution(self, columns: Array, target: Array, least: Array, most: Array) -> tuple[float, Array]:

@@ -301,7 +301,10 @@ def fitted(
 
 
 def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> bool:
-    """Whether a part of the first run has a larger chi-square than all runs with a reduced chi-square of `worst`."""
+    """Whether an interpretation is hopeless compared with one of reduced chi-square `worst`.
+
+    This is the case if a part of the first run alone has a larger chi-square than all runs have at `worst`.
+    """
     try:
         part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
     except RunError:  # the part is too short

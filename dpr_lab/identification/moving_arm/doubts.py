@@ -29,7 +29,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DoubtSettings:
-    """Thresholds of the tests for an arm that is held or that hits a stop."""
+    """Thresholds of the tests for an arm that is held or hits a stop."""
 
     tried_s: float = 2.5
     """Duration of each recording that is examined for another zero or scale of the angles, s."""

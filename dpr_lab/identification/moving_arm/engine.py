@@ -41,7 +41,7 @@ def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
 
 
 def engine_constants(model: MovingArmModel, rig: Rig) -> RigConstants:
-    """Constants of the rig, with the arm length of the model."""
+    """Constants of the rig for the simulation, with the arm length of the model."""
     return rig_constants(rig)._replace(L0=model.sizes["L0"])
 
 
@@ -64,6 +64,6 @@ def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig
 
 
 def _on_elbow(rig: Rig) -> float:
-    """Inertia p = (m2 + mb) L1^2 of the rig file, kg m^2."""
+    """Inertia p = (m2 + mb) L1^2 that follows from the rig file, kg m^2."""
     m2, mb = (float(rig.nominal[PARAMETERS.index(name)]) for name in ("m2", "mb"))
     return (m2 + mb) * rig.L1**2

@@ -117,7 +117,7 @@ def estimated(value: float, std: float) -> EstimatedValue:
 
 
 def undetermined(name: str, estimate: EstimatedValue) -> str:
-    """Reason why an unknown is not part of the result."""
+    """Reason why the result does not contain an unknown."""
     low, high = estimate.interval90
     if not estimate.std < ARM_WARNINGS.unseen * max(abs(estimate.value), 1.0):
         return "not determined by these recordings"

@@ -38,7 +38,7 @@ class InputRows:
     A delay is more complex than none, and a delayed continuous input is more complex than a delayed held one.
     """
     step_s: float = 0.004
-    """Minimum step of the delay, s."""
+    """Minimum increment of the tested delays, s."""
     most_steps: float = 8.0
     """Maximum distance of a delay from the tested ones, in steps; the parabola is not valid farther away."""
 
@@ -51,7 +51,7 @@ class _InputModel:
     """Interpolation and delay of the input, with the misfit of the corresponding fit."""
 
     delay_s: float
-    """Delay after the rows, s."""
+    """Delay between a row of the input and its effect, s."""
     continuous: bool
     """Whether the rows are samples of a continuous signal."""
     misfit: float
@@ -60,7 +60,7 @@ class _InputModel:
 
 @dataclass(frozen=True, slots=True)
 class _Tested:
-    """A fit whose segments are fitted again with other interpolations and delays of the input."""
+    """A fit that is repeated with other interpolations and delays of the input."""
 
     fit: ArmFit
     runs: Sequence[Run]

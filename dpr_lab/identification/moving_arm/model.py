@@ -111,7 +111,7 @@ class MovingArmModel(Shown, BaseModel):
         return self.model_copy(update={"effects": effects, "swing": swing})
 
     def used(self, sha256: str) -> bool:
-        """Whether the run with this hash was used in the identification."""
+        """Whether a run, given by its hash, was used in the identification."""
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:

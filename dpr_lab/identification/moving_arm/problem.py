@@ -131,10 +131,10 @@ class ArmProblem:
 
 
 def recordings_of(runs: Sequence[Run], rig: Rig) -> list[ArmRecording]:
-    """Runs with their noise and input.
+    """Runs with the noise of their readings and with their input.
 
     Raises:
-        RunError: a run that this fit does not support.
+        RunError: this fit does not support a run.
     """
     return [_recording(run, rig) for run in runs]
 

@@ -63,7 +63,10 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
 
 
 def _relative_std(rig: Rig) -> float | None:
-    """Relative standard deviation of the scale from measured values; None if a measured value is missing."""
+    """Relative standard deviation of the scale that follows from measured values.
+
+    None if a measured value is missing.
+    """
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
     parameters = [rig.parameters[name] for name in names]
     stds = [parameter.std for parameter in parameters]

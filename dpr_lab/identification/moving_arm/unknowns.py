@@ -50,7 +50,7 @@ class Unknowns:
 
 
 def mode_number(mode: ArmMode, kind: str) -> int:
-    """Mode of the arm in the equation of motion."""
+    """Number that represents the mode of the arm in the equation of motion."""
     if mode == "driven" and kind == "acceleration":
         return DRIVEN
     return CLAMPED if mode == "clamped" else FREE

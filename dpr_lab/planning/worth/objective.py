@@ -28,7 +28,7 @@ class Gain:
 
     @property
     def weighed(self) -> float:
-        """Weighted sum of the bits."""
+        """Value of these gains: weighted sum of the bits."""
         library = WORTH.library if self.causes else 1.0
         others = WORTH.ratios * self.ratios + WORTH.limits * self.limits
         return sum(self.causes.values()) + self.open_effects + library * self.library + others
