@@ -198,9 +198,9 @@ def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> Ra
 
 
 def _continued(problem: Problem, estimate: Estimate) -> Array:
-    """(segments, 4) initial states equal to the end states of the previous segments.
+    """(segments, 4) initial states, equal to the end states of the previous segments.
 
-    The first segment keeps its own.
+    The first segment keeps its initial state.
     """
     laid_out = problem.segments
     if len(laid_out) == 1:
@@ -234,7 +234,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 
 
 def compare_followed(followed: Followed) -> Comparison:
-    """Compare a run whose segments are already fitted; the result equals that of `compare_run`.
+    """Compare a run whose segments are already fitted; the result is the same as from `compare_run`.
 
     Raises:
         RunError: the model cannot follow the readings.

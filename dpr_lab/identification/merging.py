@@ -32,9 +32,9 @@ class MergeSettings:
     Above it, they would only amplify the model error.
     """
     worse: float = 1.02
-    """Maximum ratio of the reduced chi-square of a level to that of the shortest segments.
+    """Maximum reduced chi-square of a level, divided by the reduced chi-square of the shortest segments.
 
-    Above it, the level is discarded.
+    A level with a larger ratio is discarded.
     """
     worth_moving: float = 0.1
     """Minimum share of its neighbour that a segment must follow for the border between them to move."""

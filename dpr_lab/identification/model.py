@@ -85,7 +85,7 @@ class ParameterValue(_Record):
 
 
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check that the names of the ratios are those of both rods, or of the inner rod alone."""
+    """Check that the names of the ratios belong to both rods, or to the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
 
 
@@ -275,7 +275,7 @@ class Model(Shown, _Record):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit; for an inner rod alone, some are values of the rig file."""
+        """The five ratios of the fit; for an inner rod alone, undetermined ratios come from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":

@@ -233,7 +233,7 @@ def first_fit(
 ) -> RatioFit:
     """Fit the ratios to segments of a quarter of a second, which converges from poor initial values.
 
-    The arguments are those of `short_fit`.
+    The arguments are the same as of `short_fit`.
     """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)

@@ -93,7 +93,7 @@ def informed(
         durations: shorter durations for which the information is also computed, s
 
     Returns:
-        for each release, in order, the result for its own duration and those for the shorter durations
+        for each release, in order, the result for its own duration, followed by the results for the shorter durations
     """
     rated = []
     for batch in _batches(releases):

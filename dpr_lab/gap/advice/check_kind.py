@@ -88,7 +88,7 @@ class CheckKind:
     form: Callable[[AdvisedCheck], str]
     """Function that returns a description of the required command-line options."""
     propose: Callable[[OpenQuestion, Sequence[NextStep]], list[NextStep]]
-    """Function that returns recommendations for a question, given those of the kinds that come first."""
+    """Function that returns recommendations for a question, given the recommendations of the preceding kinds."""
     result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
     """Function (diagnosis, check, answer, probabilities of the candidates) -> result; raises RunError."""
 

@@ -193,7 +193,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 def has(name: str, measured: str, amplitude: str) -> bool:
     """Whether an effect contains an amplitude of another effect.
 
-    All forms of one effect have the same amplitudes, except for those that a form adds.
+    All forms of one effect have the same amplitudes, except for additional amplitudes of richer forms.
     """
     if amplitude == EFFECTS[measured].adds and name in EFFECTS[measured].nested:
         return False

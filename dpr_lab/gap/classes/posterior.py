@@ -219,7 +219,7 @@ def _alternatives(
 ) -> list[Alternative]:
     """Best alternatives to the named effect, by increasing cost.
 
-    Those of equal cost are in the order of their names.
+    Alternatives of equal cost are in alphabetical order.
     """
     alternatives = (
         Alternative(other, (other,), test.cosine(named, score), _cost(selection, without, score))
@@ -265,9 +265,9 @@ def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
 
 
 def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
-    """Prior of the size of an effect that replaces a named one.
+    """Prior of the size of an effect that replaces a named effect.
 
-    The size is the fitted one, or that of the linear score.
+    The size comes from a fit, or from the linear score if the effect was not fitted.
     """
     fitted = selection.fitted.get(without.key | {score.effect.name})
     if fitted is not None:

@@ -64,7 +64,10 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
 
 
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
-    """Whether the model at another scale explains the gap; if both models leave the gap open, neither is evidence."""
+    """Whether the model at another scale explains the gap.
+
+    If both models leave the gap open, the result is no evidence for either scale.
+    """
     before, after = selection.base.residuals.excess, max(scaled.residuals.excess, 0.0)
     return at_noise_floor(scaled) or after <= (1 - OTHER_SCALE.explains) * before
 

@@ -1,4 +1,4 @@
-"""Ratios to b with their intervals: all ratios, and those that the recordings determine."""
+"""Ratios to b with their intervals: all ratios, and the ratios that the recordings determine."""
 
 import numpy as np
 

@@ -137,7 +137,7 @@ def _first_followed(level: Array, top: int) -> int:
 def _held_until(recordings: Recordings, ratios: Array) -> float | None:
     """Instant in the first segment from which free rods follow the readings as well as elsewhere.
 
-    None if nothing holds them.
+    None if nothing holds the rods at the beginning.
     """
     (recording,) = recordings.records
     problem, followed = _followed(recordings, ratios)

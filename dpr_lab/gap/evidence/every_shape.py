@@ -108,7 +108,7 @@ def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]
 
 
 def _values(effect: Effect, problem: Problem) -> Array:
-    """Values of the shape parameter to test; those of a frequency are evenly spaced."""
+    """Tested values of the shape parameter; the values of a frequency are evenly spaced."""
     (shape,) = effect.shapes
     if not _is_frequency(effect):
         return np.array(shape.scan)

@@ -126,9 +126,9 @@ def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
 
 
 def _area_between(first: Array, second: Array) -> float:
-    """Area between two distributions of equally many values.
+    """Area between two distributions with equally many values.
 
-    The result equals that of scipy's wasserstein_distance, whose import is slow.
+    scipy's wasserstein_distance returns the same area, but its import is slow.
     """
     return float(np.mean(np.abs(np.sort(first) - np.sort(second))))
 

@@ -101,8 +101,8 @@ class _Folds:
     def seen_by_one_alone(self, fold: _Fold, V: Array) -> Flags:
         """(free,) mask of the parameters that are free in a held-out run, like its initial state.
 
-        They are the zeros that are set before that run, and shape parameters whose variance V grows too much without
-        the run.
+        These are the zeros that are set before this run, and the shape parameters whose variance V grows too much
+        without it.
         """
         zeros = self.zeros & (np.diag(self.H) - np.diag(fold.H) <= 1.0)
         if not self.shapes.any():

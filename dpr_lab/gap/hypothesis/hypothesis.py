@@ -60,7 +60,7 @@ class Refits:
     lost: float = 10.0
     """Maximum ratio of chi2 at the linear prediction to chi2 of the original set.
 
-    Above it, the linear prediction is a worse initial value than the original set.
+    At a larger ratio the linear prediction is a worse initial value than the original set.
     """
 
 
@@ -236,7 +236,7 @@ def refit_with_from_short(
 ) -> Hypothesis:
     """Fit a set with one additional effect, first to short segments.
 
-    This is slower, but it converges even if the effect is large.
+    This procedure is slower, but converges even if the effect is large.
 
     Args:
         problem: the segments

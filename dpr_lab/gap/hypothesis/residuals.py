@@ -20,7 +20,7 @@ class NoiseAssumptions:
     most_correlated: float = 0.99
     """Maximum autocorrelation of neighbouring residuals.
 
-    Above it, a record of seconds has an effective sample size of one.
+    At a larger autocorrelation, a record of seconds would have an effective sample size of one.
     """
     lone: float = 8.0
     """Minimum deviation of an isolated outlier from its neighbours, in standard deviations."""

@@ -84,7 +84,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """Best shapes, without those that are neighbours of a better one."""
+    """Best shapes; a shape that is a neighbour of a better one is omitted."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]

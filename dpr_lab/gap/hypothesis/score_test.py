@@ -55,7 +55,7 @@ class ScoreTest:
     fit: Fit
     linear: Linearisation
     free: tuple[FreeParameter, ...]
-    """Parameters of all columns: first those of the fit, then those of the candidates."""
+    """Parameters of all columns: first the parameters of the fit, then the parameters of the candidates."""
     space: ColumnSpace
     prior: RigPrior
     """Prior of all columns of the test."""
@@ -156,7 +156,7 @@ def _bounded_step(
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Name of the parameter whose signature is nearest to that of a candidate's amplitude."""
+    """Name of the parameter whose signature is nearest to the signature of a candidate's amplitude."""
     before = [*test.fitted_columns, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0

@@ -165,7 +165,7 @@ class Diagnosis(Shown, Saved):
 
     @property
     def all_ratios(self) -> dict[str, Interval]:
-        """The five ratios of the fit; for an inner rod alone, some are values of the rig file."""
+        """The five ratios of the fit; for an inner rod alone, undetermined ratios come from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     @property

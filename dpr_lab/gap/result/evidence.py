@@ -169,7 +169,7 @@ class RunBudget(Saved):
     u_before_rad: Number
     u_after_rad: Number
     area_before_rad: Number
-    """Area between the distributions of the measured angles and of those simulated by the bare model, rad."""
+    """Area between the distribution of the measured angles and the distribution simulated by the bare model, rad."""
     area_after_rad: Number
     area_noise_rad: Number
     """Area between the distributions of the corrected model and of the same model with noise of the readings, rad."""

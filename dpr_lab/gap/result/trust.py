@@ -16,7 +16,7 @@ class TrustTrial(Saved):
     """One simulated plant near the fitted estimate, recorded with the sensors of the rig, with its diagnosis."""
 
     kind: Literal["as found", "another", "clean"]
-    """Kind of effects of the plant: those that were named, one drawn from the library, or none."""
+    """Kind of effects of the plant: the named effects, one effect drawn from the library, or no effect."""
     truth: dict[str, dict[str, Number]]
     """Effects of the plant with all parameters, SI."""
     named: list[str]

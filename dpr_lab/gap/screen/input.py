@@ -113,7 +113,7 @@ def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
 def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> None:
     """Refuse recordings that other angles explain: the opposite sign of theta0, another zero, or another scale.
 
-    The zero is that of the rods; the tested scales are half and twice the angles.
+    The other zero belongs to the rods. The tested scales are half and twice the angles.
 
     Raises:
         IdentificationError: one of these interpretations explains the recordings; the message names it.

@@ -48,7 +48,7 @@ class InstantSettings:
     fewest: int = 48
     """Minimum number of readings for the tests of time stamps."""
     fast: float = 0.4
-    """Fraction of the windows that are compared, those of highest speed; at rest, all instants are equivalent."""
+    """Fraction of the windows that are compared, namely the fastest ones; at rest, all instants are equivalent."""
     cycle: int = 64
     """Maximum interval between two late readings in a periodic pattern, in samples."""
     significance: float = 8.0

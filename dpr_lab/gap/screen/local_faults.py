@@ -34,7 +34,7 @@ class LocalFaultSettings:
     above_surroundings: float = 4.0
     """Minimum ratio of a fault to the usual level of its surroundings.
 
-    Violent motion increases all residuals, but a fault only its own.
+    Violent motion increases all residuals, but a fault increases only its own residual.
     """
     usual: float = 0.9
     """Quantile of the surroundings that defines the usual level.
@@ -50,7 +50,7 @@ class LocalFaultSettings:
     bends: float = 1 / 23040
     """Coefficient of (speed times half a window)^6 in the residual of the best polynomial of degree 5, rad.
 
-    The residual is that of cos(w t) (Chebyshev).
+    The coefficient is derived from the residual for cos(w t) (Chebyshev).
     """
 
 

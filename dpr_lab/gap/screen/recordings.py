@@ -72,7 +72,7 @@ class TrackingNoise:
     correlation: float
     """Autocorrelation of the errors of neighbouring readings."""
     factor: Array
-    """(2,) standard deviation of the errors of joints 1 and 2, relative to that of their rough part."""
+    """(2,) standard deviation of the errors of joints 1 and 2, relative to the rough part of these errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,7 +291,7 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 def _near(record: Record, start: int, begin: float) -> Integers:
     """Indices of the readings near an instant, between the breaks around it.
 
-    If there are too few, the result contains those near the first reading of the segment.
+    If these readings are too few, the readings near the start of the segment are returned.
     """
     first, last = np.searchsorted(record.t, _between(record.breaks, float(record.t[start]))).tolist()
     i = max(first, int(np.searchsorted(record.t, begin - GUESS.near_s, side="right")))

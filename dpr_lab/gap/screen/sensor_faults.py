@@ -68,7 +68,7 @@ class ScreenSettings:
     repeating: float = 0.5
     """Minimum fraction of repeated readings at one position of a cycle of repeated instead of late readings."""
     repeating_in_part: float = 0.05
-    """Minimum excess of this fraction over that of the other readings, if only a part of the recording repeats."""
+    """Minimum difference between this fraction and the fraction of the other readings, if only a part repeats."""
     rows_in_short_period: float = 80.0
     """Minimum number of samples in the faster small oscillation for the detection of steps of two free rods.
 
@@ -379,7 +379,7 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 
 
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
-    """(2,) ratio of the noise of wider spacings to that of neighbours, 1 for white noise, and the findings."""
+    """(2,) ratio of the noise at wide spacings to the noise of neighbours, 1 for white noise, and the findings."""
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
         evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"

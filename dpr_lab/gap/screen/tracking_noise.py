@@ -46,7 +46,7 @@ class TrackingNoiseSettings:
     significant: float = 10.8
     """Minimum of twice the logarithm of the likelihood ratio to white noise; chance exceeds it in 0.1 % of cases."""
     rougher: float = 1.5
-    """Maximum ratio of the errors to those that the differences of neighbouring readings indicate.
+    """Maximum ratio of the estimated errors to the errors indicated by differences of neighbouring readings.
 
     Abrupt stops of a sticking rod increase this ratio, but are not errors of a tracker.
     """

@@ -72,7 +72,7 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
 
 
 def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
-    """The recording if its remainder, in units of the noise, far exceeds those of the others; otherwise None."""
+    """The recording, if its remainder far exceeds the others, both in units of the noise; otherwise None."""
     return LoneRecording(name, remainder, others) if remainder > LONE.ratio * max(others, LONE.least) else None
 
 

@@ -104,7 +104,7 @@ class Transfer:
     worse_free_run: WorseFreeRun | None
     """Errors of free runs without and with the effects, if the effects increase them; otherwise None.
 
-    The free runs are those of held-out runs or, without these, of the fitted runs.
+    The free runs follow the held-out runs or, if there are none, the fitted runs.
     """
     lone: LoneRecording | None = None
     """The only fitted recording with a remainder; None if there is none."""

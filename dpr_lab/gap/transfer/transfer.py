@@ -183,7 +183,7 @@ def _helps(test: OutOfSample, reductions: Array) -> bool:
 
 
 def _of_fitted(closed: GapReduction, selection: Selection) -> float:
-    """Share of the gap that all effects together close on held-out data, relative to that in the fitted recordings."""
+    """Share of the gap that all effects together close on held-out data, relative to the fitted recordings."""
     fitted = _share_of_fitted(selection.base, selection.chosen)
     return float(np.clip(closed.estimate / max(fitted, TRANSFER.kept), 0.0, 1.0))
 

@@ -58,7 +58,7 @@ class Discrepancy:
     reading_rad: tuple[float, ...]
     """Rms of the posterior mean reading error of the encoders by angle, rad."""
     slow: tuple[float, ...]
-    """Mean squared torque in the slower half of the readings relative to that in the faster half, for each joint."""
+    """Ratio of the mean squared torques in the slower and the faster half of the readings, for each joint."""
 
     @property
     def sentence(self) -> str:

@@ -143,7 +143,7 @@ class FittedSets:
         return (*sizes, *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Whether the sizes of a set are possible on a rig, or else those of the other set are impossible too."""
+        """Whether the sizes of a set are possible on a rig, or the sizes of the other set are impossible too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
@@ -151,7 +151,7 @@ class FittedSets:
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
-        """Bare model with those effects of a set that correct the rig file or the time stamps.
+        """Bare model with the effects of a set that correct the rig file or the time stamps.
 
         The other effects explain parts of the gap that remains with this model. An error of the description, for
         example of a length or of the counts per turn, may cause a gap a thousand times as large, and is not a property
@@ -163,7 +163,7 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
-        """Bare model with those known effects of the rig that are significant in these recordings, largest first."""
+        """Bare model with the known effects of the rig that are significant in these recordings, the largest first."""
         model = self.bare
         while scores := [
             score for score in self.test(model).ranking if score.effect.name in self.expected and score.gain > 0
@@ -300,7 +300,7 @@ class FittedSets:
         return smaller if curve is None else self.without(smaller, curve)
 
     def predictive(self, model: Hypothesis) -> Hypothesis:
-        """Set without those effects that worsen the prediction of held-out runs; the worst is removed first."""
+        """Set without the effects that worsen the prediction of held-out runs; the worst effect is removed first."""
         if self.held_out_chi2 is None or len(model.effects) < 2:
             return model
         best = min((self.without_substitute(model, name) for name in model.effects), key=self.held_out_chi2)

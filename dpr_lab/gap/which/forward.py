@@ -102,10 +102,10 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Whether the residual remains far above the noise, including that of known torques, with all effects together.
+    """Whether the residual remains far above the noise, known torques included, with all effects together.
 
-    As far as they are linear, all candidates of the score test together reduce chi2 at least as much as any few of
-    them.
+    As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
+    of them.
     """
     if sets.problem.disturbance is None or not far_from_noise(model):
         return False
@@ -144,7 +144,7 @@ def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Prop
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Next best sets, if their excess is close to that of the best one and they are not other forms of it."""
+    """Next best sets, if their excess is close to the excess of the best set and they are not other forms of it."""
     separate = [model for model in others if not _are_forms(sets, model, best)]
     return [model for model in separate[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
 

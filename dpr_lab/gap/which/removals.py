@@ -1,4 +1,4 @@
-"""Moves that remove effects: those not required by the recordings, not transferable, or merely compensating."""
+"""Moves that remove effects which are not required by the recordings, not transferable, or merely compensating."""
 
 from collections.abc import Iterator
 

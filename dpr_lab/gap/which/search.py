@@ -56,7 +56,7 @@ class SearchState:
     tests: Mapping[frozenset[str], ScoreTest]
     """Score tests of the fitted sets."""
     max_effects: int
-    """Maximum number of effects in a set, in addition to those that every rig of this kind has."""
+    """Maximum number of effects in a set, not counting the effects that every rig of this kind has."""
     trace: tuple[SearchStep, ...] = ()
     """All trials so far, in order."""
 

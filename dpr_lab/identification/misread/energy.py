@@ -86,7 +86,7 @@ def _range(terms: Array, settings: EnergyRiseSettings) -> float:
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
-    """(n, 5) terms of the energy over b: those of b, a, d, e1 and, with minus the work, of 1/b."""
+    """(n, 5) terms of the energy divided by b: the terms of b, a, d, e1 and, as the negative work, of 1/b."""
     theta1, theta2, omega1, omega2 = prepared.states.T
     mixed = np.cos(theta1 - theta2) * omega1 * omega2 + rig.g / rig.L1 * np.cos(theta2)
     work = np.zeros(len(theta1))

@@ -49,7 +49,7 @@ class ArmBalanceSettings:
     sure: float = 3.0
     """Minimum difference of the squared scale from a limit, in standard deviations."""
     degrees: float = 1.4
-    """Maximum factor between a scale and that of degrees for which degrees are its cause.
+    """Maximum factor between a scale and the conversion factor of degrees, for which degrees are the cause.
 
     Noise reduces an estimated scale by a factor up to 1.3.
     """

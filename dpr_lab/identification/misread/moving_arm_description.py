@@ -32,7 +32,7 @@ class DescriptionLimits:
     unit: float = 0.5
     """Maximum distance between the logarithms (base 10) of the gain and of a unit's factor."""
     gain: float = 1.5
-    """Largest absolute log10 of the ratio of the gain to that of the rig file that a motor constant can explain."""
+    """Largest deviation of the gain from the rig file that a motor constant can explain, as |log10| of their ratio."""
 
 
 DESCRIPTION = DescriptionLimits()
@@ -45,7 +45,7 @@ UNITS = {
     "current": {-3.0: "mA", 3.0: "kA"},
     "voltage": {-3.0: "mV", 3.0: "kV"},
 }
-"""Kind of input -> log10 of the ratio of the fitted gain to that of the rig file -> probable unit of the column."""
+"""Probable units of the input column, by kind of input and by log10 of the fitted gain relative to the rig file."""
 
 
 def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
@@ -84,7 +84,7 @@ def wrong_input(kind: str, gain: float) -> str:
 
     Args:
         kind: kind of the input, as in `[motor]`
-        gain: fitted torque per unit of the input, relative to that of the rig file
+        gain: fitted torque per unit of the input, relative to the gain of the rig file
     """
     if gain < 0.0:
         return (

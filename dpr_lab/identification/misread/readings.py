@@ -84,7 +84,7 @@ def _of_angles(cause: str, angles: Angles) -> Misreading:
 
 
 def _of_two_rods(cause: str, angles: Angles) -> Misreading:
-    """Interpretation of the angles of one rod by those of the other rod; it does not apply to a single rod."""
+    """Interpretation that combines the angles of two rods; it does not apply to a rod that is mounted alone."""
     reading = _of_angles(cause, angles)
     return replace(reading, read=lambda run: None if run.setup.alone else reading.read(run))
 

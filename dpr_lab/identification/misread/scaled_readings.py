@@ -39,7 +39,7 @@ class ScaledReadings:
         return self.of_joints(theta[:, [1, 2, 0]], np.full(2, np.pi))[:, [2, 0, 1]]
 
     def of_sigma(self, sigma: Array) -> Array:
-        """(..., k) noise of the true angles of the joints, in the order of `of_joints`, from that of the readings."""
+        """(..., k) noise of the true angles of the joints, from the noise of the readings; order as in `of_joints`."""
         return sigma * np.abs([self.rods, self.rods, self.arm])[: sigma.shape[-1]]
 
     def cause(self, mounted: str) -> str:

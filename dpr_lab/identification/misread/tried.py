@@ -63,7 +63,7 @@ class MisreadSettings:
     spare: float = 1.05
     """Factor on the physical limits of the ratios, because fitted ratios are uncertain."""
     slow: float = 2.5
-    """Ratio of the period to that of a mass point at L1, above which a longer beginning of the run is examined."""
+    """Period relative to the period of a mass point at L1, above which a longer beginning of the run is examined."""
     rate_hz: float = 250.0
     """Sample rate for fits of other interpretations, Hz; their difference must be far above the noise."""
     iterations: int = 20
@@ -197,9 +197,9 @@ def better_readings(
 def _explaining(
     tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> Iterator[tuple[Misreading, RatioFit]]:
-    """Those of the interpretations `tried` that explain the runs far better, with their fits.
+    """Interpretations among `tried` that explain the runs far better, with their fits.
 
-    The other arguments are those of `better_readings`.
+    The other arguments are the same as of `better_readings`.
     """
     limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
@@ -355,9 +355,9 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 def _slowness(run: Run, rig: Rig) -> float:
     """Ratio of the observed period of theta1 to the period of rods of this length, limited to 1 to 8.
 
-    A larger ratio than 1 indicates slow motion. The observed half period is the mean time between two passages through
-    the middle of the range. The half period of the rods is that of a mass point at L1. A motion within a tenth of the
-    range is not a passage.
+    A ratio above 1 indicates slow motion. The observed half period is the mean time between two passages through the
+    middle of the range. The assumed half period belongs to a mass point at L1. A motion within a tenth of the range is
+    not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)

@@ -161,7 +161,7 @@ def _spread(problem: ArmProblem, most: int) -> list[int]:
 
 
 def _start(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> Array:
-    """(12,) initial values: those of the rig file, with a gain of zero if this fits better.
+    """(12,) initial values from the rig file; the gain is zero if this fits better.
 
     The unit or the sign of the input may be wrong.
     """

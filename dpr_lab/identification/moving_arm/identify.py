@@ -160,7 +160,7 @@ class ArmComparison(Shown):
     t: Array
     """(n,) times since the release, s."""
     measured: Array
-    """(n, 3) readings of the joints, rad; that of joint 2 is as its encoder reads it."""
+    """(n, 3) readings of the joints, rad; the reading of joint 2 is given as its encoder reads it."""
     simulated: Array
     """(n, 3) readings predicted by the model, with an initial state fitted for each segment, rad."""
     segment_s: float

@@ -66,7 +66,10 @@ def _following(
     near_rad: float,
     step: float,
 ) -> tuple[set[int], set[int]]:
-    """Indices of segments whose free run agrees with the next one, and of those with negligible integration error."""
+    """Indices of segments whose free run agrees with the next segment, and of exactly integrated segments.
+
+    The integration error of an exactly integrated segment is negligible.
+    """
     if not pairs:
         return set(), set()
     coarse, fine = (problem_of(recordings, rig, list(pairs.values()), h) for h in (step, step / 2))

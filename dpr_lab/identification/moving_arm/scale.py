@@ -115,7 +115,7 @@ def absolute_values(
 
 
 def absolute_name(parameter: str, kind: str) -> str:
-    """Name of an absolute value; that of a gain depends on the kind of the input."""
+    """Name of an absolute value; the name of a gain depends on the kind of the input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")

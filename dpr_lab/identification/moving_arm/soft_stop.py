@@ -107,7 +107,7 @@ def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
 
 
 def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
-    """Regressors (k, terms) of the equation of the arm, except its own inertia and its stops."""
+    """Regressors (k, terms) of the equation of the arm, without the inertia of the arm and without stops."""
     q, speed, alpha = arm.rods[:, 0], arm.omega[:, 0], arm.alpha[:, 0]
     sin, cos = np.sin(rods.rods).T, np.cos(rods.rods).T
     w, al = rods.omega.T, rods.alpha.T
