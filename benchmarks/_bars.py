@@ -1,4 +1,4 @@
-"""Measured values with their targets: a table for people, one JSON object for scripts."""
+"""Measured values and their targets, printed as a table or as one JSON object."""
 
 import argparse
 import json
@@ -10,18 +10,18 @@ from dataclasses import asdict, dataclass
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """One line of the table."""
+    """A measured value with its target: one line of the table."""
 
     bar: str
     target: str
     measured: float | None
-    """None where a program that it needs is not there."""
+    """Measured value; None if a required program is missing."""
     ok: bool | None
-    """None where nothing was promised."""
+    """Whether the target is reached; None without a target."""
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
-    """The options that every benchmark has."""
+    """Parser with the options that all benchmarks share."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a short version of the same")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
@@ -29,7 +29,10 @@ def options(description: str | None) -> argparse.ArgumentParser:
 
 
 def show(title: str, bars: list[Bar], as_json: bool, **more: object) -> None:
-    """Print the bars; `more` goes into the JSON object."""
+    """Print the bars.
+
+    `more` is added to the JSON object.
+    """
     machine = (
         f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     )
@@ -46,15 +49,15 @@ def show(title: str, bars: list[Bar], as_json: bool, **more: object) -> None:
 
 
 def missing(name: str, target: str) -> Bar:
-    """A bar that nothing here can measure."""
+    """A bar whose value cannot be measured on this machine."""
     return Bar(name, target, None, None)
 
 
 def at_most(name: str, measured: float, limit: float) -> Bar:
-    """A bar that must not be passed."""
+    """A bar with an upper limit."""
     return Bar(name, f"<= {limit:g}", measured, measured <= limit)
 
 
 def at_least(name: str, measured: float, limit: float) -> Bar:
-    """A bar that must be reached."""
+    """A bar with a lower limit."""
     return Bar(name, f">= {limit:g}", measured, measured >= limit)

@@ -1,7 +1,7 @@
-"""E(Z), docs/theory.md equation (2), by other means than lanes: the peers of the batch evaluator.
+"""Other implementations of E(Z), docs/theory.md equation (2), with which the batch evaluator is compared.
 
-Each maker takes a `Problem` and returns a function that gives the costs of its first n candidates, summed over poses.
-All but `solve_ivp` make the same Runge-Kutta steps. None uses more than one thread.
+Each function takes a `Problem` and returns an evaluator, which gives the costs of the first n candidates, summed over
+poses. All of them except `solve_ivp` make the same Runge-Kutta steps. None uses more than one thread.
 """
 
 import ctypes
@@ -39,12 +39,12 @@ Evaluator = Callable[[int], Array]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Candidates, poses and the trajectories to compare with."""
+    """Candidates, poses, and the trajectories with which each candidate is compared."""
 
     parameters: Array
-    """(n, 9) nine parameters of each candidate, SI."""
+    """(n, 9) parameters of each candidate, SI units."""
     candidates: Array
-    """(n, 6) what the kernels read of them."""
+    """(n, 6) constants of each candidate that the kernels use."""
     poses: Array
     """(poses, 4) start states, rad and rad/s."""
     reference: Array
@@ -52,7 +52,7 @@ class Problem:
 
 
 def problem(candidates: int, samples: int = SAMPLES, repeats: int = 1) -> Problem:
-    """Random candidates within the bounds of the rig `paper`; its three poses, over and over if asked."""
+    """Random candidates within the bounds of the rig `paper`, and its three poses, `repeats` times."""
     rig = load_rig("paper")
     L1, g = rig.rig.L1, rig.rig.g
     poses = np.array([[*pose.theta[1:], 0.0, 0.0] for pose in rig.poses.values()])
@@ -65,12 +65,12 @@ def problem(candidates: int, samples: int = SAMPLES, repeats: int = 1) -> Proble
 
 
 def lanes(task: Problem) -> Evaluator:
-    """What the package does."""
+    """The batch evaluator of dpr-lab."""
     return lambda n: trajectory_errors(task.candidates[:n], task.poses, task.reference, STEP).sum(axis=1)
 
 
 def predictions(task: Problem, *, arm: bool) -> Evaluator:
-    """Readings of all poses by the predictions of a fit, with the arm clamped or free."""
+    """Predicted readings of all poses, as a fit computes them, with the arm clamped or free."""
     rig = load_rig("paper")
     bases = base_parameters(task.parameters, rig.L1, rig.g)
     t = STEP * np.arange(task.reference.shape[1])
@@ -87,7 +87,7 @@ def predictions(task: Problem, *, arm: bool) -> Evaluator:
 
 
 def scalar_loop(task: Problem) -> Evaluator:
-    """One candidate after the other, compiled by numba."""
+    """One candidate after another, in a loop that numba compiles."""
     return lambda n: _scalar_costs(task.candidates[:n], task.poses, task.reference)
 
 
@@ -143,7 +143,7 @@ def numpy_batch(task: Problem) -> Evaluator:
 
 
 def solve_ivp(task: Problem, tolerance: float) -> Evaluator:
-    """One candidate after the other with scipy's adaptive solver, the equation in plain floats."""
+    """One candidate after another with scipy's adaptive solver; the equation uses plain Python numbers."""
     from scipy.integrate import solve_ivp as integrate
 
     t = STEP * np.arange(task.reference.shape[1])
@@ -169,7 +169,10 @@ def solve_ivp(task: Problem, tolerance: float) -> Evaluator:
 
 
 def c_program(task: Problem, source: Path, *flags: str) -> Evaluator | None:
-    """The C yardstick, compiled here for this machine; None without the source or gcc. It knows only whole problems."""
+    """C program for comparison, compiled for this machine; None without its source or gcc.
+
+    It evaluates only problems of the full duration.
+    """
     compiler = shutil.which("gcc")
     if compiler is None or not source.is_file():
         return None
@@ -208,7 +211,10 @@ RODS = """
 
 
 def mujoco_rollout(task: Problem, most: int) -> Evaluator | None:
-    """MuJoCo's batch rollout with at most `most` models, built here; None where MuJoCo is not installed."""
+    """Batch rollout of MuJoCo with at most `most` models; None if MuJoCo is not installed.
+
+    The models are built here.
+    """
     try:
         mujoco: Any = import_module("mujoco")
         rollout: Any = import_module("mujoco.rollout").rollout
@@ -219,7 +225,7 @@ def mujoco_rollout(task: Problem, most: int) -> Evaluator | None:
     texts = [RODS.format(step=STEP, g=rig.rig.g, L1=rig.rig.L1, **value) for value in values]
     models = [mujoco.MjModel.from_xml_string(text) for text in texts]
     data = mujoco.MjData(models[0])
-    # MuJoCo's states are time, joint angles, joint speeds: those of the outer rod against the inner.
+    # A state in MuJoCo: time, joint angles, joint speeds, with the outer rod relative to the inner one.
     starts = np.column_stack([np.zeros(len(task.poses)), task.poses @ _RELATIVE.T])
 
     def run(n: int) -> Array:

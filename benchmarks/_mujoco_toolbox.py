@@ -15,7 +15,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.identification.ratio_fit import segmented
 from dpr_lab.rig import PARAMETERS, Rig
 
-mujoco: Any = import_module("mujoco")  # its stubs lack half of it
+mujoco: Any = import_module("mujoco")  # its stubs are incomplete
 
 STEP = 0.0025
 
@@ -41,7 +41,7 @@ RODS = """
 
 
 def write(spec: Any, name: str, value: float) -> None:
-    """One of the nine parameters into MuJoCo's model; rods lie along z."""
+    """Set one of the nine parameters in the MuJoCo model, whose rods lie along z."""
     kind, index = name[0], name[1]
     body = spec.body({"1": "inner", "2": "outer", "b": "encoder"}[index])
     if kind == "m":
@@ -49,7 +49,7 @@ def write(spec: Any, name: str, value: float) -> None:
     elif kind == "l":
         body.ipos = [0.0, 0.0, value]
     elif kind == "J":
-        body.inertia = [value, value, value / 2]  # the third swings nothing
+        body.inertia = [value, value, value / 2]  # the third moment of inertia does not affect the swing
     else:
         coefficients = np.zeros_like(spec.joint(f"joint{index}").damping)  # a polynomial in speed since MuJoCo 4
         coefficients.flat[0] = value
@@ -57,7 +57,7 @@ def write(spec: Any, name: str, value: float) -> None:
 
 
 def parameters_of(rig: Rig) -> sysid.ParameterDict:
-    """The nine parameters with the box's bounds, at its middle."""
+    """The nine parameters with the bounds of the box, each at the middle of its range."""
     declared = sysid.ParameterDict()
     for name, lower, upper in zip(PARAMETERS, *rig.bounds, strict=True):
         declared.add(
@@ -91,7 +91,7 @@ def sequences(problem: Problem, states: Array, rig: Rig) -> sysid.ModelSequences
 
 
 def toolbox(trial: Trial, rig: Rig, length: float) -> Array:
-    """(5,) ratios that the toolbox finds."""
+    """(5,) ratios that the toolbox estimates."""
     problem, states = segmented(trial.runs, rig, length)
     residual = sysid.build_residual_fn(models_sequences=[sequences(problem, states, rig)])
     with contextlib.redirect_stdout(io.StringIO()):  # it prints every iteration

@@ -1,4 +1,4 @@
-"""Random rigs for benchmarks: a truth drawn near the rig `paper`, its three recordings, boxes to search in."""
+"""Random rigs for benchmarks: true parameters near the rig `paper`, three recordings of each, and search boxes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,30 +15,34 @@ from dpr_lab.rig import PARAMETERS, Rig, load_rig
 from dpr_lab.run import Run
 
 RATE_HZ, REST_S, SWING_S = 200, 1.0, 10.0
-TRUTH_STEP = 2.5e-4  # s; finer than the lab's, so that the truth does not share its solver's error
+TRUTH_STEP = 2.5e-4  # s; finer than the steps of dpr-lab, so that the true swing does not share the error of its solver
 WITHIN = 0.15
-PLACEMENT_STD, RELEASE_SPEED_STD = 0.01, 0.002  # of the hand, rad and rad/s
+PLACEMENT_STD, RELEASE_SPEED_STD = 0.01, 0.002  # errors of a release by hand, rad and rad/s
 BOXES = {"20 %": (0.8, 1.2), "50 %": (0.5, 1.5), "factor 3": (1 / 3, 3.0)}
-"""Lower and upper bound of every parameter, as shares of its nominal value."""
+"""Lower and upper bound of every parameter relative to its nominal value, by name of the box."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One random rig and what was recorded of it."""
+    """Random rig with its recordings."""
 
     Z: Array
-    """(9,) true parameters, SI."""
+    """(9,) true parameters, SI units."""
     ratios: Array
     """(5,) true ratios."""
     runs: list[PreprocessedRun]
     cramer_rao_std: Array
-    """(5,) least standard deviations of the ratios from three whole swings with unknown start states."""
+    """(5,) Cramer-Rao bounds of the standard deviations of the ratios, from three whole swings with unknown start
+    states."""
 
 
 def draw(seed: int, rate_hz: int = RATE_HZ) -> Trial:
-    """A rig within 15 % of the rig `paper`, three poses of 10 s, 14 bits, half a count of noise."""
+    """Random rig with parameters within 15 % of the rig `paper`, and its recordings.
+
+    It is recorded from three poses for 10 s, with 14-bit encoders and a noise of half a count.
+    """
     rig = load_rig("paper")
     L1, g = rig.L1, rig.g
     rng = np.random.default_rng(seed)
@@ -52,7 +56,7 @@ def draw(seed: int, rate_hz: int = RATE_HZ) -> Trial:
 
 
 def boxed(box: str) -> Rig:
-    """The rig `paper` with wider or narrower bounds."""
+    """The rig `paper` with the bounds of a box."""
     below, above = BOXES[box]
     described = load_rig("paper").model_dump()
     for parameter in described["parameters"].values():
@@ -62,14 +66,22 @@ def boxed(box: str) -> Rig:
 
 
 def _record(rig: Rig, base: Array, pose: str, rate_hz: int, rng: np.random.Generator) -> tuple[Run, Array]:
-    """A run of counts, and its true start state."""
+    """Recording of a pose, in counts, and its true start state."""
     return recorded(rig, pose, lambda start, t: simulate(base, rig.L1, rig.g, start, t, TRUTH_STEP), rate_hz, rng)
 
 
 def recorded(
     rig: Rig, pose: str, swing: Callable[[Array, Array], Array], rate_hz: int, rng: np.random.Generator
 ) -> tuple[Run, Array]:
-    """The counts of a swing, (n, 4) states of start state and instants, released by hand; and its true start state."""
+    """Recording of a swing that is released by hand, and its true start state.
+
+    Args:
+        rig: the rig
+        pose: name of the pose
+        swing: function that returns the (n, 4) states for a start state and instants
+        rate_hz: sample rate
+        rng: generator of the placement errors and the noise
+    """
     t = np.arange(-round(REST_S * rate_hz), round(SWING_S * rate_hz) + 1) / rate_hz
     start = np.append(rig.poses[pose].theta[1:], np.zeros(2))
     start += rng.normal(0, [PLACEMENT_STD] * 2 + [RELEASE_SPEED_STD] * 2)

@@ -1,4 +1,4 @@
-"""The diagnosis on recordings of real rigs, where they are at hand."""
+"""Diagnoses of the recordings of two real rigs, if the user has these recordings."""
 
 import json
 from dataclasses import replace
@@ -18,7 +18,7 @@ from dpr_lab.storage.csv_import import ImportOptions, import_csv
 
 PIECES, PIECE_S = 8, 10.0
 CLAIMED = 0.5
-FIXED = 5.0  # how far, as a factor, a value that nobody measured may lie from its nominal one
+FIXED = 5.0  # factor by which an unmeasured value may differ from its nominal value
 DRY = ("coulomb", "stribeck", "friction_curve", "hysteresis")
 
 
@@ -28,7 +28,7 @@ def real_bars(folder: Path) -> list[Bar]:
 
 
 def multiarm_bars(folder: Path) -> list[Bar]:
-    """A long swing with encoders, published as viscous only: every second piece of 10 s is held out."""
+    """Bars on a long swing whose publication states only viscous friction; every second piece of 10 s is held out."""
     rig = load_rig("multiarm")
     cuts = [ImportOptions(zero="hanging", start_s=PIECE_S * k, duration_s=PIECE_S) for k in range(PIECES)]
     runs = [
@@ -45,7 +45,10 @@ def multiarm_bars(folder: Path) -> list[Bar]:
 
 
 def dfki_bars(folder: Path) -> list[Bar]:
-    """Geared motors at zero torque: sticking joints and rotor inertia; one release is fitted, the other held out."""
+    """Bars on geared motors at zero torque, with static friction and rotor inertia.
+
+    One release is fitted, and the other is held out.
+    """
     rig = dfki_rig(json.loads((folder / "release_060143.json").read_text(encoding="utf-8")))
     runs = [import_csv(file, rig, ImportOptions(zero="hanging")) for file in sorted(folder.glob("*.csv"))]
     said = [diagnose([fitted], rig, held_out=[unseen]) for fitted, unseen in _each_held_out(runs)]
@@ -68,7 +71,7 @@ def _claims(found: Diagnosis) -> bool:
 
 
 def unphysical(found: Diagnosis) -> float:
-    """How many frictions and amplitudes that must be positive are not."""
+    """Number of friction coefficients and positive amplitudes that a diagnosis estimates below zero."""
     signs = {(e.name, p.name) for e in EFFECTS.values() for p in e.amplitudes if p.sign == "positive"}
     effects = [v.value for e in found.effects for name, v in e.parameters.items() if (e.name, name) in signs]
     return float(sum(value < 0 for value in [*effects, *(found.all_ratios[name].value for name in ("c1/b", "c2/b"))]))
@@ -80,12 +83,12 @@ def geared(rig: Rig) -> Rig:
 
 
 def rezeroed(rig: Rig) -> Rig:
-    """A rig whose encoders are set to zero before each recording."""
+    """A rig whose encoders are zeroed before each recording."""
     return rig.model_copy(update={"encoders": rig.encoders.model_copy(update={"rezeroed": True})})
 
 
 def dfki_rig(told: dict[str, Any]) -> Rig:
-    """The rig as its authors identified it; only lengths count as measured."""
+    """The rig with the parameters that its authors identified. Only the lengths count as measured."""
     known = told["known_parameters"]
     model = known["model_1_0"]
     L1, L2 = known["l1_m"], known["l2_m"]

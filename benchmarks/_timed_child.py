@@ -1,7 +1,8 @@
-"""Diagnose and identify recordings on request, and say what it cost: one process for each code base.
+"""Process that diagnoses or identifies recordings on request and measures the time and memory.
 
-Started by benchmarks/diagnosis_speed.py with PYTHONPATH at the code base, which may be an older one: it imports nothing
-but what every version has. It reads one JSON object a line and answers with one.
+benchmarks/diagnosis_speed.py starts one such process for each code base, with PYTHONPATH set to its folder. The code
+base may be old, so this module imports only names that every version has. It reads one JSON object per line and answers
+with one JSON object per line.
 """
 
 import contextlib
@@ -20,11 +21,11 @@ import numpy as np
 from numba.core import event
 
 PLACES = {"identify": ("dpr_lab.identification.identify", "dpr_lab.identify"), "diagnose": ("dpr_lab.gap.diagnose",)}
-"""Function -> the modules that it has been in, the newest first."""
+"""Modules that have contained each function, the newest first."""
 
 
 def found(name: str) -> Callable[..., Any]:
-    """A function of the code base, wherever that keeps it."""
+    """A function of the code base, from the first module that exists."""
     for place in PLACES[name]:
         with contextlib.suppress(ModuleNotFoundError):
             if find_spec(place) is not None:
@@ -50,7 +51,7 @@ def recorded(folder: Path) -> tuple[list[Any], Any]:
 
 
 def answer(job: dict[str, Any]) -> dict[str, Any]:
-    """Do one job and measure it."""
+    """Execute one request and measure its cost."""
     runs, rig = recorded(Path(job["folder"]))
     work = found(job["do"])
     with event.install_recorder("numba:compile") as compiled:
@@ -65,13 +66,13 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def peak_mb() -> float:
-    """Most memory that this process has held, MB."""
+    """Maximum memory of this process so far, MB."""
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most / (1e6 if sys.platform == "darwin" else 1e3)
 
 
 def main() -> None:
-    """Answer until the input ends; what the work prints goes to stderr."""
+    """Answer requests until the input ends. Output of the computation goes to stderr."""
     import dpr_lab
 
     code = os.environ["PYTHONPATH"]

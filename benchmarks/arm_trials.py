@@ -1,10 +1,12 @@
-"""Blind trials of rigs with a free or driven arm, one rod and two: first names, sure wrong names, false alarms, time.
+"""Blind trials of rigs with a free or driven arm and with one rod or two.
+
+The bars are the shares of correct first names, confident wrong names and false alarms, and the time.
 
     python benchmarks/arm_trials.py [--each 10] [--seed 91000] [--quick] [--json] [--folder out/arm_trials]
 
-Four campaigns as of `dpr-lab trials campaign --arm`: four trials of five hide one effect at joint 0 or of the motor,
-the fifth none. A campaign that was interrupted in the folder is continued. `benchmarks/moving_arm_diagnosis.py` tries
-the same on plants in MuJoCo.
+There are four campaigns, each as in `dpr-lab trials campaign --arm`. Four of five trials hide one effect at joint 0 or
+of the motor; the fifth hides none. An interrupted campaign in the folder is continued.
+`benchmarks/moving_arm_diagnosis.py` makes the same test on plants in MuJoCo.
 """
 
 import os

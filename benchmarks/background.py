@@ -1,15 +1,15 @@
 """One dominant effect among small ones and wrong nominal values, on rigs that scipy simulates: which name comes first.
 
-    python benchmarks/background.py --cases 40              even seeds: to tune on
-    python benchmarks/background.py --cases 40 --judge      odd seeds: to judge by (--first 1000: others)
+    python benchmarks/background.py --cases 40              even seeds, for tuning
+    python benchmarks/background.py --cases 40 --judge      odd seeds, for the judgement (--first 1000: further ones)
 
-The laws are those of `tests/background_rigs.py`, which shares no code with the lab; a third of the small ones is in no
-library. Each rig has an encoder with a zero offset, and a mount whose second mode rings. One case in four is of one
-rod, one in three is logged at wrong instants. The rig file's L1 is off by 0.5 % and its masses by 1 %, as standard
-deviations. --clean leaves out all of these but the small effects.
+The laws are those of `tests/background_rigs.py`, which shares no code with dpr-lab. The library does not contain a
+third of the small ones. Each rig has an encoder with a zero offset, and a mount with a second mode that rings. One case
+in four has a single rod. In one case of three, the logger samples at wrong instants. The rig file has standard errors
+of 0.5 % in L1 and 1 % in the masses. With --clean, only the small effects remain of all these.
 
-The drawn size of an effect is no measure of the gap that it causes: a small spring at the elbow is wound up by several
-turns. So each effect is simulated alone as well, and the first name is also compared with those of the largest gap.
+The size of a drawn effect does not measure the gap that it causes: several turns wind up a small spring at the elbow.
+Each effect is therefore also simulated alone, and the first name is also compared with the effects of the largest gap.
 """
 
 import sys
@@ -37,7 +37,7 @@ from tests.faulty_loggers import FAULTS
 
 SURE = 0.9
 SIZED = ("coulomb", "spring", "encoder_offset")
-"""Effects whose first parameter is the size of a law."""
+"""Effects whose first parameter is the size of the corresponding law."""
 ALSO = {
     "coulomb": ("stribeck", "friction_curve", "hysteresis"),
     "encoder_offset": ("base_tilt", "com_offset", "encoder_eccentricity"),
@@ -52,49 +52,53 @@ ALSO = {
     "wrong_length": ("clock_rate",),
     "mount": ("arm_compliance",),
 }
-"""Other names of the same thing: richer forms, and what is indistinguishable from it."""
+"""Effects that also count as the name of a law: more general forms, and indistinguishable effects."""
 LARGEST = 0.8
-"""Share of the largest gap from which an effect may come first: the order of nearly equal ones is chance."""
+"""Share of the largest gap above which an effect may be named first, because the order of nearly equal effects is
+random."""
 WRONG_VALUES = ("wrong_length",)
-"""Effects that stand for a wrong value of the rig file."""
+"""Effects that represent a wrong value of the rig file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What is to be drawn."""
+    """Random choices of one case."""
 
     seed: int
     clean: bool
-    """Without a fault of the logger and wrong values of the rig file."""
+    """Whether the logger has no fault and the rig file no wrong value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One rig diagnosed."""
+    """Diagnosis of one rig, with its true effects."""
 
     seed: int
     fault: str
-    """Of the logger; empty for none."""
+    """Fault of the logger; empty for none."""
     true: tuple[str, ...]
-    """The dominant effect, then the small ones, and the mount if it gives way."""
+    """The dominant effect, then the small ones, and the mount if it moves."""
     gaps: dict[str, float]
-    """Residual of the bare model over the noise if one law acts alone, mount and zero apart, by law."""
+    """Residual of the bare model in units of the noise, by law, if this law acts alone.
+
+    Neither the mount nor the zero offset acts in addition.
+    """
     verdict: str
     named: tuple[tuple[tuple[str, ...], float], ...]
-    """Classes in the order of the verdict, the named effect of each first, with their probabilities."""
+    """Named classes in the order of the verdict, each with its named effect first, and their probabilities."""
     size_off: float | None
-    """Of the dominant effect if named: error over the half width of its 90 % interval."""
+    """Error of the dominant effect's size over the half width of its 90 % interval; None without such a size."""
     explained: float
     of_reproducible: float | None
     seconds: float
 
     @property
     def first_right(self) -> bool:
-        """Whether the first named effect is the dominant one, wrong values of the rig file apart."""
+        """Whether the first named effect is the dominant one; wrong values of the rig file do not count."""
         return self.first_is(self.true[:1])
 
     def first_is(self, laws: Sequence[str]) -> bool:
-        """Whether the first named effect is one of some laws, wrong values of the rig file apart."""
+        """Whether the first named effect is one of some laws; wrong values of the rig file do not count."""
         classes = [names for names, _ in self.named if not names[0].startswith(WRONG_VALUES)]
         return bool(classes) and one_of(classes[0], laws)
 
@@ -104,44 +108,49 @@ class Case:
         return [name for name, gap in self.gaps.items() if gap >= LARGEST * max(self.gaps.values())]
 
     def small(self, *, seen: bool) -> list[bool]:
-        """Whether each small effect of the library is named, of those that alone leave more or less than the noise."""
+        """Whether each small effect of the library is named.
+
+        Args:
+            seen: select the effects that alone leave a residual above the noise, otherwise those below
+        """
         names = {law for law in self.gaps if law != self.true[0] and law.startswith(NAMED)}
         named = [name for members, _ in self.named for name in members]
         return [one_of(named, [law]) for law in names if (self.gaps[law] >= 1) == seen]
 
     @property
     def claims(self) -> list[Claim]:
-        """Every class with its probability; true if a member is a law of this rig, or a value of its file that is off.
+        """Every named class with its probability.
 
-        The probability is stated for the class: no algorithm can distinguish its members.
+        A claim is true if a member of the class is a law of this rig, or a wrong value of its file. The probability
+        applies to the class, because no algorithm can distinguish its members.
         """
         return [Claim(p, one_of(names, (*self.true, *WRONG_VALUES))) for names, p in self.named]
 
     @property
     def sure_wrong(self) -> int:
-        """Classes above `SURE` without a law of this rig."""
+        """Number of classes with a probability above `SURE` that contain no law of this rig."""
         return sum(claim.probability > SURE and not claim.true for claim in self.claims)
 
 
 def one_of(names: Sequence[str], laws: Sequence[str]) -> bool:
-    """Whether one of the names stands for one of the laws."""
+    """Whether one of the names represents one of the laws."""
     return any(alike(name, law) for name in names for law in laws)
 
 
 def alike(name: str, law: str) -> bool:
-    """Whether a name stands for a law."""
+    """Whether a name represents a law."""
     (kind, joint), (said, of) = _at_joint(law), _at_joint(name)
     return said.startswith((kind, *ALSO.get(kind, ()))) and of in (joint, "")
 
 
 def _at_joint(name: str) -> tuple[str, str]:
-    """What acts, and the number of its joint; empty if it acts at none."""
+    """Kind of an effect and the number of its joint; the number is empty for an effect without a joint."""
     acts, _, joint = name.rpartition("_joint")
     return (acts, joint) if acts else (name, "")
 
 
 def described(rig: Rig, rng: np.random.Generator) -> Rig:
-    """The rig file as somebody measured it, L1 and masses being off."""
+    """The rig file as a user measures it, with errors in L1 and the masses."""
     values = rig.model_dump(exclude_none=True)
     values["rig"]["L1"] *= 1 + 0.005 * rng.standard_normal()
     for name in MASSES:
@@ -151,7 +160,7 @@ def described(rig: Rig, rng: np.random.Generator) -> Rig:
 
 
 def gaps_alone(seed: int, acting: Sequence[Law], rods: int, rate_hz: float) -> dict[str, float]:
-    """The residual over the noise that the bare model leaves of each law."""
+    """Residual of the bare model in units of the noise, for each law alone."""
     gaps = {}
     for name in dict.fromkeys(law.name for law in acting):
         rig, runs, _ = recordings(seed, [law for law in acting if law.name == name], rods=rods, rate_hz=rate_hz)
@@ -161,7 +170,7 @@ def gaps_alone(seed: int, acting: Sequence[Law], rods: int, rate_hz: float) -> d
 
 
 def diagnosed(draw: Draw) -> Case:
-    """Draw, record, diagnose."""
+    """Draw, record and diagnose one rig."""
     rods, rng = 1 if draw.seed % 8 in (6, 7) else 2, np.random.default_rng([draw.seed, 1])
     fault = "" if draw.clean or rng.random() > 1 / 3 else str(rng.choice(list(FAULTS)))
     rate_hz = 200.0 if draw.clean else float(rng.choice([100.0, 200.0, 500.0]))
@@ -198,7 +207,7 @@ def diagnosed(draw: Draw) -> Case:
 
 
 def bars(done: list[Case]) -> list[Bar]:
-    """What was found."""
+    """Results of all cases."""
     offs = [case.size_off for case in done if case.size_off is not None]
     claims = [claim for case in done for claim in case.claims]
     sure = [claim.true for claim in claims if claim.probability > SURE]

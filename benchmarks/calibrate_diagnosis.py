@@ -1,10 +1,10 @@
-"""Fit the constants that turn scores into probabilities: `dpr_lab.gap.classes.posterior.CALIBRATION`.
+"""Fit of the constants that turn scores into probabilities: `dpr_lab.gap.classes.posterior.CALIBRATION`.
 
-Procedure: draw tuning trials of every kind (never the foreign effects that are held back, never the seeds of
-`benchmarks/diagnosis.py`), diagnose them with the constants as they are, and look at every effect that was put forward:
-its odds against each rival, the share of the gap that it leaves, and whether it was a cause. The new constants minimise
-the log loss of those statements, with a weak pull towards the constants in use so that few trials change little. Paste
-what is printed, then run the benchmark.
+Tuning trials of every kind are drawn, except with the foreign effects that are held back and with the seeds of
+`benchmarks/diagnosis.py`. They are diagnosed with the present constants. Each effect that a diagnosis considers gives a
+statement: its odds against each rival, the share of the gap that it leaves, and whether it was a cause. The new
+constants minimise the log loss of these statements, with a weak pull towards the present constants, so that few trials
+change them little. Paste the printed constants into the module, then run the benchmark.
 
     python benchmarks/calibrate_diagnosis.py [--cases 30] [--quick] [--json]
 """
@@ -26,29 +26,32 @@ from dpr_lab.trials.summary import calibration_error
 
 TUNING = [name for name in GROUPS if "held back" not in name]
 SMALLEST, MOST = 1e-3, 0.2
-"""Of a probability in a logarithm; of a cause outside the library when nothing is left."""
+"""Smallest probability in a logarithm, and largest probability of a cause outside the library if no gap is left."""
 
 PULL = 1.0
-"""Standard deviation of each free number about the constants in use; they are logarithms, so about a factor of e."""
+"""Standard deviation of each free number about its present value.
+
+The numbers are logarithms, so that 1 means about a factor of e.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One effect put forward."""
+    """An effect that a diagnosis considers, with its scores."""
 
     log_odds: tuple[float, ...]
-    """Of each rival, and of going without, against the effect; at the temperature in use."""
+    """Logarithmic odds of each rival, and of no effect, against the effect, at the present temperature."""
     left: float
-    """Share of the excess that stays unexplained."""
+    """Share of the excess that remains unexplained."""
     remainder: float
-    """The same in units of the noise, rms; zero if nothing but noise is left."""
+    """Unexplained excess in units of the noise, rms; zero if only noise is left."""
     unique: float
     """Share of the excess that only this effect explains."""
     true: bool
 
 
 def statements(done: Sequence[Scored]) -> list[Statement]:
-    """Every effect that the diagnoses put forward."""
+    """Every effect that the diagnoses considered."""
     return [statement for scored in done for statement in _of(scored)]
 
 
@@ -66,7 +69,7 @@ def _of(scored: Scored) -> list[Statement]:
 
 
 def probability(statement: Statement, tried: Calibration) -> float:
-    """What a statement's probability is under other constants."""
+    """Probability of a statement under other constants."""
     colder = CALIBRATION.temperature / tried.temperature
     within = 1 / (1 + sum(math.exp(min(odds * colder, 50.0)) for odds in statement.log_odds))
     left = max(statement.left, tried.least_left)
@@ -75,7 +78,7 @@ def probability(statement: Statement, tried: Calibration) -> float:
 
 
 def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> float:
-    """Log loss of all statements, and the pull towards the constants in use."""
+    """Log loss of all statements, plus the pull towards the present constants."""
     tried = constants(numbers)
     p = np.clip([probability(statement, tried) for statement in made], SMALLEST, 1 - SMALLEST)
     told = np.where([statement.true for statement in made], np.log(p), np.log1p(-p))
@@ -83,7 +86,7 @@ def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> f
 
 
 def constants(numbers: np.ndarray) -> Calibration:
-    """Calibration from five free numbers."""
+    """Calibration constants from five free numbers."""
     temperature, half, steepness, imitates = np.exp(numbers[:4]).tolist()
     return replace(
         CALIBRATION,
@@ -96,7 +99,7 @@ def constants(numbers: np.ndarray) -> Calibration:
 
 
 def fitted(made: Sequence[Statement]) -> Calibration:
-    """The constants with the least loss, from those in use."""
+    """Constants with the least loss; the minimisation starts from the present constants."""
     now = CALIBRATION
     share = min(now.outside_when_closed / MOST, 0.99)
     logs = np.log([now.temperature, now.half_unexplained, now.steepness, now.imitates])

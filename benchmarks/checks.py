@@ -1,10 +1,11 @@
-"""Number of recommended checks until one cause remains, compared with checks drawn at random from the same list.
+"""Number of recommended checks until one cause remains, compared with random checks from the same list.
 
     python benchmarks/checks.py [--cases 120] [--quick] [--json]
 
-Blind trials whose diagnosis leaves more than one cause open are continued: the sealed plant is released as the
-check requires and the recording is used, or the true amplitude is measured with an error of `READ` typical sizes. A
-trial ends when one cause has the share `LEFT` of the probability of each named effect, or when no check remains.
+Blind trials whose diagnosis leaves more than one cause open are continued. For each check, either the sealed plant is
+released as the check requires and the recording is used, or the true amplitude is measured with an error of `READ`
+typical sizes. A trial ends when, for each named effect, one cause has the share `LEFT` of its probability, or when no
+check remains.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,7 +36,7 @@ Choice = Callable[[Sequence[AdvisedCheck]], AdvisedCheck]
 
 
 def cases_of(count: int, seed: int) -> list[Case]:
-    """Every kind in turn; single effects one after the other."""
+    """Trials of all kinds in turn. Single effects follow one after another."""
     effects = visible_effects()
     each = [(KINDS[k % len(KINDS)], effects[k // len(KINDS) % len(effects)]) for k in range(count)]
     return [
@@ -45,13 +46,13 @@ def cases_of(count: int, seed: int) -> list[Case]:
 
 
 def still_open(found: Diagnosis) -> list[str]:
-    """Named effects whose cause is not yet one."""
+    """Named effects with more than one possible cause."""
     shares = {item.name: list(candidates(found, item.name).values()) for item in found.effects}
     return [name for name, share in shares.items() if max(share) < LEFT * sum(share)]
 
 
 def right(found: Diagnosis, truth: Truth) -> bool:
-    """Whether the likeliest cause of every named effect is a true one."""
+    """Whether the most probable cause of every named effect is a true one."""
     answers = {name for names in truth.answers for name in names}
     likeliest = [max(share, key=lambda name: share[name]) for share in _shares(found)]
     return all(name in answers for name in likeliest)
@@ -64,7 +65,10 @@ def _shares(found: Diagnosis) -> list[dict[str, float]]:
 def played(
     found: Diagnosis, plant: PlantConfig, rig: Rig, truth: Truth, choice: Choice, rng: np.random.Generator
 ) -> tuple[Diagnosis, int]:
-    """The diagnosis once one cause is left or no check, and how many checks that took."""
+    """Diagnosis after the checks, and the number of checks.
+
+    The checks end when one cause is left, or no check remains.
+    """
     count = 0
     while names := still_open(found):
         asked = [check for check in found.checks if check.about in names]
@@ -85,7 +89,7 @@ def played(
 
 
 def released(plant: PlantConfig, rig: Rig, asked: AdvisedRelease) -> Run:
-    """The sealed plant, released as a check asks."""
+    """Recording of the sealed plant, released as a check requires."""
     pose = Pose(theta1=asked.theta1_rad, theta2=asked.theta2_rad)
     other = rig.model_copy(update={"poses": {"check": pose}, "added_mass": asked.added_mass})
     (run,) = record(plant, other, asked.duration_s)
@@ -93,7 +97,7 @@ def released(plant: PlantConfig, rig: Rig, asked: AdvisedRelease) -> Run:
 
 
 def main() -> None:
-    """Print how many checks were needed, by advice and by chance."""
+    """Print the number of checks needed, with recommended and with random checks."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=120, help="blind trials (default: 120)")
     parser.add_argument("--seed", type=int, default=400_000, help="of the first trial")

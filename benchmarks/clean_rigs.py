@@ -1,11 +1,11 @@
-"""False alarms on rigs without effects: unusual rigs, loggers that damage samples, cameras.
+"""False alarms on rigs without effects: unusual rigs, loggers that damage samples, and cameras.
 
     python benchmarks/clean_rigs.py --count 100
 
-"Inconclusive" is no false alarm: most effects of their typical size are below five standard deviations there. It is
-counted separately.
+The verdict "inconclusive" is no false alarm, because most effects of typical size are below five standard deviations on
+these rigs. It is counted separately.
 
-scipy simulates the swings with equations of this file, which share only the description of the rig with dpr-lab.
+scipy simulates the swings with the equations of this file, which share only the description of the rig with dpr-lab.
 """
 
 import time
@@ -23,7 +23,7 @@ from dpr_lab.run import Run
 
 Array = NDArray[np.float64]
 Physics = dict[str, float]
-"""Of both rods, by the names of the rig file."""
+"""Parameters of both rods, by their names in the rig file."""
 
 REST_S, SWING_S = 0.5, 10.0
 FAULTS = ("late", "repeat", "outlier", "gap")
@@ -31,22 +31,25 @@ FAULTS = ("late", "repeat", "outlier", "gap")
 
 @dataclass(frozen=True, slots=True)
 class Logger:
-    """How samples are taken, and what goes wrong."""
+    """Sampling of a recording, with its faults."""
 
     rate_hz: int
     counts_per_rev: int
     faults: tuple[str, ...] = ()
     rest_s: float = REST_S
     shared: float = 0.0
-    """Of the error of a frame in that of the next: a tracker's."""
+    """Share of a frame's error that persists in the next frame, as for a tracker."""
     tracked_rad: float = 0.0
-    """Error of a camera's angles, rms."""
+    """Error of a camera's angles, rad, rms."""
     wrong_length: float = 0.0
-    """How far the rig file may be off in L1, which says so."""
+    """Uncertainty of L1 that the rig file states."""
 
 
 def odd_rig(rng: np.random.Generator) -> tuple[float, float, Logger]:
-    """Lengths of both rods, m, and an honest logger: desk toys to fairground rides, coarse and fine encoders."""
+    """Lengths of both rods, m, and a logger without faults.
+
+    The rigs range from desk toys to fairground rides, with coarse and fine encoders.
+    """
     L1 = float(np.exp(rng.uniform(np.log(0.05), np.log(1.5))))
     outer = L1 * rng.uniform(0.4, 1.3)
     rate_hz = int(rng.choice([100, 200, 500, 1000, 2000, 4000]))
@@ -54,7 +57,7 @@ def odd_rig(rng: np.random.Generator) -> tuple[float, float, Logger]:
 
 
 def bad_logger(rng: np.random.Generator) -> tuple[float, float, Logger]:
-    """Lengths of both rods, m, and a logger with one fault or several."""
+    """Lengths of both rods, m, and a logger with one or several faults."""
     L1 = float(rng.uniform(0.15, 0.5))
     outer = L1 * rng.uniform(0.6, 1.2)
     rate_hz, counts = int(rng.choice([200, 500, 1000])), int(rng.choice([2000, 4096, 16384]))
@@ -62,7 +65,7 @@ def bad_logger(rng: np.random.Generator) -> tuple[float, float, Logger]:
 
 
 def camera(rng: np.random.Generator) -> tuple[float, float, Logger]:
-    """Lengths of both rods, m, and a camera: a scale that is hardly known, and errors that outlast a frame."""
+    """Lengths of both rods, m, and a camera with a poorly known scale and errors that last for several frames."""
     L1 = float(rng.uniform(0.1, 0.4))
     rate_hz, shared = int(rng.choice([100, 120, 200, 240])), float(rng.uniform(0.0, 0.9))
     tracked = float(rng.uniform(0.5e-3, 3e-3))
@@ -74,11 +77,11 @@ KINDS: dict[str, Callable[[np.random.Generator], tuple[float, float, Logger]]] =
     "bad logger": bad_logger,
     "camera": camera,
 }
-"""What is drawn."""
+"""Function that draws each kind of rig."""
 
 
 def drawn(kind: str, seed: int) -> tuple[Rig, list[Run], Logger]:
-    """A clean rig's file, which is off by up to 15 %, and its recordings."""
+    """Rig file of a clean rig, with values wrong by up to 15 %, and recordings of this rig."""
     rng = np.random.default_rng(seed)
     L1, outer, logger = KINDS[kind](rng)
     rig, nominal = _rig(L1, outer, logger, rng)
@@ -109,7 +112,10 @@ def _rig(L1: float, outer: float, logger: Logger, rng: np.random.Generator) -> t
 
 
 def swing(true: Physics, L1: float, g: float, start: Array, t: Array) -> Array:
-    """(n, 4) angles (0 = upright) and speeds of two rods with viscous joints, from the Lagrangian; DOP853."""
+    """(n, 4) angles (0 = upright) and speeds of two rods with viscous joints.
+
+    The equations follow from the Lagrangian and are integrated by DOP853.
+    """
     p = true
     d = p["m2"] * L1 * p["l2"]
     a = p["J1"] + p["m1"] * p["l1"] ** 2 + (p["m2"] + p["mb"]) * L1**2
@@ -157,7 +163,7 @@ def _recorded(rig: Rig, true: Physics, L1: float, logger: Logger, pose: str, rng
 
 
 def main() -> None:
-    """Diagnose so many of each kind."""
+    """Diagnose `count` rigs of each kind."""
     parser = options(__doc__)
     parser.add_argument("--count", type=int, default=100, help="rigs of each kind")
     parser.add_argument("--seed", type=int, default=0, help="of the first")

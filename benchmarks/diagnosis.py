@@ -1,10 +1,10 @@
 """Reliability of the diagnosis on plants with hidden effects, with its targets.
 
-    python benchmarks/diagnosis.py --cases 40            all groups, 40 trials each
-    python benchmarks/diagnosis.py --quick               6 each
-    python benchmarks/diagnosis.py --real FOLDER         and recordings of real rigs
+    python benchmarks/diagnosis.py --cases 40            all groups, 40 trials in each
+    python benchmarks/diagnosis.py --quick               6 trials in each group
+    python benchmarks/diagnosis.py --real FOLDER         also recordings of real rigs
 
-Foreign effects that were held back are listed separately from those used to choose thresholds.
+Foreign effects that were held back are listed separately from the foreign effects with which thresholds were chosen.
 """
 
 import argparse
@@ -44,7 +44,7 @@ GROUPS: dict[str, str] = {
     "outside, held back": "outside:clear:held_back",
     "background": "background:clear",
 }
-"""Group of trials -> what is drawn."""
+"""Draw specification of each group of trials."""
 
 EACH: dict[str, Sequence[str]] = {
     "single": visible_effects(),
@@ -54,17 +54,17 @@ EACH: dict[str, Sequence[str]] = {
     "outside": _foreign(OUTSIDE, False),
     "outside, held back": _foreign(OUTSIDE, True),
 }
-"""Effects that the trials of a group go through in turn; chance decides in the other groups."""
+"""Effects through which the trials of a group cycle; the effects of other groups are random."""
 
 FIRST_SEED = 100_000
-"""Calibration draws below, the benchmark above."""
+"""First seed of the benchmark. The calibration uses lower seeds."""
 
 APART = 5000
-"""Seeds between one group and the next."""
+"""Difference between the first seeds of successive groups."""
 
 
 def trials_of(names: Sequence[str], count: int, seed: int) -> list[Case]:
-    """`count` trials of each of the groups named, the groups in turn."""
+    """`count` trials of each named group, with the groups in turn."""
     return [_case(name, seed + APART * list(GROUPS).index(name), i) for i in range(count) for name in names]
 
 
@@ -80,17 +80,17 @@ Rate = Callable[[TrialOutcome], bool]
 
 
 def often(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
-    """A share that should be high; no bar without trials."""
+    """Bar on a share that should be high; none without trials."""
     return [at_least(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
 def seldom(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
-    """A share that should be low; no bar without trials."""
+    """Bar on a share that should be low; none without trials."""
     return [at_most(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
 def bars(done: Sequence[Scored]) -> list[Bar]:
-    """All bars of which there are trials."""
+    """All bars for which there are trials."""
     groups = {name: [s.outcome for s in done if s.case.group == name] for name in GROUPS}
     dirty_clean, dirty_single = (_there(groups["dirty"], effect) for effect in (False, True))
     right, all_of_them, alarm = (lambda o: o.first), (lambda o: o.exact), (lambda o: not o.silent)
@@ -117,7 +117,7 @@ def bars(done: Sequence[Scored]) -> list[Bar]:
 
 
 def form_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
-    """Library effects in another form."""
+    """Bars on library effects whose law has another form."""
     return [
         *often(f"{name}: right family first", outcomes, lambda o: o.first, 0.95),
         *often(f"{name}: nothing invented", outcomes, lambda o: not o.invented, 0.85),
@@ -125,7 +125,7 @@ def form_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
 
 
 def outside_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
-    """Effects that the library does not hold."""
+    """Bars on effects that the library does not contain."""
     return [
         *seldom(f"{name}: wrong name above 0.5", outcomes, lambda o: o.wrong_name, 0.03),
         *often(f"{name}: admitted", outcomes, lambda o: o.admitted, 0.95),
@@ -133,7 +133,10 @@ def outside_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
 
 
 def measure_bars(outcomes: Sequence[TrialOutcome]) -> list[Bar]:
-    """Probabilities over all trials; sizes, gap and time over those that the library can explain."""
+    """Bars on the probabilities over all trials.
+
+    Sizes, gap and time are scored over the trials that the library can explain.
+    """
     known = summary([o for o in outcomes if o.kind in ("single", "pair", "triple", "clean")])
     coverage = known["interval_coverage"]
     return [
@@ -151,7 +154,7 @@ def _there(outcomes: Sequence[TrialOutcome], effect: bool) -> list[TrialOutcome]
 
 
 def parsed() -> argparse.Namespace:
-    """The command line."""
+    """Options of the command line."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=40, help="trials of each group (default: %(default)s)")
     parser.add_argument("--only", action="append", choices=list(GROUPS), help="only this group, repeatable")
@@ -163,7 +166,7 @@ def parsed() -> argparse.Namespace:
 
 
 def campaign(cases: Sequence[Case], workers: int, keep: Path | None) -> list[Scored]:
-    """All trials, reported as they end."""
+    """Results of all trials, each printed when it ends."""
     begin, done = time.perf_counter(), []
     plant, rig = hidden(cases[0])
     warm_up(rig, record(plant, rig))
@@ -196,14 +199,14 @@ def main() -> None:
 
 
 def is_astray(outcome: TrialOutcome) -> bool:
-    """Whether something that was there has not been named, or something else has."""
+    """Whether a true effect is not named, or a wrong one is."""
     if not outcome.truth:
         return not outcome.silent
     return outcome.invented or (outcome.kind not in ("form", "outside") and not outcome.exact)
 
 
 def astray(scored: Scored) -> str:
-    """What was said of what was there, with what it takes to draw the plant again."""
+    """Named and true effects of a trial, with the seed that draws its plant again."""
     outcome = scored.outcome
     said, there = (" + ".join(names) or "nothing" for names in (outcome.named, outcome.truth))
     return f"{scored.case.draw}, seed {scored.case.seed}: {there} -> {said} ({outcome.verdict})"

@@ -1,15 +1,18 @@
-"""What a diagnosis costs now and at another commit: the same recordings, alternately, and the same answers.
+"""Cost of a diagnosis with the present code and with another commit, on the same recordings.
+
+Both must give the same answers.
 
     python benchmarks/diagnosis_speed.py --against COMMIT [--cases 60] [--seed S] [--quick] [--json]
 
 The other commit is checked out as a git worktree in a temporary folder. Blind trials are drawn and recorded once, by
-this code, and handed as files to two processes, one for each code base, each on one thread and with kernels of its own,
-compiled before: a measurement during which anything was compiled is made again. Seconds are CPU seconds inside
-`diagnose`, and a ratio is that of one trial, now over then, so that other load on the machine changes little.
+the present code. Two processes, one for each code base, read them as files and diagnose them alternately. Each process
+uses one thread and its own kernels, which are compiled before; a measurement during which code was compiled is
+repeated. Seconds are CPU seconds inside `diagnose`. A ratio is the time of the present code over the time of the other
+commit for the same trial, so that other load on the machine has little influence.
 
-Long recordings, six of 30 s at 1 kHz, are set against three of 10 s of the same plant as the rig file records it; their
-memory is the most that a process which did nothing else has held. `identify` takes three recordings of 10 s at 200 Hz.
---quick has three trials and no long recordings.
+Six recordings of 30 s at 1 kHz are compared with three recordings of 10 s of the same plant at the rate of the rig
+file. Their memory is the maximum of a process that does nothing else. `identify` uses three recordings of 10 s at 200
+Hz. With --quick there are three trials and no long recordings.
 """
 
 import json
@@ -51,19 +54,19 @@ DRAWS = (
     "single:clear",
     "single:clear:hysteresis_joint1",
 )
-"""What the trials go through in turn."""
+"""Draw specifications through which the trials cycle."""
 
 FIRST_SEED = 700_000
 QUICK = 3
 SEARCHES = 3
-"""Seeds that `identify` is measured with."""
+"""Number of seeds with which `identify` is measured."""
 IDENTIFY_HZ = 200
-"""Sample rate of its recordings, as in benchmarks/wall_time.py."""
+"""Sample rate of the recordings for `identify`, Hz, as in benchmarks/wall_time.py."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One trial, diagnosed by both."""
+    """One trial, diagnosed by both code bases."""
 
     draw: str
     seed: int
@@ -72,17 +75,17 @@ class Pair:
 
     @property
     def ratio(self) -> float:
-        """CPU seconds now over then."""
+        """CPU seconds of the present code over those of the other commit."""
         return self.now["cpu_s"] / self.then["cpu_s"]
 
     @property
     def alike(self) -> bool:
-        """Whether both say the same."""
+        """Whether both code bases give the same verdict and names."""
         return all(self.now[key] == self.then[key] for key in ("verdict", "names"))
 
 
 def keep(folder: Path, runs: Sequence[Run], rig: Rig) -> Path:
-    """Write runs and rig as files that any version can read."""
+    """Write runs and rig as files that every version of dpr-lab can read."""
     folder.mkdir(parents=True)
     arrays = {f"{name}{i}": getattr(run, name) for i, run in enumerate(runs) for name in ("t", "theta", "counts")}
     np.savez(folder / "runs.npz", **arrays)
@@ -106,7 +109,7 @@ class CodeBase:
         )
 
     def ask(self, do: str, folder: Path, seed: int = 0) -> dict[str, Any]:
-        """Have a job done, twice where it had to compile something."""
+        """Execute a request; repeat it if something was compiled."""
         told = self._asked(do, folder, seed)
         return self._asked(do, folder, seed) if told["compiled"] else told
 
@@ -128,7 +131,7 @@ class CodeBase:
 
 @contextmanager
 def checked_out(commit: str, folder: Path) -> Iterator[Path]:
-    """A worktree of a commit."""
+    """Worktree of a commit, removed afterwards."""
     subprocess.run(["git", "-C", ROOT, "worktree", "add", "--quiet", "--detach", folder, commit], check=True)
     try:
         yield folder
@@ -137,7 +140,7 @@ def checked_out(commit: str, folder: Path) -> Iterator[Path]:
 
 
 def compared(now: CodeBase, then: CodeBase, cases: Sequence[Case], folder: Path) -> Iterator[Pair]:
-    """Every trial by both, each first in turn."""
+    """Every trial, diagnosed by both code bases; the first one alternates."""
     for number, case in enumerate(cases):
         plant, rig = hidden(case)
         kept = keep(folder / str(number), record(plant, rig), rig)
@@ -151,7 +154,10 @@ def compared(now: CodeBase, then: CodeBase, cases: Sequence[Case], folder: Path)
 
 
 def warmed(sides: Sequence[CodeBase], folder: Path) -> Path:
-    """Three clean recordings of 10 s, after both sides have compiled all that they need."""
+    """Folder with three clean recordings of 10 s.
+
+    Both code bases first compile all kernels that they need.
+    """
     plant, rig = hidden(Case("warm up", "pair:clear:arm_compliance,coulomb_joint2", FIRST_SEED - 1))
     short = keep(folder / "arm", record(plant, rig, duration=2.0)[:2], rig)
     plant, rig = hidden(Case("warm up", "clean", FIRST_SEED - 2))
@@ -163,7 +169,7 @@ def warmed(sides: Sequence[CodeBase], folder: Path) -> Path:
 
 
 def trial_bars(pairs: Sequence[Pair]) -> list[Bar]:
-    """What the trials came to."""
+    """Bars on the trials."""
     ratios, now, then = (
         [pair.ratio for pair in pairs],
         [pair.now["cpu_s"] for pair in pairs],
@@ -181,7 +187,7 @@ def trial_bars(pairs: Sequence[Pair]) -> list[Bar]:
 
 
 def identify_bars(now: CodeBase, then: CodeBase, clean: Path) -> list[Bar]:
-    """Three recordings of 10 s identified."""
+    """Bars on the identification of three recordings of 10 s."""
     taken = [[side.ask("identify", clean, seed)["cpu_s"] for side in (now, then)] for seed in range(SEARCHES)]
     seconds, ratios = [mine for mine, _ in taken], [mine / other for mine, other in taken]
     return [
@@ -191,7 +197,7 @@ def identify_bars(now: CodeBase, then: CodeBase, clean: Path) -> list[Bar]:
 
 
 def long_bars(cache: Path, folder: Path) -> list[Bar]:
-    """Six recordings of 30 s at 1 kHz in a process of their own."""
+    """Bars on six recordings of 30 s at 1 kHz, which a process of its own diagnoses."""
     plant, rig = hidden(Case("long", "single:clear:coulomb_joint1", FIRST_SEED - 3))
     few = keep(folder / "few", record(plant, rig), rig)
     twice = rig.model_copy(update={"poses": rig.poses | {f"{name} again": pose for name, pose in rig.poses.items()}})

@@ -1,8 +1,9 @@
-"""What `dpr-lab drift` says of rigs that changed and of rigs that did not.
+"""Reliability of `dpr-lab drift` on rigs that changed and on rigs that did not.
 
-Estimates drawn by the ten thousand show false alarms and power of the test itself, for several plans of runs; whole
-recordings of simulated plants (friction of joint 1 changed by three standard deviations of a run's estimate, with and
-without a scatter of its own from run to run) show that what is fitted to runs behaves as what is drawn.
+False alarms and power of the test alone are measured with ten thousands of drawn estimates, for several plans of runs.
+Whole recordings of simulated plants verify that estimates fitted to runs behave like drawn ones. In these plants the
+friction of joint 1 changes by three standard deviations of a run's estimate, with and without random scatter from run
+to run.
 
     python benchmarks/drift.py [--quick] [--json]
 """
@@ -22,15 +23,15 @@ from sim_device.trials.offline_recorder import record
 
 POSES = ("X1", "X2", "X3")
 BETWEEN_POSES = {"X1": 0.0, "X2": 5.0, "X3": -3.0}
-"""What the model misses, by pose, in standard deviations of a run."""
+"""Error of the model at each pose, in standard deviations of a run's estimate."""
 PLANS = ((2, 7, POSES[:1]), (2, 3, POSES), (4, 5, POSES[:1]), (4, 2, POSES), (3, 3, POSES))
-"""Groups, runs of each pose in each, poses."""
+"""Plans: number of groups, runs from each pose in a group, and poses."""
 QUICK = DriftSettings(draws=2000)
-"""Critical values good to a tenth are enough where thousands of them are used."""
+"""Settings for the many tests of this benchmark. Critical values accurate to a tenth are sufficient."""
 CHANGE = 3.0
-"""In standard deviations of a run's estimate."""
+"""Change of a parameter, in standard deviations of a run's estimate."""
 SCATTER = 0.01
-"""Of the friction from run to run, relative."""
+"""Relative scatter of the friction from run to run."""
 
 
 def main() -> None:
@@ -44,7 +45,7 @@ def main() -> None:
 
 
 def drawn_bars(groups: int, repeats: int, poses: tuple[str, ...], trials: int) -> Iterator[Bar]:
-    """False alarms and changes found among drawn estimates."""
+    """Shares of false alarms and detected changes among drawn estimates."""
     rng = np.random.default_rng(groups * 100 + repeats)
     plan = f"{groups} groups of {repeats} runs from {len(poses)} pose{'s' * (len(poses) > 1)}"
     calm = [drawn(rng, groups, repeats, poses, 0.0) for _ in range(trials)]
@@ -54,7 +55,10 @@ def drawn_bars(groups: int, repeats: int, poses: tuple[str, ...], trials: int) -
 
 
 def drawn(rng: np.random.Generator, groups: int, repeats: int, poses: tuple[str, ...], change: float) -> Drift:
-    """One trial: five parameters, one of which changes in all groups from one of them on."""
+    """Drift of drawn estimates of five parameters.
+
+    One of them changes by `change` from a random group on.
+    """
     group = np.repeat(np.arange(groups), repeats * len(poses))
     of_run = poses * (groups * repeats)
     values = rng.standard_normal((len(group), 5)) + np.array([[BETWEEN_POSES[pose]] for pose in of_run])
@@ -64,7 +68,7 @@ def drawn(rng: np.random.Generator, groups: int, repeats: int, poses: tuple[str,
 
 
 def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
-    """False alarms and changes found among recordings, three of each pose before and three after."""
+    """False alarms and detected changes among recordings: three of each pose before the change and three after it."""
     rig, plant = load_rig("paper"), load_plant("paper", 1)
     calm = estimate_each([run_of(plant, rig, pose, 0, 1.0) for pose in POSES], rig)
     at = calm.names.index("c1/b")

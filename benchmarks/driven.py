@@ -1,12 +1,12 @@
-"""Driven joints of a real rig, compared with the published model of its authors.
+"""Prediction of the driven joints of a real rig, compared with the published model of its authors.
 
 python benchmarks/driven.py FOLDER [DESIGN ...] [--torque commanded]
 
-FOLDER holds dfki_driven. Of each design two records are fitted, with friction, rotor, drives and zeros of the encoders
-of each record, and the third is predicted in windows of 2 s: by that fit, and by the authors' equations with the
-parameters they printed, in a code of their own here. Both start each window from the state that brings them nearest to
-its first 0.3 s, which do not count. The first window of the third record does not count either: it tells how its
-encoders were zeroed.
+FOLDER contains dfki_driven. Two records of each design are fitted, with friction, rotor inertia, drive effects and the
+zero offsets of the encoders in each record. The third record is predicted in windows of 2 s, by this fit and by the
+authors' equations with their published parameters, which this file implements separately. Both predictions of a window
+start from the state that brings them nearest to its first 0.3 s, which the error excludes. The error also excludes the
+first window of the third record, because it determines the zero offsets of the encoders.
 """
 
 import argparse
@@ -42,23 +42,23 @@ from dpr_lab.workflows.rig_toml import Measure
 
 Array = NDArray[np.float64]
 Foretell = Callable[[Array, Array], Array]
-"""Instants (n,) and the state (4,) before the first -> angles of both rods (n, 2), rad."""
+"""Function from instants (n,) and the state (4,) before the first of them to the angles of both rods (n, 2), rad."""
 
 DESIGNS = ("A.0", "C.0", "C.1")
 WINDOW_S, SETTLE_S, STEP_S = 2.0, 0.3, 1e-3
 BEGUN = 0.01
-"""Of its typical size, where the fit of an effect begins."""
+"""Initial value in the fit of an effect, relative to its typical size."""
 DRIVE = (
     ["coulomb_joint1", "coulomb_joint2", "rotor_inertia_joint2"],
     ["torque_offset_joint1", "torque_offset_joint2"],
     ["torque_scale_joint2"],
     ["input_delay"],
 )
-"""What geared drives do, without ripple, of which no order is known."""
+"""Effects of geared drives without ripple, whose order is unknown."""
 
 
 def records(folder: Path, design: str, torque: str) -> tuple[Rig, dict[str, float], list[Run]]:
-    """The rig as anybody could draft it, the authors' model, and three records."""
+    """Drafted rig, the authors' model, and three records of a design."""
     files = sorted(folder.glob(f"{design}_*.csv"))
     told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
     model, lengths = told["authors_model"], told["lengths"]
@@ -70,14 +70,14 @@ def records(folder: Path, design: str, torque: str) -> tuple[Rig, dict[str, floa
 
 
 def windows(run: Run) -> list[tuple[Array, Array]]:
-    """Of each window the instants and the angles of both rods there."""
+    """Instants and angles of both rods in each window."""
     begins = np.arange(run.t[0] + PAD, run.t[-1] - WINDOW_S, WINDOW_S)
     inside = [(run.t >= begin) & (run.t < begin + WINDOW_S) for begin in begins]
     return [(run.t[some], run.theta[some, 1:]) for some in inside]
 
 
 def begun(foretell: Foretell, t: Array, theta: Array) -> Array:
-    """The state (4,) at `PAD` before t[0] from which a model comes nearest to the first readings."""
+    """State (4,) at `PAD` before t[0] from which a model is closest to the first readings."""
     head = t < t[0] + SETTLE_S
     line = np.polynomial.polynomial.polyfit(t[head] - t[0] + PAD, theta[head], 4)
     found = least_squares(
@@ -87,7 +87,10 @@ def begun(foretell: Foretell, t: Array, theta: Array) -> Array:
 
 
 def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
-    """(n, 2) angles of both rods at t by the authors' equation, with joint angles from hanging and rotors geared up."""
+    """(n, 2) angles of both rods at `t` by the authors' equations.
+
+    These use joint angles from hanging and rotors with gears.
+    """
     I1, I2, Ir, n, g = (model[name] for name in ("I1", "I2", "Ir", "gr", "g"))
     l1, m1, m2, r1, r2 = (model[name] for name in ("l1", "m1", "m2", "r1", "r2"))
     b1, b2, dry1, dry2 = (model[name] for name in ("b1", "b2", "cf1", "cf2"))
@@ -124,14 +127,17 @@ def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
 
 
 def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) -> Array:
-    """The same by base parameters and effects; the lanes start `PAD` before the first reading."""
+    """(n, 2) angles of both rods at `t` by base parameters and effects.
+
+    The lanes start `PAD` before the first reading.
+    """
     laid_out = segments([t], setups=[run.setup])
     read = predict(*at, rig_constants(rig), laid_out, state[None])
     return np.column_stack([read[:, 0], read.sum(axis=1)])
 
 
 def errors(run: Run, foretell: Foretell) -> Array:
-    """(windows,) rms of both angles beyond the first readings, rad."""
+    """(windows,) rms errors of both angles after the first readings, rad."""
     found = []
     for t, theta in windows(run)[1:]:
         later = t >= t[0] + SETTLE_S
@@ -141,17 +147,17 @@ def errors(run: Run, foretell: Foretell) -> Array:
 
 
 def zeros(run: Run, at: Estimate, rig: Rig) -> Array:
-    """(2,) by how much the encoders of joints 1 and 2 read more in a record, by its first window, rad."""
+    """(2,) zero offsets of the encoders of joints 1 and 2 in a record, from its first window, rad."""
     first = record(run.between(run.t[0], run.t[0] + PAD + WINDOW_S), rig)
     return own_zeros(Recordings((first,), rig), at, 25)[0]
 
 
 def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
-    """Ratios, scale, friction, rotor and drives, fitted to some records."""
+    """Ratios, scale, friction, rotor inertia and drive effects, fitted to some records."""
     recordings = Recordings(tuple(record(run, rig) for run in in_pieces(runs, ())[0]), rig, exact_torques=True)
     _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig))
     at, names = bare.fit.estimate, list[str]()
-    for some in DRIVE:  # one after the other, from a little of each
+    for some in DRIVE:  # one after another, each from a small value
         names += some
         begun = effect_params({name: {p.name: BEGUN * p.typical for p in EFFECTS[name].amplitudes} for name in some})
         at = at.changed(params=at.params + begun - effect_params({}))
@@ -160,7 +166,7 @@ def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
 
 
 def compared(folder: Path, design: str, torque: str) -> list[Bar]:
-    """One design: two records fitted, the third predicted."""
+    """Bars on one design: two records are fitted, and the third is predicted."""
     rig, model, runs = records(folder, design, torque)
     at, unseen = fitted(runs[:2], rig), runs[2]
     print(f"{design}, {torque} torques: b {at.base[1]:.4g} kg m^2, the authors' {model['I2']:.4g}")

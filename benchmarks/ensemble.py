@@ -1,15 +1,16 @@
-"""Predictive bands of an ensemble of sampled models: how many readings of held-out recordings they cover.
+"""Predictive bands of an ensemble of sampled models: share of the readings of held-out recordings that they contain.
 
     python benchmarks/ensemble.py [--plants 24] [--first 9000] [--members 50] [--real ../shared/data/real]
-        [--mujoco 12] [--driven 12] [--identify] [--json]
 
-Simulated plants are drawn as for blind trials; three recordings of 5 s are diagnosed, three from other poses are held
-out. `--mujoco` plays rigs in MuJoCo in the same way, with one to three of the planted errors of
-`benchmarks/simulator_models.py`. `--driven` plays plants whose joints are driven, with a random fault of the drives or
-none; the held-out recordings have other torques. Of each real rig every recording is held out once; a single recording
-is cut into pieces, and every second one is held out. A recording that swings for more than half of its time beyond the
-fitted amplitudes is pooled apart, without a target. The readings of one recording are far from independent: the
-standard error is that of the mean of recordings.
+    [--mujoco 12] [--driven 12] [--identify] [--json]
+
+Simulated plants are drawn as for blind trials. Three recordings of 5 s are diagnosed, and three from other poses are
+held out. `--mujoco` does the same with rigs in MuJoCo that have one to three of the planted errors of
+`benchmarks/simulator_models.py`. `--driven` uses plants with driven joints, with a random fault of the drives or none;
+the held-out recordings have other torques. Every recording of a real rig is held out once. A single recording is cut
+into pieces, and every second piece is held out. Recordings that spend more than half of their time beyond the fitted
+amplitudes are pooled separately, without a target. The readings of one recording are strongly dependent, so that the
+standard error is that of the mean over recordings.
 """
 
 import sys
@@ -47,18 +48,18 @@ from tests.exports.planted_errors import STARTS, recordings
 DRAWS = ("single", "clean", "pair", "single", "triple", "background")
 """Kinds of the plants, in turn."""
 PIECE_S = 5.0
-"""Length of a piece of a real recording that is alone."""
+"""Duration of a piece of a single real recording, s."""
 PIECES = 8
 OTHER_TORQUES = 1_000_000
-"""Added to a seed for the torques of the recordings that are held out."""
+"""Number added to a seed for the torques of held-out recordings."""
 BEYOND = 0.5
-"""Share of a recording's time beyond the fitted amplitudes above which its bands are not expected to cover it."""
+"""Share of a recording's time beyond the fitted amplitudes above which its bands need not contain its readings."""
 
 
 Fitted = tuple[Model, list[PosteriorComponent], str]
-"""A model, its posterior, and what fitted it."""
+"""A model, its posterior, and the verdict or method of its fit."""
 Tested = tuple[PredictiveBand, float]
-"""A band, and the share of its recording beyond the fitted amplitudes."""
+"""A band, and the share of time of its recording beyond the fitted amplitudes."""
 
 
 def diagnosed(fitted: list[Run], rig: Rig) -> Fitted:
@@ -78,7 +79,10 @@ def identified(fitted: list[Run], rig: Rig) -> Fitted:
 def bands(
     fit: Callable[[list[Run], Rig], Fitted], fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: int
 ) -> Iterator[Tested]:
-    """Bands of an ensemble for recordings that were held out; a refusal is printed."""
+    """Bands of an ensemble for held-out recordings.
+
+    Errors are printed.
+    """
     try:
         model, posterior, verdict = fit(fitted, rig)
         factor = factor_without(model, posterior, fitted, rig, seed)
@@ -103,7 +107,7 @@ def bands(
 
 
 def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
-    """Of one plant."""
+    """Bands of one simulated plant."""
     kind = DRAWS[seed % len(DRAWS)]
     plant, rig = hidden(Case("", kind, seed))
     print(f"# {seed}, {kind}: {'+'.join(plant.effects) or 'no effect'}")
@@ -112,7 +116,7 @@ def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
 
 
 def elsewhere(rig: Rig) -> Rig:
-    """The rig with other poses."""
+    """The rig with changed poses."""
     poses = {
         name: pose.model_copy(update={"theta1": pose.theta1 + 0.5, "theta2": pose.theta2 - 0.7})
         for name, pose in rig.poses.items()
@@ -121,9 +125,12 @@ def elsewhere(rig: Rig) -> Rig:
 
 
 def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
-    """Of one rig that MuJoCo simulates; the rig file is made from the model without the errors."""
+    """Bands of one rig that MuJoCo simulates.
+
+    Its rig file is made from the model without the planted errors.
+    """
     rng = np.random.default_rng([29, seed])
-    kinds = [kind for kind in KINDS["xml"] if not kind.startswith("gear")]  # a gear shows in driven rods only
+    kinds = [kind for kind in KINDS["xml"] if not kind.startswith("gear")]  # a gear is visible only in driven rods
     errors = rng.choice(kinds, 1 + seed % 3, replace=False).tolist()
     truth = mjcf(RIGHT | {kind: float(rng.uniform(*PLANTED[kind][2])) for kind in errors})
     print(f"# MuJoCo {seed}: {', '.join(errors)}")
@@ -139,7 +146,10 @@ def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
 
 
 def driven(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
-    """Of one plant with driven joints; the recordings that are held out have other torques from other poses."""
+    """Bands of one plant with driven joints.
+
+    The held-out recordings have other torques and other poses.
+    """
     fault, rig = drawn_fault(seed), load_rig("paper")
     print(f"# driven {seed}: {fault.name if fault else 'no fault'}")
     plant, fitted = driven_runs(rig, seed, fault=fault, duration=PIECE_S)
@@ -149,7 +159,7 @@ def driven(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> 
 
 
 def real(rig: RealRig, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
-    """Of one real rig."""
+    """Bands of one real rig."""
     print(f"# {rig.title}")
     folds = list(rig.folds)
     if len(rig.runs) == 1:
@@ -160,7 +170,7 @@ def real(rig: RealRig, members: int, fit: Callable[[list[Run], Rig], Fitted]) ->
 
 
 def _pieces(run: Run) -> list[Run]:
-    """At most `PIECES` pieces of equal length of a recording, each with its own time."""
+    """At most `PIECES` pieces of a recording, of equal length, each with its own time."""
     swing = run.swing
     length = min(10.0, max(PIECE_S, float(swing.t[-1]) / PIECES)) if swing.t[-1] > 2 * PIECE_S else swing.t[-1] / 4
     begins = swing.t[0] + length * np.arange(int(swing.t[-1] / length + 1e-9))
@@ -169,7 +179,7 @@ def _pieces(run: Run) -> list[Run]:
 
 
 def pooled(name: str, some: list[Tested], target: bool = True) -> Bar:
-    """Coverage of all readings."""
+    """Coverage of all readings of some recordings."""
     shares, counts = np.array([band.covered for band, _ in some]), np.array([band.readings for band, _ in some])
     share = 100 * float(shares @ counts / counts.sum())
     error = 100 * float(shares.std() / len(shares) ** 0.5)

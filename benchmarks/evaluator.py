@@ -1,15 +1,16 @@
-"""Speed of the batch evaluator: compared with other programs, by threads and batch size, and time of compilation.
+"""Speed of the batch evaluator: comparison with other programs, influence of threads and batch size, and compile time.
 
-One evaluation is E(Z), docs/theory.md equation (2): three poses of 10 s, 2000 Runge-Kutta steps each, four signals.
+One evaluation is E(Z), docs/theory.md equation (2), for three poses of 10 s with 2000 Runge-Kutta steps and four
+signals.
 
     python benchmarks/evaluator.py [--quick] [--json] [--limit path/to/rk4_limit.c]
 
-A ratio is a median over rounds in which all programs run in turn on one thread, by CPU time, so that other load on
-the machine hits all alike. The C yardstick is compiled without -ffast-math; gcc then still fuses multiplications with
-additions, which the lanes do not. Its own lead over the peers is shown as well: what this processor has to give.
-Threads are compared by the clock on the wall, best of all rounds, which needs idle cores: the load is printed.
-`solve_ivp` with a tolerance of 1e-6 errs about ten times as much as the lanes with their steps of 5 ms; with 1e-8 it
-errs no more than they do.
+A ratio is a median over rounds. In each round all programs run in turn on one thread, and CPU time is measured, so that
+other load on the machine affects all programs alike. The C program is compiled without -ffast-math; gcc then still
+fuses multiplications with additions, which the lanes do not. The lead of the C program over the other programs is also
+printed, as a measure of the processor. The gain by threads is measured in wall time, as the best of all rounds. It
+requires idle cores, so that the load is printed. The error of `solve_ivp` with a tolerance of 1e-6 is about ten times
+the error of the lanes with steps of 5 ms; with 1e-8 it is no larger.
 """
 
 import os
@@ -41,7 +42,7 @@ from _evaluators import (
 LIMIT = Path(__file__).resolve().parents[2] / "shared" / "bench" / "rk4_limit.c"
 
 Program = tuple[Evaluator, int]
-"""An evaluator and how many candidates it gets in a round."""
+"""An evaluator, and the number of candidates that it evaluates in a round."""
 
 FIRST_CALL = """
 import time
@@ -54,7 +55,10 @@ print(time.perf_counter() - began)
 
 
 def peers(task: Problem, limit: Path, quick: bool) -> dict[str, Program]:
-    """Every program that can run here; the slow ones get fewer candidates."""
+    """Every program that can run on this machine.
+
+    Slow programs evaluate fewer candidates.
+    """
     many, few = len(task.candidates), 2 if quick else 4
     made: dict[str, tuple[Evaluator | None, int]] = {
         "lanes": (lanes(task), many),
@@ -71,7 +75,11 @@ def peers(task: Problem, limit: Path, quick: bool) -> dict[str, Program]:
 
 
 def check(limit: Path) -> None:
-    """All programs must give the same costs: over 2 s, and C, which knows only 10 s, at the median of many."""
+    """Verify that all programs give the same costs.
+
+    Swings of 2 s are compared. The C program, which evaluates only 10 s, is compared by the median over many
+    candidates.
+    """
     task = problem(8, samples=401)
     same = {"scalar": 1e-9, "numpy": 1e-9, "mujoco": 1e-6, "solve_ivp 1e-6": 1e-3, "solve_ivp 1e-8": 1e-4}
     programs = peers(task, limit, quick=True)
@@ -84,7 +92,7 @@ def check(limit: Path) -> None:
 
 
 def seconds(programs: dict[str, Program], rounds: int) -> dict[str, list[float]]:
-    """CPU seconds for one evaluation by each program, one figure a round; all run in turn."""
+    """CPU seconds of each program for one evaluation, one value per round, with all programs in turn."""
     taken: dict[str, list[float]] = {name: [] for name in programs}
     for i in range(rounds + 1):
         for name, (evaluate, n) in programs.items():
@@ -96,7 +104,7 @@ def seconds(programs: dict[str, Program], rounds: int) -> dict[str, list[float]]
 
 
 def beside_peers(limit: Path, quick: bool) -> list[Bar]:
-    """Single thread, ratios of the same round."""
+    """Bars on ratios of programs on a single thread in the same round."""
     task = problem(512 if quick else 1024)
     taken = seconds(peers(task, limit, quick), 3 if quick else 9)
 
@@ -124,7 +132,7 @@ def beside_peers(limit: Path, quick: bool) -> list[Bar]:
 
 
 def with_an_arm(quick: bool) -> list[Bar]:
-    """Predictions of readings with a free arm over those with a clamped one, in the same rounds."""
+    """Time of predicted readings with a free arm over the time with a clamped arm, in the same rounds."""
     task, n = problem(256), 256
     programs = {name: (predictions(task, arm=arm), n) for name, arm in (("clamped", False), ("free", True))}
     taken = seconds(programs, 3 if quick else 9)
@@ -133,7 +141,7 @@ def with_an_arm(quick: bool) -> list[Bar]:
 
 
 def on_threads(threads: int, quick: bool) -> list[Bar]:
-    """How much of a linear gain all threads give."""
+    """Gain by all threads relative to a linear gain."""
     evaluate, n = lanes(problem(2048)), 2048
     wall: dict[int, list[float]] = {1: [], threads: []}
     cpu: dict[int, list[float]] = {1: [], threads: []}
@@ -152,7 +160,7 @@ def on_threads(threads: int, quick: bool) -> list[Bar]:
 
 
 def growth(quick: bool) -> tuple[list[Bar], dict[str, dict[int, float]]]:
-    """Exponents of cost against candidates, samples and runs, and the curves."""
+    """Exponents of the cost in the numbers of candidates, samples and runs, and the measured curves."""
     sizes: dict[str, tuple[Iterable[int], Callable[[int], tuple[Problem, int]]]] = {
         "candidates": ((256, 512, 1024, 2048), lambda n: (problem(n, samples=501), n)),
         "samples": ((251, 501, 1001, 2001), lambda n: (problem(512, samples=n), 512)),
@@ -179,7 +187,7 @@ def first_calls() -> list[Bar]:
 
 
 def show_curves(curves: dict[str, dict[int, float]]) -> None:
-    """The curves as text."""
+    """Print the curves as text."""
     for what, curve in curves.items():
         print(f"{what:<10}", *(f"{n:>8}" for n in curve))
         print(f"{'ms':<10}", *(f"{ms:>8.1f}" for ms in curve.values()))

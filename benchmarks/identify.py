@@ -1,17 +1,17 @@
-"""Searches side by side on random rigs: same recordings, same number of evaluations, then the same local solver.
+"""Comparison of searches on random rigs with the same recordings, number of evaluations, and subsequent local solver.
 
     python benchmarks/identify.py [--quick] [--json] [--rigs N] [--processes N] [--evaluations N] [--only SEARCH]
 
-Each rig is drawn within 15 % of the rig `paper` and recorded from three poses for 10 s at 200 Hz through 14-bit
-encoders with half a count of noise, by a hand that places the rods 10 mrad off. A search works in a box around the
-values of that rig and is stopped at the first generation that has used up the evaluations; the segment least squares of
-`dpr_lab.identification` then starts from its best. Two rows without a search show what the local solver does alone:
-from the middle of the box, which here is never far from the truth, and from a random point of it.
+Each rig is drawn within 15 % of the rig `paper` and recorded from three poses for 10 s at 200 Hz, with 14-bit encoders
+and half a count of noise. The rods are placed by hand with an error of 10 mrad. A search works in a box around the
+values of the rig `paper` and stops at the first generation that has used up the evaluations. The segment least squares
+of `dpr_lab.identification` then starts from its best candidate. Two rows without a search show the local solver alone:
+from the middle of the box, which is never far from the truth here, and from a random point of the box.
 
 before   median over rigs of the largest relative error of the three undamped ratios, a/b, d/b, e1/b
-basin    share of the rigs where the search's cost fell below twice the cost at the truth
-success  share of the rigs where the residual ends within 1.1 of the noise floor
-error    median over rigs of the error after the local solver over the Cramer-Rao bound, root mean square of five ratios
+basin    share of the rigs in which the search's cost fell below twice the cost at the truth
+success  share of the rigs in which the final residual is at most 1.1 of the noise floor
+error    error after the local solver over the Cramer-Rao bound: rms over five ratios, median over rigs
 """
 
 import os
@@ -36,7 +36,7 @@ from dpr_lab.search.settings import SearchSettings
 from dpr_lab.shown import percent
 
 TARGETS = {"20 %": 0.99, "50 %": 0.98, "factor 3": 0.95}
-"""Success that the IGA has to reach in each box."""
+"""Target of the IGA's success in each box."""
 
 NEAR_FLOOR = 1.1
 WITHOUT_SEARCH = ("middle of the box", "random point")
@@ -44,7 +44,7 @@ WITHOUT_SEARCH = ("middle of the box", "random point")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One search on one rig."""
+    """Result of one search on one rig."""
 
     box: str
     search: str
@@ -59,7 +59,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """All rigs of one box and search."""
+    """Results of one search in one box, over all rigs."""
 
     box: str
     search: str
@@ -73,14 +73,14 @@ class Row:
 
 
 def settings_of(search: str) -> SearchSettings:
-    """What `dpr-lab identify --search` would use, but without an end of its own."""
+    """Settings of `dpr-lab identify --search`, without a limit on generations."""
     suited = load_search("segments")
     settings = suited if suited.algorithm == search else ALGORITHMS[search].settings()
     return settings.model_copy(update={"generations": sys.maxsize, "stagnation_generations": None})
 
 
 def searched(search: str, trial: Trial, rig: Rig, evaluations: int, seed: int) -> tuple[Array, int]:
-    """(9,) best candidate and what it took."""
+    """(9,) best candidate, and the number of evaluations."""
     rng = np.random.default_rng(seed)
     if search == "middle of the box":
         return rig.bounds.mean(axis=0), 0
@@ -94,7 +94,7 @@ def searched(search: str, trial: Trial, rig: Rig, evaluations: int, seed: int) -
 
 
 def outcome(search: str, box: str, trial: Trial, evaluations: int, seed: int) -> Outcome:
-    """One search on one rig, and the local solver after it."""
+    """Result of one search and of the local solver after it, on one rig."""
     rig = boxed(box)
     began = time.perf_counter()
     best, used = searched(search, trial, rig, evaluations, seed)
@@ -123,7 +123,10 @@ def one_rig(seed: int, searches: Sequence[str], evaluations: int) -> list[Outcom
 
 
 def all_rigs(seeds: Sequence[int], searches: Sequence[str], evaluations: int, processes: int) -> Iterator[Outcome]:
-    """Outcomes as rigs are done; one thread in each process, so that seconds compare."""
+    """Results of each rig when it is done.
+
+    Each process uses one thread, so that seconds are comparable.
+    """
     os.environ.update(NUMBA_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
         work = partial(one_rig, searches=searches, evaluations=evaluations)
@@ -133,7 +136,7 @@ def all_rigs(seeds: Sequence[int], searches: Sequence[str], evaluations: int, pr
 
 
 def rows(outcomes: Sequence[Outcome]) -> list[Row]:
-    """Shares and medians over the rigs."""
+    """Shares and medians over the rigs, by box and search."""
     groups: dict[tuple[str, str], list[Outcome]] = {}
     for each in outcomes:
         groups.setdefault((each.box, each.search), []).append(each)
@@ -154,13 +157,13 @@ def rows(outcomes: Sequence[Outcome]) -> list[Row]:
 
 
 def bars(table: Sequence[Row]) -> list[Bar]:
-    """Whether the IGA is as reliable as promised."""
+    """Bars on the success of the IGA."""
     reached = {row.box: row.success for row in table if row.search == "iga"}
     return [at_least(f"success of the IGA, box {box}", reached[box], target) for box, target in TARGETS.items()]
 
 
 def beaten(table: Sequence[Row]) -> list[str]:
-    """Where another search does better than the IGA."""
+    """Sentences for the figures in which another search is better than the IGA."""
     igas = {row.box: row for row in table if row.search == "iga"}
     said = []
     for other in (row for row in table if row.search in ALGORITHMS):
@@ -180,7 +183,7 @@ def beaten(table: Sequence[Row]) -> list[str]:
 
 
 def show_rows(table: Sequence[Row]) -> None:
-    """The searches as text."""
+    """Print the searches as text."""
     print(f"{'box':<9} {'search':<23} {'success':>7} {'basin':>6} {'evals':>6} {'search s':>8} {'polish s':>8}", end="")
     print(f" {'before':>8} {'error':>6}")
     for row in table:

@@ -1,10 +1,10 @@
-"""Import of a large table: CPU time and memory per million rows, compared with reading it line by line.
+"""Import of a large table: CPU time and memory per million rows, compared with a loop that reads the file line by line.
 
     python benchmarks/large_table.py [--rows 6000000] [--quick] [--json]
 
-A text table of time and two angles of a decaying swing, as `dpr-lab import table` reads it, checks it and writes its
-run. The last bar divides by a plain loop over the same lines in this process, so that it depends little on what else
-the computer does.
+The text table contains time and two angles of a decaying swing. `dpr-lab import table` reads the table, checks it and
+writes its run. The last bar is relative to a plain loop over the same lines in this process, so that other load on the
+computer has little influence.
 """
 
 import subprocess
@@ -17,11 +17,11 @@ import numpy as np
 from _bars import at_least, at_most, options, show
 
 SECONDS = 15.0
-"""For six million rows, on a quiet core."""
+"""Target of the import of six million rows on an idle core, CPU seconds."""
 TIMES_ITS_NUMBERS = 10.0
-"""Memory over that of the numbers in the file."""
+"""Target of the memory, relative to the size of the numbers in the file."""
 TIMES_A_LOOP = 0.2
-"""Rows a second, of the whole import, over those of a loop that only splits lines and reads their numbers."""
+"""Target of the rows per second of the whole import, relative to a loop that only splits lines and converts numbers."""
 
 CHILD = """
 import json, resource, sys, time
@@ -40,7 +40,7 @@ print(json.dumps([time.process_time() - began, 1024 * grown]))
 
 
 def write_table(file: Path, rows: int) -> None:
-    """A swing of both rods that decays, with the noise of an encoder."""
+    """Write a table of a decaying swing of both rods, with the noise of an encoder."""
     rng = np.random.default_rng(0)
     with file.open("w", encoding="utf-8") as text:
         text.write("t,theta1,theta2\n")
@@ -54,7 +54,7 @@ def write_table(file: Path, rows: int) -> None:
 
 
 def by_line(file: Path) -> float:
-    """Seconds of the processor for a loop over lines."""
+    """CPU seconds of a loop over the lines of a file."""
     began = time.process_time()
     columns: list[list[float]] = [[], [], []]
     with file.open(encoding="utf-8") as text:
@@ -66,7 +66,7 @@ def by_line(file: Path) -> float:
 
 
 def main() -> None:
-    """Write a table, import it in a process of its own, print the bars."""
+    """Write a table, import it in a separate process, and print the bars."""
     parser = options(__doc__)
     parser.add_argument("--rows", type=int, default=6_000_000)
     chosen = parser.parse_args()

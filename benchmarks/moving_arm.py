@@ -1,12 +1,12 @@
-"""Identification of rigs with a free or driven arm: errors against their Cramer-Rao bounds, and coverage of intervals.
+"""Identification of rigs with a free or driven arm: errors over Cramer-Rao bounds, and coverage of intervals.
 
     python benchmarks/moving_arm.py [--rigs 100] [--first 0] [--step 1] [--quick] [--json]
 
-Random rigs within 15 % of the rig `paper`, arms of random inertia and friction: free or driven by a known torque, with
-both rods or with the inner rod alone, in turn. Every eighth is integrated by scipy as point masses, the others by
-MuJoCo; neither shares code with the package. Of each two releases of 5 s at 200 Hz, 14 bits, half a count of noise. The
-bound is that of whole swings with unknown initial states; torques of twice the size make swings of both rods so chaotic
-that no segment of 5 s can be integrated, and such a bound is then out of reach.
+The rigs are random within 15 % of the rig `paper`, with arms of random inertia and friction. The arm is free or driven
+by a known torque, with both rods or the inner rod alone, in turn. Every eighth rig is integrated by scipy as point
+masses, the others by MuJoCo; neither shares code with dpr-lab. Each rig has two releases of 5 s at 200 Hz, with 14 bits
+and a noise of half a count. The bound is that of whole swings with unknown initial states. With twice the torque,
+swings of both rods are so chaotic that no segment of 5 s can be integrated, so that this bound cannot be reached.
 """
 
 import sys
@@ -39,21 +39,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """One rig identified."""
+    """Result of the identification of one rig."""
 
     kind: tuple[str, str]
     engine: str
     over_bound: Mapping[str, float]
     """Error of each ratio over its Cramer-Rao bound."""
     over_std: Mapping[str, float]
-    """The same over the stated standard deviation."""
+    """Error of each ratio over its stated standard deviation."""
     segment_s: float
     misfit: float
-    """Reduced chi-square."""
+    """Reduced chi-square of the fit."""
 
 
 def rig_of(mode: str, rods: str) -> Rig:
-    """The rig `paper` with an arm that moves."""
+    """The rig `paper` with a free or driven arm."""
     table = load_rig("paper").model_dump(exclude_none=True)
     table["rig"]["L0"] = L0
     table["rods"]["mounted"] = rods
@@ -64,7 +64,7 @@ def rig_of(mode: str, rods: str) -> Rig:
 
 
 def recorded(rig: Rig, swing: Array, torque: Array | None, t: Array, rng: np.random.Generator, name: str) -> Run:
-    """The counts of a swing (n, 3)."""
+    """Recording of a swing (n, 3), in counts."""
     counts = np.rint(rig.positions(swing) + rng.normal(0, rig.encoders.noise_counts, swing.shape)).astype(np.int64)
     theta = rig.theta(counts)
     if rig.rods.mounted == "inner":
@@ -76,7 +76,7 @@ def recorded(rig: Rig, swing: Array, torque: Array | None, t: Array, rng: np.ran
 
 
 def answer(seed: int) -> Answer:
-    """Draw, record, identify."""
+    """Draw, record and identify one rig."""
     rng, kind = np.random.default_rng(seed), KINDS[seed % len(KINDS)]
     rig, engine = rig_of(*kind), "scipy" if seed // len(KINDS) % 8 == 0 else "MuJoCo"
     t = np.arange(round(SWING_S * RATE_HZ)) / RATE_HZ
@@ -117,7 +117,10 @@ def answer(seed: int) -> Answer:
 def true_ratios(
     rig: Rig, Z: Array, arm: ArmParameters, runs: list[Run], starts: Array
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Truth and Cramer-Rao bound of each ratio: least std by whole swings with unknown initial states."""
+    """True value and Cramer-Rao bound of each ratio.
+
+    The bound is the least standard deviation from whole swings with unknown initial states.
+    """
     base, held = mounted(np.maximum(Z, 1e-300), (rig.L0, rig.L1, rig.g), arm)
     scale = base.b if rig.rods.mounted == "both" else Z[7] + Z[2] * Z[0] ** 2
     if rig.rods.mounted == "inner":
@@ -127,7 +130,7 @@ def true_ratios(
     p[SWING_PARAMETERS.index("L0")] = rig.L0
     recordings = recordings_of(runs, rig)
     problem, _ = arm_problem(recordings, rig, np.inf)
-    # the angle of a missing rod stays zero, at which it adds no inertia to the arm
+    # the angle of a missing rod stays zero, where it adds no inertia to the arm
     by_unknowns, by_states = problem.slopes(p, np.where(problem.moves, starts, 0.0))
     information = np.zeros((len(problem.unknowns.free),) * 2)
     for s, rows in enumerate(problem.slices()):

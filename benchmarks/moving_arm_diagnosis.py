@@ -1,4 +1,4 @@
-"""Blind cases of rigs with a free or driven arm and one fault, simulated by MuJoCo: what the diagnosis names first.
+"""First names of the diagnosis in blind cases of rigs with a free or driven arm and one fault, simulated by MuJoCo.
 
 python benchmarks/moving_arm_diagnosis.py --cases 15 --clean 5
 """
@@ -29,7 +29,11 @@ FREE = (
 
 
 def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple[bool, bool, float, str]:
-    """One case: whether the first name is right, whether a wrong name is sure, CPU seconds, and a line."""
+    """Result of one case.
+
+    Returns:
+        Whether the first name is correct, whether a wrong name is confident, CPU seconds, and the printed line.
+    """
     rng = np.random.default_rng(seed)
     largest = 0.25 if both else 0.12
     plant = drawn_plant(rng, both, fault, 1.0, largest)
@@ -48,7 +52,7 @@ def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple
 
 
 def main() -> None:
-    """Print each case and the sums."""
+    """Print each case and the totals."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=15)
     parser.add_argument("--clean", type=int, default=5)

@@ -3,18 +3,18 @@
     python -m pip install "mujoco[sysid]>=4"
     python benchmarks/mujoco_sysid.py [--quick] [--json] [--rigs N]
 
-Every program gets the same recordings, starts from the middle of the same box, and is given the same start states:
-those that the smoother of `dpr-lab` puts at the beginning of each segment. They differ in what they do with them:
+All programs use the same recordings and start from the middle of the same box. They receive the same start states of
+the segments, which the smoother of `dpr-lab` estimates. Their methods differ:
 
 mujoco.sysid               Gauss-Newton within the box over all nine parameters, with the toolbox's defaults; start
-                           states stay as given, as the toolbox knows no others
-dpr-lab, start states kept the five ratios by scipy's least squares; start states stay as given too
-dpr-lab, no search         the local solver of `identify`; start states are estimated with the ratios
+                           states stay fixed, because the toolbox has no other option
+dpr-lab, start states kept five ratios by scipy's least squares; start states also stay fixed
+dpr-lab, no search         the local solver of `identify`; start states are estimated together with the ratios
 
-Ratios are compared, as a free swing fixes nothing else.
+Only ratios are compared, because a free swing determines nothing else.
 
 error        median over rigs of the largest relative error of the five ratios
-over bound   median over rigs of the error over the Cramer-Rao bound, root mean square of the five ratios
+over bound   error over the Cramer-Rao bound: rms over the five ratios, median over rigs
 """
 
 import logging
@@ -39,12 +39,12 @@ SEGMENTS_S = (0.25, 1.0)
 TOOLBOX, OURS = "mujoco.sysid", "dpr-lab, no search"
 
 Program = Callable[[Trial, Rig], Array]
-"""Recordings of a rig, and the box -> (5,) ratios."""
+"""Function that estimates the (5,) ratios from the recordings of a rig and the bounds of a box."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """All rigs of one box and program."""
+    """Results of one program in one box, over all rigs."""
 
     box: str
     program: str
@@ -54,7 +54,7 @@ class Row:
 
 
 def states_kept(trial: Trial, rig: Rig, length: float) -> Array:
-    """What the toolbox does, by the simulation of `dpr-lab`: joint angles of segments from given start states."""
+    """The method of the toolbox with the simulation of dpr-lab: joint angles of segments from fixed start states."""
     problem, starts = segmented(trial.runs, rig, length)
     pieces = np.split(problem.t, problem.segments.offsets[1:-1])
 
@@ -68,12 +68,12 @@ def states_kept(trial: Trial, rig: Rig, length: float) -> Array:
 
 
 def no_search(trial: Trial, rig: Rig) -> Array:
-    """The local solver alone."""
+    """Ratios of the local solver alone."""
     return polish(rig.bounds.mean(axis=0), trial.runs, rig).ratios
 
 
 def programs() -> dict[str, Program]:
-    """Those that are installed."""
+    """Programs that are installed."""
     made: dict[str, Program] = {}
     try:
         from _mujoco_toolbox import toolbox
@@ -87,7 +87,7 @@ def programs() -> dict[str, Program]:
 
 
 def measured(box: str, name: str, program: Program, trials: Sequence[Trial]) -> Row:
-    """One program on all rigs, in one box."""
+    """Results of one program on all rigs, in one box."""
     rig, seconds, errors, bounds = boxed(box), [], [], []
     for trial in trials:
         began = time.perf_counter()
@@ -100,7 +100,7 @@ def measured(box: str, name: str, program: Program, trials: Sequence[Trial]) -> 
 
 
 def bars(table: Sequence[Row]) -> list[Bar]:
-    """Whether the local solver is at least as near the truth as the toolbox at its best."""
+    """Bars on the error of the local solver, relative to the best error of the toolbox."""
     made = []
     for box in dict.fromkeys(row.box for row in table):
         name = f"{box}: error of {OURS} over the toolbox's best"
@@ -111,7 +111,7 @@ def bars(table: Sequence[Row]) -> list[Bar]:
 
 
 def show_rows(table: Sequence[Row]) -> None:
-    """The programs as text."""
+    """Print the programs as text."""
     print(f"{'box':<9} {'program':<32} {'seconds':>8} {'error':>8} {'over bound':>10}")
     for row in table:
         print(f"{row.box:<9} {row.program:<32} {row.seconds:>8.1f} {row.error:>8.1e} {row.over_bound:>10.1f}")

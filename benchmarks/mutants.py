@@ -1,14 +1,14 @@
-"""Mutation test of the numerical core and the protocol: how many single faults the tests detect.
+"""Mutation test of the numerical core and of the protocol: share of single faults that the tests detect.
 
     python benchmarks/mutants.py [--only AREA ...] [--seed N] [--quick] [--json] [--compare OLD.json]
 
-Each mutant is the program with one token changed: an operator, a comparison, a constant, or a statement dropped. The
-choice is random, with a seed, and the same for the same sources. A mutant runs in a copy of the repository against the
-fast tests of its area, those that name its module first, until one fails. It survives if all pass; a survivor is a
-missing test, or a change without effect. With --compare each mutant of an earlier table (--json) runs again against
-the tests that are there now.
+Each mutant is the program with one change: an operator, a comparison, a constant, or a dropped statement. The choice is
+random, and the same for the same seed and sources. A mutant runs in a copy of the repository against the fast tests of
+its area until one fails; tests that name its module run first. A mutant survives if all tests pass. A survivor shows a
+missing test, or a change without effect. With --compare, each mutant of an earlier table (--json) runs against the
+present tests.
 
-Compiled functions are compiled for each mutant, one to two minutes; all others use one cache.
+Compiled functions are compiled again for each mutant, which takes one to two minutes. All others use one cache.
 """
 
 import ast
@@ -63,7 +63,7 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A package and the tests that cover it."""
+    """A package, and the tests that cover it."""
 
     package: str
     tests: tuple[str, ...]
@@ -87,7 +87,7 @@ AREAS = {
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """One changed token."""
+    """One change of the program."""
 
     area: str
     file: str
@@ -96,15 +96,15 @@ class Mutant:
     before: str
     after: str
     start: int
-    """Offset of the changed text in the file, bytes."""
+    """Position of the changed text in the file, bytes."""
     compiled: bool
     killer: str = ""
-    """The first test that failed; empty for a survivor."""
+    """First test that fails; empty for a survivor."""
     seconds: float = 0.0
 
 
 def sites(area: str, path: Path) -> Iterator[Mutant]:
-    """Every mutant of one file."""
+    """Every possible mutant of one file."""
     source = path.read_bytes()
     tree = ast.parse(source)
     calls = (
@@ -142,7 +142,7 @@ def sites(area: str, path: Path) -> Iterator[Mutant]:
 
 
 def mutated(node: ast.expr | ast.stmt) -> str | None:
-    """The text of a changed expression or statement; None where nothing is to be changed."""
+    """Text of the changed expression or statement; None if it cannot be changed."""
     match node:
         case ast.Constant(value=bool() as value):
             return str(not value)
@@ -167,7 +167,10 @@ def mutated(node: ast.expr | ast.stmt) -> str | None:
 
 
 def chosen(seed: int, area: str, number: int) -> list[Mutant]:
-    """Mutants of an area: one from each file in random order, then a second from each, until there are enough."""
+    """Random mutants of an area.
+
+    Each round takes one mutant from every file, in random order, until there are enough.
+    """
     draw = random.Random(f"{seed} {area}")
     files = {path: list(sites(area, path)) for path in sorted((ROOT / AREAS[area].package).rglob("*.py"))}
     pools = [pool for pool in files.values() if pool]
@@ -179,7 +182,10 @@ def chosen(seed: int, area: str, number: int) -> list[Mutant]:
 
 
 def copy_of_the_repository(folder: Path) -> Path:
-    """A copy whose kernel cache does not depend on the sources: only mutants of compiled functions need another."""
+    """Copy of the repository whose kernel cache does not depend on the sources.
+
+    Only mutants of compiled functions need a cache of their own.
+    """
     copy = folder / "copy"
     listed = ("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
     names = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split("\0")
@@ -196,7 +202,7 @@ def copy_of_the_repository(folder: Path) -> Path:
 
 
 def tests_of(area: str, file: str) -> list[str]:
-    """The test files of an area, those first that name the module."""
+    """Test files of an area, with those that name the module first."""
     module = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     tests = sorted(path for pattern in AREAS[area].tests for path in ROOT.glob(pattern))
     tests.sort(key=lambda path: module not in path.read_text(encoding="utf-8"))
@@ -204,7 +210,7 @@ def tests_of(area: str, file: str) -> list[str]:
 
 
 def failed_test(copy: Path, tests: list[str], cache: Path) -> str:
-    """The first test that fails; empty where all pass."""
+    """First test that fails; empty if all pass."""
     options = ("-x", "-q", "-m", "not slow and not hardware", "-p", "no:cacheprovider", f"--timeout={TEST_TIMEOUT_S}")
     environment = os.environ | {"PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-m", "pytest", *options, *tests]
@@ -221,7 +227,7 @@ def failed_test(copy: Path, tests: list[str], cache: Path) -> str:
 
 
 def tried(mutant: Mutant, copy: Path, cache: Path) -> Mutant:
-    """A mutant with the test that detects it."""
+    """A mutant with the first test that detects it."""
     path = copy / mutant.file
     source, stamp = path.read_bytes(), path.stat()
     end = mutant.start + len(mutant.before.encode())
@@ -240,7 +246,7 @@ def tried(mutant: Mutant, copy: Path, cache: Path) -> Mutant:
 
 
 def main() -> None:
-    """Try the mutants and print one line for each, then the bars."""
+    """Run the mutants, print one line for each, then the bars."""
     parser = options(__doc__)
     parser.add_argument("--only", nargs="+", choices=AREAS, default=list(AREAS), help="areas")
     parser.add_argument("--seed", type=int, default=SEED)

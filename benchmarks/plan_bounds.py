@@ -1,12 +1,13 @@
-"""What a plan can gain at most over the fixed menu, in linear theory, by brute force over start poses.
+"""Upper bound of the gain of a plan over the fixed menu, in linear theory, by exhaustive search over start poses.
 
     python benchmarks/plan_bounds.py
 
-Ratios: the best three of a grid of poses by exchange, for the geometric mean of the standard deviations of the ratios
-over those after X1, X2, X3; then with one rod, a clamped elbow and added masses as well, all of 10 s. Causes: releases
-until one amplitude of the library is decided, for sizes of one to ten times the smallest that the average release of
-the menu shows. An oracle knows the cause and takes the best pose for it. Both are computed for releases as long as
-those of the menu and for those of 30 s; the minutes are those of `dpr-lab plan` for placing and recording.
+For ratios, an exchange algorithm chooses the best three poses of a grid. The figure is the geometric mean of the
+standard deviations of the ratios, relative to those after X1, X2, X3. The search is then repeated with one rod, a
+clamped elbow and added masses; all these releases have 10 s. For causes, the figure is the number of releases until one
+amplitude of the library is decided, for sizes of one to ten times the smallest size that the average release of the
+menu shows. An oracle knows the cause and uses the best pose for it. Both figures are computed for the duration of the
+menu's releases and for 30 s. The minutes are those of `dpr-lab plan` for placing and recording.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,20 +44,20 @@ class Bounds:
     """Settings of the search."""
 
     duration_s: float = 10.0
-    """Duration of the menu's releases."""
+    """Duration of the menu's releases, s."""
     longest_s: float = 30.0
-    """Largest duration that a plan chooses by default."""
+    """Maximum duration of a release in a plan by default, s."""
     releases: int = 3
     grid: int = 36
     """Number of angles of each rod in the grid for the ratios."""
     mounted_grid: int = 12
-    """The same for releases with one rod, a clamped elbow or an added mass."""
+    """Number of angles of each rod in the grid of releases with one rod, a clamped elbow or an added mass."""
     mass_kg: float = 0.1
     poses: int = 120
-    """Number of poses of the oracle."""
+    """Number of poses from which the oracle chooses."""
     restarts: int = 12
     times: tuple[float, ...] = tuple(np.geomspace(1.0, 10.0, 8).tolist())
-    """Sizes, in units of the smallest that the average release of the menu shows."""
+    """Sizes of effects, in units of the smallest size that the average release of the menu shows."""
 
 
 BOUNDS = Bounds()
@@ -68,20 +69,20 @@ BOTH_RODS = MountedParts()
 def information(
     known: Knowledge, theta: Sequence[tuple[float, float]], duration_s: float, parts: MountedParts = BOTH_RODS
 ) -> Array:
-    """(n, k, k) information of free swings from start poses."""
+    """(n, k, k) information matrices of free swings from start poses."""
     one = parts.mounting in ("inner", "outer")
     swings = [CandidateRelease(a, a if one else b, duration_s, *parts[:2]) for a, b in theta]
     return np.array([one.information for one in informed(swings, known.model)])
 
 
 def grid(count: int) -> list[tuple[float, float]]:
-    """Start poses, `count` angles of each rod."""
+    """Start poses with `count` angles of each rod."""
     angles = np.linspace(0.0, 2 * np.pi, count, endpoint=False) + 0.05
     return [(a, b) for a in angles.tolist() for b in angles.tolist()]
 
 
 def only_ratios(rig: Rig) -> Knowledge:
-    """Knowledge of a rig without any effect."""
+    """Knowledge about a rig without effects."""
     known, k = known_before(rig, Acting(frozenset({"both", "inner", "outer", "clamped"}))), len(UNKNOWN_RATIOS)
     prior = known.prior[:k, :k]
     return replace(
@@ -90,7 +91,7 @@ def only_ratios(rig: Rig) -> Knowledge:
 
 
 def mounted_differently(rig: Rig) -> list[MountedParts]:
-    """One rod, a clamped elbow, and a mass in the middle or at the end of either rod."""
+    """Mountings: one rod, a clamped elbow, and a mass in the middle or at the end of either rod."""
     masses = tuple(
         AddedMass.model_validate({"rod": rod, "mass": BOUNDS.mass_kg, "position": share * length})
         for rod, length in (("inner", rig.L1), ("outer", rig.L2 or rig.L1))
@@ -102,7 +103,11 @@ def mounted_differently(rig: Rig) -> list[MountedParts]:
 
 
 def best_ratios(known: Knowledge, menu_std: Array, H: Array) -> tuple[float, NDArray[np.int64]]:
-    """Least geometric mean of the ratios' standard deviations over those of the menu by exchange, and the releases."""
+    """Best releases for the ratios.
+
+    An exchange algorithm minimises the geometric mean of the ratios' standard deviations, relative to those of the
+    menu. Returns this minimum and the indices of the releases.
+    """
     prior, rng = known.prior, np.random.default_rng(0)
     least: tuple[float, NDArray[np.int64]] = np.inf, np.zeros(0, dtype=np.int64)
     for _ in range(BOUNDS.restarts):
@@ -123,7 +128,10 @@ def best_ratios(known: Knowledge, menu_std: Array, H: Array) -> tuple[float, NDA
 
 
 def powers(known: Knowledge, H: Array) -> dict[str, Array]:
-    """Amplitude -> its information, and that which the nearest other effect cannot imitate, per unit squared."""
+    """Information about each amplitude, per unit squared.
+
+    The first number is the whole information, the second the part that the nearest other effect cannot imitate.
+    """
     columns = list(range(RATIO_COLUMNS, len(known.prior)))
     G = given(known.prior + H, known.fitted, columns) - known.prior[np.ix_(columns, columns)]
     found: dict[str, Array] = {}
@@ -143,7 +151,10 @@ def powers(known: Knowledge, H: Array) -> dict[str, Array]:
 
 
 def needed(powers_after: Sequence[Array], size: float) -> int:
-    """Releases until an amplitude of this size is decided; one more than those given if it is not."""
+    """Number of releases until an amplitude of this size is decided.
+
+    One more than the given releases if it stays undecided.
+    """
     for number, (power, distinct) in enumerate(powers_after, 1):
         margin = STOPPING.margin if number == 1 else SIGMAS
         if size**2 * power >= margin**2 and size**2 * distinct / CALIBRATION.temperature >= FORECAST.separable:
@@ -152,12 +163,14 @@ def needed(powers_after: Sequence[Array], size: float) -> int:
 
 
 def releases_needed(known: Knowledge, sequences: Mapping[str, Array], pools: Mapping[str, Array]) -> dict[str, float]:
-    """Mean releases until decided, of sequences in order, and of oracles whose second release always decides.
+    """Mean number of releases until an amplitude is decided, for fixed sequences and for oracles.
+
+    The second release of an oracle always decides.
 
     Args:
-        known: before any recording
-        sequences: `menu` and others -> (releases, k, k) information
-        pools: oracle -> (poses, k, k) information
+        known: knowledge before any recording
+        sequences: (releases, k, k) information of the menu and other sequences, by name
+        pools: (poses, k, k) information of the poses of each oracle, by name
     """
     single = [powers(known, H) for H in sequences["menu"]]
     after = {name: [powers(known, H[: n + 1].sum(axis=0)) for n in range(len(H))] for name, H in sequences.items()}
@@ -184,7 +197,7 @@ def planned_poses(rig: Rig, duration_s: float) -> tuple[list[tuple[float, float]
 
 
 def ratio_bars(rig: Rig, planned_std: Mapping[float, Array], quick: bool) -> list[Bar]:
-    """Standard deviations of the ratios after three releases, over those after the menu's."""
+    """Bars on the standard deviations of the ratios after three releases, relative to those after the menu."""
     known, times = only_ratios(rig), BOUNDS.duration_s
     menu = information(known, [(pose.theta1, pose.theta2) for pose in rig.poses.values()], times)
     menu_std = ratio_std(known, known.prior + menu.sum(axis=0))

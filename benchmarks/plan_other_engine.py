@@ -1,14 +1,14 @@
-"""Releases until the cause is decided on plants that MuJoCo simulates: by plan, from the fixed menu, at random.
+"""Releases needed to decide the cause on plants in MuJoCo: by plan, by the fixed menu, and at random.
 
     python benchmarks/plan_other_engine.py --plants 10
 
-A plant is drawn around the rig `paper` and has one effect of one to ten times the smallest size that the average
-release of the menu shows, or none. Each plant is recorded release by release until its cause is decided, or until a
-bench check must decide, as in `dpr-lab trials campaign --plan`; a plant that stays undecided counts as one release more
-than the maximum.
+A plant is drawn near the rig `paper`. It has no effect, or one effect of one to ten times the smallest size that the
+average release of the menu shows. Releases of each plant are recorded until its cause is decided, or until only a bench
+check can decide, as in `dpr-lab trials campaign --plan`. A plant that stays undecided counts as one release more than
+the maximum.
 
-With `--first N` the minimum of each plant is sought: if no strategy was decided by one release, N other first releases
-are recorded and diagnosed one by one. If one of them decides, the minimum is one, otherwise the least of all
+`--first N` searches for the minimum of each plant. If no strategy decided with one release, N other first releases are
+recorded and diagnosed one by one. If one of them decides, the minimum is one, otherwise the least number of all
 strategies.
 """
 
@@ -37,14 +37,14 @@ from dpr_lab.trials.sequential import SequentialLook, played
 from dpr_lab.trials.sequential_summary import forecast_claims
 from dpr_lab.trials.summary import calibration_error, error_if_exact
 
-mujoco: Any = import_module("mujoco")  # its stubs lack half of it
+mujoco: Any = import_module("mujoco")  # its stubs are incomplete
 
 Array = NDArray[np.float64]
 
 STEP_S = 5e-4
 REST_S = 0.5
 FACTOR = (1.0, 10.0)
-"""Size of an effect, in units of the smallest that the average release of the menu shows."""
+"""Range of the size of an effect, in units of the smallest size that the average release of the menu shows."""
 
 RODS = """
 <mujoco>
@@ -72,23 +72,23 @@ AMPLITUDES = {
     "encoder_scale_joint2": "excess",
     "latency_joint2": "delay_s",
 }
-"""Effect -> the amplitude that is drawn."""
+"""Amplitude that is drawn, by effect."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """A plant in MuJoCo, and what it hides."""
+    """A plant in MuJoCo with its hidden effect."""
 
     Z: Array
-    """(9,) parameters, SI."""
+    """(9,) true parameters, SI units."""
     effect: str
     """Name of the hidden effect; empty without one."""
     size: float
     rig: Rig
-    """The rig file, which knows the masses to 0.1 %."""
+    """Rig file, whose masses are accurate to 0.1 %."""
 
     def model(self) -> Any:
-        """The compiled model with the effects that act on the rods."""
+        """Compiled model with the effects that act on the rods."""
         size = {name: self.size * (name == self.effect) for name in AMPLITUDES}
         values = dict(zip(PARAMETERS, self.Z.tolist(), strict=True))
         text = RODS.format(
@@ -106,7 +106,7 @@ class Plant:
         return mujoco.MjModel.from_xml_string(text)
 
     def swing(self, start: Array, t: Array) -> Array:
-        """(n, 2) absolute angles of the rods at even instants, from rest, rad."""
+        """(n, 2) absolute angles of the rods at evenly spaced instants, rad, from rest."""
         model = self.model()
         data, substeps = mujoco.MjData(model), round((t[1] - t[0]) / STEP_S)
         data.qpos[:] = start[0], start[1] - start[0]
@@ -118,7 +118,7 @@ class Plant:
         return theta
 
     def record(self, release: CandidateRelease, rng: np.random.Generator) -> Run:
-        """Counts of a release by hand."""
+        """Recording of a release by hand, in counts."""
         rate, encoders = self.rig.link.rate_hz, self.rig.encoders
         t = np.arange(-round(REST_S * rate), round(release.duration_s * rate) + 1) / rate
         start = np.array([release.theta1, release.theta2]) + rng.normal(0, PLACEMENT_STD, 2)
@@ -143,7 +143,7 @@ class Plant:
 
 
 def drawn(seed: int) -> Plant:
-    """A plant, the fifth and every further fifth one without an effect."""
+    """Random plant. Every fifth one has no effect."""
     rng, paper = np.random.default_rng([seed, 28]), load_rig("paper")
     Z = paper.nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
     described = paper.model_dump(exclude_none=True)
@@ -164,27 +164,27 @@ def drawn(seed: int) -> Plant:
 
 
 def is_right(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
-    """Whether the last diagnosis names the effect, its class, or nothing where there is none."""
+    """Whether the last diagnosis names the effect or its class, or nothing on a plant without an effect."""
     effects = looks[-1].diagnosis.effects
     names = {name for effect in effects for name in (effect.name, *effect.members)}
     return plant.effect in names if plant.effect else not effects
 
 
 def is_true(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
-    """Whether it is right, or reports no gap and the effect is below the minimum detectable size that it states."""
+    """Whether the last diagnosis is right, or reports no gap and a minimum detectable size above the effect."""
     found = looks[-1].diagnosis
     least = found.detectable.get(plant.effect, {}).get(AMPLITUDES.get(plant.effect, ""))
     return is_right(plant, looks) or (found.verdict == "no_gap" and least is not None and plant.size < least)
 
 
 def least(plant: Plant, counts: Mapping[str, int], first: int, seed: int) -> int:
-    """Smallest number of releases that decided a plant, of all strategies and of some other first releases.
+    """Smallest number of releases that decides a plant, over all strategies and some other first releases.
 
     Args:
         plant: the plant
-        counts: releases of each strategy
+        counts: number of releases of each strategy
         first: number of other first releases, at random poses
-        seed: of the plant
+        seed: seed of the plant
     """
     decided = min(counts.values())
     if not plant.effect or decided == 1:  # the absence of a gap needs two releases
@@ -204,7 +204,7 @@ def _judged(right: bool, true: bool) -> str:
 
 
 def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> list[Bar]:
-    """Releases until decided; right, or true as stated, when stopped."""
+    """Bars on the number of releases until decided, and on right and true answers."""
     counts = {name: [_count(looks) for looks, *_ in each] for name, each in results.items()}
     mean = {name: float(np.mean(each)) for name, each in counts.items()}
     made = []
@@ -223,7 +223,7 @@ def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> l
 
 
 def _count(looks: Sequence[SequentialLook]) -> int:
-    """Releases until decided; one more than the maximum if undecided."""
+    """Number of releases until decided; one more than the maximum if undecided."""
     return len(looks) if looks[-1].is_last else SEQUENTIAL.most + 1
 
 
@@ -232,7 +232,7 @@ def _as_outcome(look: SequentialLook) -> dict[str, Any]:
 
 
 def _of_plans(name: str, played_looks: Sequence[Sequence[SequentialLook]]) -> list[Bar]:
-    """Calibration of the forecasts and time of the plans of one strategy; none without plans."""
+    """Bars on the calibration of the forecasts and the time of the plans of one strategy; none without plans."""
     claims = [claim for looks in played_looks for claim in forecast_claims([_as_outcome(look) for look in looks])]
     seconds = [look.plan_seconds for looks in played_looks for look in looks if look.plan_seconds is not None]
     made = list[Bar]()

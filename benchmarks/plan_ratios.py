@@ -1,12 +1,12 @@
-"""Accuracy of the ratios after a plan's releases, relative to that after the menu's, on plants of MuJoCo.
+"""Accuracy of the ratios after the releases of a plan, relative to the menu, on plants in MuJoCo.
 
     python benchmarks/plan_ratios.py --plants 4 --repeats 5 --seed 1
 
-Plants without an effect are recorded by the menu (X1, X2, X3 of 10 s) and by plans before any recording, then
-identified: the plan without options, one with as many minutes at the rig as the menu, placing included, and one of
-three releases of 10 s. Each plan is recorded several times, each time placed by hand and with other noise. Two figures
-are compared with the menu's: the standard deviations that `identify` states, and the rms error of the ratios over the
-repeats. Both are geometric means over the five ratios and over the plants.
+Plants without an effect are recorded by the menu (X1, X2, X3 of 10 s) and by plans made before any recording, then
+identified. There are three plans: without options, with as many minutes at the rig as the menu including placing, and
+with three releases of 10 s. Each plan is recorded several times, with other placements by hand and other noise. Two
+figures are compared with those of the menu: the standard deviations that `identify` states, and the rms error of the
+ratios over the repeats. Both are geometric means over the five ratios and over the plants.
 """
 
 import sys
@@ -43,17 +43,17 @@ class Accuracy:
 
 
 def menu_of(rig: Rig) -> list[CandidateRelease]:
-    """A release from each pose of the rig file."""
+    """Releases of the menu, one from each pose of the rig file."""
     return [CandidateRelease(pose.theta1, pose.theta2, SEQUENTIAL.duration_s) for pose in rig.poses.values()]
 
 
 def releases_of(made: Plan) -> list[CandidateRelease]:
-    """The releases of a plan."""
+    """Releases of a plan."""
     return [CandidateRelease(one.theta1_rad, one.theta2_rad, one.duration_s) for one in made.releases]
 
 
 def planned(rig: Rig) -> dict[str, list[CandidateRelease]]:
-    """The menu, and plans before any recording, by their name."""
+    """Releases of the menu and of the plans before any recording, by name."""
     menu, now = menu_of(rig), mounted_now(rig)
     budget_min = sum(minutes(release, now, PlanLimits()) for release in menu)
     return {
@@ -67,7 +67,7 @@ def planned(rig: Rig) -> dict[str, list[CandidateRelease]]:
 
 
 def accuracy(plant: Plant, releases: list[CandidateRelease], repeats: int, rng: np.random.Generator) -> Accuracy:
-    """Record the releases several times, and identify each time."""
+    """Accuracy of the ratios over several recordings of the same releases."""
     stated, errors = [], []
     true = ratios(base_parameters(plant.Z, plant.rig.L1, plant.rig.g))
     for _ in range(repeats):
@@ -79,7 +79,10 @@ def accuracy(plant: Plant, releases: list[CandidateRelease], repeats: int, rng: 
 
 
 def shares(seed: int, repeats: int) -> dict[str, tuple[float, float]]:
-    """Plan -> stated standard deviations and errors over those of the menu, geometric means, of one plant."""
+    """Stated standard deviations and errors of each plan on one plant, relative to the menu.
+
+    Both are geometric means over the ratios.
+    """
     plant, rng = drawn(5 * seed + 4), np.random.default_rng(seed)
     assert not plant.effect, "each fifth plant has no effect"
     found = {name: accuracy(plant, each, repeats, rng) for name, each in planned(plant.rig).items()}

@@ -1,15 +1,15 @@
-"""Which of the given recordings of a real rig to fit first: one choice against all others.
+"""Choice of the recording of a real rig to fit first, compared with all other choices.
 
     python benchmarks/plan_real.py --data FOLDER [--only pendule_pi]
 
-Each recording is fitted alone. What the fit predicts of the others, running free, is compared with the median over all
-choices. The recording to fit first is chosen before any is fitted: the one whose range of joint angles and speeds
-contains the largest share of the states of the others. A fit compensates for effects that the model lacks. Within the
-range of the fitted recording, the prediction remains close to the readings; beyond it, the compensation does not hold,
-however accurate the parameters are. Information about parameters, or about amplitudes of a library, does not contain
-this (docs/benchmarks.md has both). `dpr-lab plan`, which proposes new recordings, does not use this criterion. Source:
-J. Brynjarsdottir & A. O'Hagan (2014), Learning about physical parameters: the importance of model discrepancy, Inverse
-Problems 30, 114007.
+Each recording is fitted alone, and free runs of the fit predict the other recordings. The error of the chosen recording
+is compared with the median over all choices. The choice is made before any fit: it is the recording whose range of
+joint angles and speeds contains the largest share of the states of the others. A fit compensates for effects that the
+model lacks. Within the range of the fitted recording, the prediction remains close to the readings; beyond it, the
+compensation does not hold, however accurate the parameters are. Information about parameters, or about amplitudes of a
+library, does not describe this limit (docs/benchmarks.md has figures for both). `dpr-lab plan`, which proposes new
+recordings, does not use this criterion. Source: J. Brynjarsdottir & A. O'Hagan (2014), Learning about physical
+parameters: the importance of model discrepancy, Inverse Problems 30, 114007.
 """
 
 import sys
@@ -32,41 +32,41 @@ from dpr_lab.storage.csv_import import ImportOptions, import_csv
 
 
 def multiarm(folder: Path) -> tuple[Rig, list[Run]]:
-    """Pieces of 10 s of the published free swing."""
+    """Rig and pieces of 10 s of the published free swing."""
     rig, file = load_rig("multiarm"), folder / "multiarm" / "dp_freeswing_1khz.csv"
     cuts = [ImportOptions(zero="hanging", start_s=PIECE_S * k, duration_s=PIECE_S) for k in range(PIECES)]
     return rig, [replace(import_csv(file, rig, cut), name=f"piece {k}") for k, cut in enumerate(cuts)]
 
 
 def pendule_pi(folder: Path) -> tuple[Rig, list[Run]]:
-    """Packets of 5 s of one rod on a fixed cart, counts of its encoder."""
+    """Rig and packets of 5 s of one rod on a fixed cart, in counts of its encoder."""
     return _titled(folder, "Pendule-Pi")
 
 
 def dfki_driven(design: str) -> Callable[[Path], tuple[Rig, list[Run]]]:
-    """Driven records of one design, joint torques known."""
+    """Function that reads the driven records of one design, with known joint torques."""
     return lambda folder: _titled(folder, f"design {design}, driven")
 
 
 def _titled(folder: Path, part: str) -> tuple[Rig, list[Run]]:
-    """Rig and recordings of the first rig of the page of real rigs whose title contains a part."""
+    """Rig and recordings of the first real rig whose title contains a text."""
     found = next(one for one in rigs(folder) if part in one.title)
     return found.rig, found.runs
 
 
 SPACING_S = 0.02
-"""Time between the readings whose differences are speeds; shorter differences are noise."""
+"""Interval over which speeds are computed as differences, s. Over shorter intervals, noise dominates."""
 
 SETS: dict[str, Callable[[Path], tuple[Rig, list[Run]]]] = {
     "multiarm": multiarm,
     "pendule_pi": pendule_pi,
     **{f"dfki_driven {design}": dfki_driven(design) for design in ("A.0", "C.0", "C.1")},
 }
-"""Name of a set of recordings -> function that reads it."""
+"""Function that reads each set of recordings, by name."""
 
 
 def covered_shares(rig: Rig, runs: list[Run]) -> list[float]:
-    """Share of the states of all other recordings that lie within the range of each one, 0 to 1."""
+    """For each recording, the share of the states of all others that lie within its range, 0 to 1."""
     sizes = [states(record(run, rig)) for run in runs]
     reached = [size.max(axis=0) for size in sizes]
     return [
@@ -76,7 +76,7 @@ def covered_shares(rig: Rig, runs: list[Run]) -> list[float]:
 
 
 def states(recorded: Record) -> NDArray[np.float64]:
-    """(n, 4) distance of both joints from hanging, rad, and their speeds, rad/s, without sign."""
+    """(n, 4) absolute values of the joint angles from hanging, rad, and of the joint speeds, rad/s."""
     stride = max(1, round(SPACING_S / float(np.median(np.diff(recorded.t)))))
     t, joints = recorded.t[::stride], recorded.joints[::stride]
     angles = (joints - [np.pi, 0.0] + np.pi) % (2 * np.pi) - np.pi
@@ -84,7 +84,7 @@ def states(recorded: Record) -> NDArray[np.float64]:
 
 
 def held_out_errors(rig: Rig, runs: list[Run], chosen: int) -> dict[str, float]:
-    """Error of the free run along each recording that was not fitted, rad; inf where nothing could be fitted."""
+    """Error of the free run along each recording that was not fitted, rad; inf if the fit failed."""
     others = [run for k, run in enumerate(runs) if k != chosen]
     try:
         found = diagnose([runs[chosen]], rig, held_out=others)
@@ -96,7 +96,10 @@ def held_out_errors(rig: Rig, runs: list[Run], chosen: int) -> dict[str, float]:
 
 
 def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
-    """The chosen recording over the median of all, by the median over the recordings that every fit predicts."""
+    """Bar on the error of the chosen recording relative to the median over all choices.
+
+    The error of a choice is its median over the recordings that every fit predicts.
+    """
     shares = covered_shares(rig, runs)
     predicted = list[dict[str, float]]()
     for k, run in enumerate(runs):

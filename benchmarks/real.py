@@ -1,9 +1,9 @@
-"""Diagnoses of published recordings of real rigs, as a page of the documentation.
+"""Page of the documentation with diagnoses of published recordings of real rigs.
 
-Every recording of a rig is held out once and predicted from the others of that rig.
+Every recording of a rig is held out once and predicted from the other recordings of this rig.
 
     python benchmarks/real.py FOLDER                    print the page
-    python benchmarks/real.py FOLDER --write            and write docs/real-rigs.md
+    python benchmarks/real.py FOLDER --write            print the page and write it to docs/real-rigs.md
     python benchmarks/real.py FOLDER --only DFKI        print only the rigs whose title contains DFKI
 """
 
@@ -43,18 +43,18 @@ HANGING = ImportOptions(zero="hanging", unit=None, time_unit=None)
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """The model that the authors of the rig published."""
+    """Model that the authors of the rig published."""
 
     Z: Mapping[str, float]
-    """The nine parameters, SI."""
+    """Nine parameters, SI units, by name."""
     effects: Mapping[str, Mapping[str, float]]
-    """Further terms of the model: effect of the library -> its parameters."""
+    """Further terms of the model: parameters of each effect of the library."""
     words: str
 
 
 @dataclass(frozen=True, slots=True)
 class RealRig:
-    """One rig and its recordings."""
+    """A real rig and its recordings."""
 
     title: str
     known: str
@@ -64,7 +64,10 @@ class RealRig:
 
     @property
     def folds(self) -> Iterator[tuple[list[Run], list[Run]]]:
-        """Fitted and held-out runs, each run held out once; a single run is cut into parts by the diagnosis."""
+        """Fitted and held-out runs of each diagnosis, with each run held out once.
+
+        A single run is not held out; the diagnosis cuts it into parts.
+        """
         if len(self.runs) == 1:
             yield self.runs, []
         else:
@@ -74,14 +77,14 @@ class RealRig:
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """One diagnosis."""
+    """One diagnosis of a real rig."""
 
     held_out: str
     fitted: list[Run]
     unseen: list[Run]
     diagnosis: Diagnosis
     seconds: float
-    """CPU time."""
+    """CPU time of the diagnosis, s."""
 
     @property
     def closed(self) -> float:
@@ -167,7 +170,7 @@ def _one_rod(folder: Path) -> Iterator[RealRig]:
 
 
 def _drafted(name: str, length: float, mass: float, counts: int) -> Rig:
-    """A rig of one rod, of which only length, mass and encoder are known."""
+    """Rig with one rod, of which only length, mass and encoder are known."""
     rod = Measure(mass)
     measures = RigMeasures(name, length, length, rod, rod, counts_per_rev=counts)
     return parse_rig(draft_rig(measures)).with_rods("inner")
@@ -211,7 +214,7 @@ def _with_drives(
     files: list[Path],
     options: ImportOptions,
 ) -> RealRig:
-    """A rig with geared drives, of which lengths and masses are known."""
+    """Rig with geared drives, of which lengths and masses are known."""
     masses = Measure(model["m1"]), Measure(model["m2"])
     name = title.replace("double pendulum, design", "").lower().split(",")[0]
     rig = geared(rezeroed(parse_rig(draft_rig(RigMeasures(name, *lengths, *masses)))))
@@ -219,7 +222,10 @@ def _with_drives(
 
 
 def _rotary(folder: Path) -> Iterator[RealRig]:
-    """Arm, rod and motor of a Furuta pendulum; the two recordings have different inputs, so each is cut into parts."""
+    """Arm, rod and motor of a Furuta pendulum.
+
+    Its two recordings have different inputs, so that each is cut into parts.
+    """
     files = {name: folder / f"{name}.csv" for name in ("free_rod_2023", "sine_4V")}
     known = json.loads(files["sine_4V"].with_suffix(".json").read_text(encoding="utf-8"))["parameters"]
     motor = MotorMeasures("voltage", kt=Measure(known["motor_Kt_Nm_A"]), R=Measure(known["motor_R_ohm"]))
@@ -254,7 +260,7 @@ def diagnosed(real: RealRig) -> Iterator[Fold]:
 
 
 def section(real: RealRig, folds: list[Fold]) -> str:
-    """Section of one rig: its diagnoses, compared with the published model on the same held-out recordings."""
+    """Section on one rig: its diagnoses, compared with the published model on the same held-out recordings."""
     lines = [f"## {real.title}", "", real.known, ""]
     for fold in folds:
         low, high = fold.diagnosis.gap.closed_held_out.interval90
@@ -276,7 +282,7 @@ def section(real: RealRig, folds: list[Fold]) -> str:
 
 
 def summary(diagnoses: list[tuple[RealRig, list[Fold]]]) -> str:
-    """Table with a row for every held-out recording, and the median and the worst of all."""
+    """Table with a row for every held-out recording, then the median and the worst of all."""
     rows = [
         [
             real.title,

@@ -1,11 +1,12 @@
-"""Sealed trials: MJCF, URDF and SDFormat models with one planted error of a drawn size.
+"""Blind trials of MJCF, URDF and SDFormat models with one planted error of random size.
 
     python benchmarks/simulator_models.py [--trials 40] [--first 0] [--quick] [--json]
 
-Of each: whether the first cause is the planted one, and the error of free runs of the corrected file from poses that
-were not recorded. Kind, size and format of a trial follow from its number; the diagnosis sees file and recordings.
-MJCF and URDF run in MuJoCo, SDFormat in Drake, which has no Coulomb friction. A gear shows only in driven rods: in its
-trials the motors follow known inputs, and the recordings have their torques by the gears of the file.
+Each trial gives two results: whether the first cause is the planted one, and the error of free runs of the corrected
+file from poses that were not recorded. The number of a trial determines the kind, size and format of its error; the
+diagnosis sees only the file and the recordings. MJCF and URDF models run in MuJoCo, SDFormat models in Drake, which has
+no Coulomb friction. A gear is visible only in driven rods. In its trials the motors follow known inputs, and the
+torques of the recordings are computed with the gears of the file.
 """
 
 import sys
@@ -36,7 +37,7 @@ RIGHT = {
     "friction1": 0.0, "friction2": 0.0, "armature2": 0.0, "damping1": 0.002, "damping2": 0.001, "stiffness1": 0.0,
     "stiffness2": 0.0, "centroid1": 0.12, "centroid2": 0.125, "length": 0.3, "gear1": 10.0, "gear2": 5.0,
 }  # fmt: skip
-"""Numbers of the robot that every trial starts from, SI."""
+"""Parameters of the robot before an error is planted, SI units."""
 
 PLANTED = {
     "friction1": ("Coulomb friction", "shoulder", (0.004, 0.008)),
@@ -52,7 +53,7 @@ PLANTED = {
     "gear1": ("gear of the motor", "shoulder", (10.6, 13.0)),
     "gear2": ("gear of the motor", "elbow", (3.8, 4.7)),
 }
-"""Number -> quantity and joint of the first cause, and between which true values it is drawn."""
+"""Expected quantity and joint of the first cause, and range of the true value, by planted parameter."""
 
 JOINTS = (1, "shoulder"), (2, "elbow")
 KINDS = {
@@ -60,13 +61,13 @@ KINDS = {
     "urdf": ("friction1", "friction2", "damping1", "damping2", "centroid1", "centroid2", "length"),
     "sdf": ("stiffness1", "stiffness2", "damping1", "damping2", "centroid1", "centroid2", "length"),
 }
-"""Format -> planted errors that it can hold and its engine simulates."""
+"""Planted errors that each format can contain and its engine simulates."""
 STARTS = ((np.pi - 1.5, np.pi - 0.4), (2.3, 3.6))
 """Absolute angles of held-out releases, rad."""
 
 
 def mjcf(n: dict[str, float], driven: bool = False) -> str:
-    """The robot as MJCF; motors only where it is driven."""
+    """MJCF model of the robot, with motors only if it is driven."""
     motors = "".join(f'<motor joint="{name}" gear="{n[f"gear{j}"]}"/>' for j, name in JOINTS)
     joints = [
         f'axis="0 1 0" damping="{n[f"damping{j}"]}" frictionloss="{n[f"friction{j}"]}"'
@@ -92,7 +93,7 @@ def mjcf(n: dict[str, float], driven: bool = False) -> str:
 
 
 def urdf(n: dict[str, float]) -> str:
-    """The robot as URDF."""
+    """URDF model of the robot."""
     none = 'ixy="0" ixz="0" iyz="0"'
     return f"""<robot name="own">
   <!-- drawn > weighed: "keep" me -->
@@ -111,7 +112,7 @@ def urdf(n: dict[str, float]) -> str:
 
 
 def sdf(n: dict[str, float]) -> str:
-    """The robot as SDFormat."""
+    """SDFormat model of the robot."""
 
     def rod(j: int, link: str, above: str, pose: str, mass: float, inertia: tuple[float, float, float]) -> str:
         tensor = "".join(f"<{key}>{value}</{key}>" for key, value in zip(("ixx", "iyy", "izz"), inertia, strict=True))
@@ -141,12 +142,12 @@ NUMBERS = {
     "length": {"body pos", "origin xyz", "pose"},
     "gear": {"motor gear"},
 }
-"""Kind of a planted error -> tag and attribute, or tag of a text, that a correction changes in one of the formats."""
+"""Tags and attributes, or tags of texts, that a correction may change, by kind of the planted error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Of one trial."""
+    """Result of one trial."""
 
     planted: str
     size: float
@@ -157,16 +158,19 @@ class Result:
     after_mrad: float
     changed: str
     outside: tuple[str, ...]
-    """Differences of the XML trees besides one in the number of the planted error."""
+    """Differences of the XML trees other than the change of the planted error."""
 
     @property
     def reduction(self) -> float:
-        """Share of the error that the corrected file takes away."""
+        """Share of the error that the correction of the file removes."""
         return 1 - self.after_mrad / self.before_mrad
 
 
 def differences(before: str, after: str) -> list[str]:
-    """Tag and attribute, or tag of a text or comment, of each difference of two XML trees; all, if elements differ."""
+    """Tag and attribute, or tag of a text or comment, of each difference between two XML trees.
+
+    Everything if elements differ.
+    """
     trees = [fromstring(text, XMLParser(target=TreeBuilder(insert_comments=True))) for text in (before, after)]
     pairs = list(zip(*(tree.iter() for tree in trees), strict=True))
     found = [
@@ -181,7 +185,7 @@ def differences(before: str, after: str) -> list[str]:
 
 
 def trial(number: int) -> Result:
-    """Plant, record, diagnose, correct, run freely."""
+    """Plant, record, diagnose, correct, and simulate freely."""
     rng = np.random.default_rng([29, number])
     form = ("xml", "xml", "urdf", "sdf")[number % 4]
     kind = str(rng.choice(KINDS[form]))
@@ -223,7 +227,7 @@ def trial(number: int) -> Result:
 
 
 def main() -> None:
-    """Print a table of all trials, and the bars."""
+    """Print a table of all trials, then the bars."""
     parser = options(__doc__)
     parser.add_argument("--trials", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)

@@ -1,9 +1,10 @@
-"""Long recordings in real time: nothing lost, memory flat, little of a core used.
+"""Long recordings in real time: lost samples, growth of memory, and use of a core.
 
     python benchmarks/soak.py [--jobs serial can serial-4khz] [--minutes M] [--quick] [--json]
 
-Each job gets a simulated device in a process of its own and a recorder like `dpr-lab capture`, all at the same time.
-Without --minutes the jobs at 1 kHz take an hour and the one at 4 kHz ten minutes; with --quick all take one.
+Each job has a simulated device in a separate process and a recorder like `dpr-lab capture`. All jobs run at the same
+time. Without --minutes, the jobs at 1 kHz take an hour and the job at 4 kHz ten minutes. With --quick, all take one
+minute.
 """
 
 import resource
@@ -19,13 +20,13 @@ import numpy as np
 from _bars import Bar, at_most, options, show
 
 MEMORY_EVERY_S = 2.0
-SETTLED_AFTER = 0.3  # share of a recording in which caches fill
+SETTLED_AFTER = 0.3  # share of a recording during which caches fill
 SHORTEST_FOR_MEMORY_MIN = 4.0
 
 
 @dataclass(frozen=True)
 class Job:
-    """One recording."""
+    """Settings of one recording."""
 
     link: str
     rate_hz: int
@@ -46,7 +47,7 @@ def resident_mb() -> float:
 
 
 def record(name: str, seconds: float, folder: str) -> dict[str, float]:
-    """One capture; what it lost and what it took."""
+    """Losses and costs of one capture."""
     from dpr_lab.acquisition.capture import CaptureOptions, Progress, SwingReading, capture
     from dpr_lab.acquisition.device import Device
     from dpr_lab.acquisition.settings import CAPTURE_SETTINGS
@@ -56,7 +57,7 @@ def record(name: str, seconds: float, folder: str) -> dict[str, float]:
     rig = load_rig("paper")
     memory: list[tuple[float, float]] = []
     heard = [time.monotonic(), 0.0]
-    """When the last progress came, and the longest wait for one."""
+    """Time of the last progress message, and the longest interval between two messages, s."""
 
     def on_progress(event: Progress) -> None:
         now = time.monotonic()
@@ -94,7 +95,7 @@ def _verified(run_file: Path) -> bool:
 def _bars(name: str, minutes: float, found: dict[str, float]) -> list[Bar]:
     wanted = 60 * minutes
     growth = at_most(f"{name}: memory growth, MB/h", found["growth_mb_per_hour"], 5)
-    if minutes < SHORTEST_FOR_MEMORY_MIN:  # a megabyte of the allocator's would be 60 MB/h
+    if minutes < SHORTEST_FOR_MEMORY_MIN:  # one megabyte of the allocator would count as 60 MB/h
         growth = Bar(growth.bar, growth.target, growth.measured, None)
     core = at_most(f"{name}: share of a core, %", found["core_percent"], 25)
     sound = bool(found["verified"] and found["ok"])

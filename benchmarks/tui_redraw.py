@@ -1,9 +1,9 @@
-"""The bench screen, idle and while it records at 1 kHz: frames drawn, core used, samples lost.
+"""The bench screen, idle and during a recording at 1 kHz: frames drawn, use of a core, and lost samples.
 
     python benchmarks/tui_redraw.py [--seconds 30] [--width 160] [--height 48] [--quick] [--json]
 
-The real app in a process of its own, on a pseudo terminal that is read like a terminal, with its recorder and a
-simulated device in real time.
+The real application runs in a separate process on a pseudo terminal, which is read as by a terminal. Its recorder and a
+simulated device run in real time.
 """
 
 import fcntl
@@ -32,11 +32,15 @@ MAX_IDLE_CORES = 0.03
 
 
 ASKED = re.compile(rb"\x1b\[(\d+);(\d+)H\x1b\[6n")
-"""The app puts the cursor somewhere and asks where it is: only a frame that was answered counts as seen."""
+"""Request for the position of the cursor, which the application sends after a frame. Only answered frames count as
+seen."""
 
 
 def operate(folder: str, seconds: float) -> None:
-    """The app with a pilot that releases once and writes down what it saw; runs on the pseudo terminal."""
+    """Run the application on the pseudo terminal.
+
+    A pilot releases once and writes its observations to a file.
+    """
     import asyncio
     import time
 
@@ -95,7 +99,11 @@ def operate(folder: str, seconds: float) -> None:
 
 
 def watch(folder: str, seconds: float, width: int, height: int) -> dict[str, float]:
-    """Run the app on a terminal of that size; what it saw, and how many bytes it drew."""
+    """Run the application on a terminal of a given size.
+
+    Returns:
+        Its observations, and the number of bytes that it drew.
+    """
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", height, width, 0, 0))
     drawn = [0]

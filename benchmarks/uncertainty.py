@@ -1,10 +1,10 @@
-"""Whether the stated uncertainty holds: errors of the ratios against their Cramer-Rao bounds and intervals.
+"""Test of the stated uncertainty: errors of the ratios relative to their Cramer-Rao bounds and intervals.
 
     python benchmarks/uncertainty.py [--rigs 200] [--rates 200 1000] [--processes N] [--quick] [--json]
 
-Random rigs within 15 % of the rig `paper`, three poses of 10 s, 14 bits, half a count of noise, rods placed by hand;
-the truth is integrated in steps of a quarter of a millisecond. The local solver starts within 2 % of the truth: whether
-the search gets that far is what benchmarks/identify.py asks.
+The rigs are random within 15 % of the rig `paper`. Each has three poses of 10 s, 14 bits, a noise of half a count, and
+rods placed by hand. The true swing is integrated in steps of a quarter of a millisecond. The local solver starts within
+2 % of the true parameters; benchmarks/identify.py tests whether the search comes this close.
 """
 
 import os
@@ -23,7 +23,12 @@ START_WITHIN = 0.02
 
 
 def one(job: tuple[int, int]) -> tuple[list[float], list[float], list[bool], float, int]:
-    """Errors over the Cramer-Rao bound and over the stated std, hits of the 90 % intervals, chi-square, segments."""
+    """Result of one rig.
+
+    Returns:
+        Errors over the Cramer-Rao bound and over the stated standard deviation, hits of the 90 % intervals, chi-square,
+        and number of segments.
+    """
     seed, rate_hz = job
     trial = draw(seed, rate_hz)
     rng = np.random.default_rng([seed, 1])
@@ -42,7 +47,7 @@ def _single_thread() -> None:
 
 
 def bars_at(rate_hz: int, rigs: int, processes: int) -> list[Bar]:
-    """The bars at one sample rate."""
+    """Bars at one sample rate."""
     with get_context("spawn").Pool(processes, _single_thread) as pool:
         results = pool.map(one, [(seed, rate_hz) for seed in range(rigs)], chunksize=1)
     over_bound, over_std, inside = (np.array([result[k] for result in results]) for k in range(3))

@@ -1,11 +1,12 @@
-"""Seconds that a user waits: `identify` on three recordings, and the published search.
+"""Waiting time of a user: seconds of `identify` on three recordings, and of the published search.
 
     python benchmarks/wall_time.py [--quick] [--json]
 
-`identify` is the improved genetic algorithm, the local solver and the intervals, from three poses of 10 s at 200 Hz;
-median of several seeds, everything compiled before. The published search (docs/theory.md) is M = 200, 1000 generations,
-E(Z) over 10 s from three poses; with --quick it ends after 50 generations and its seconds are scaled. Both are clock
-seconds on all cores, which other load on the machine lengthens: the load is printed, and the same on one thread.
+`identify` consists of the improved genetic algorithm, the local solver and the intervals. It uses three poses of 10 s
+at 200 Hz; the figure is the median over several seeds, with all code compiled before. The published search
+(docs/theory.md) has M = 200, 1000 generations, and E(Z) over 10 s from three poses. With --quick it ends after 50
+generations, and its seconds are scaled. Both figures are wall seconds on all cores. Other load on the machine lengthens
+them, so that the load and the figures on one thread are also printed.
 """
 
 import os
@@ -39,7 +40,7 @@ def identified(runs: list[Run], seeds: int) -> float:
 
 
 def searched(generations: int) -> tuple[float, int]:
-    """Seconds of the published search, scaled to all its generations, and the evaluations that it made."""
+    """Seconds of the published search, scaled to all generations, and its number of evaluations."""
     rig, settings = load_rig("paper"), load_search("paper")
     assert isinstance(settings, IgaSettings)
     found = run_search(SearchCase("sum", "off", 0), rig, settings.model_copy(update={"generations": generations}))
@@ -47,7 +48,7 @@ def searched(generations: int) -> tuple[float, int]:
 
 
 def on(threads: int, measure: Callable[[], float]) -> float:
-    """What is measured, on so many threads."""
+    """Result of `measure` on a given number of threads."""
     before = numba.get_num_threads()
     numba.set_num_threads(threads)
     try:

@@ -21,13 +21,13 @@ MAX_DATA = 8
 DEVICE_NODE = 1
 """Default node of a device."""
 FIRST_HOST_NUMBER = 32
-"""First message number of the host; lower numbers are those of the device."""
+"""Number of the first message of the host. The messages of the device have lower numbers."""
 # together the 11 bits of a CAN identifier
 _NODE_BITS, _NUMBER_BITS = 5, 6
 _NUMBER_MASK = (1 << _NUMBER_BITS) - 1
 
 RELEASE_KEY = 0xD0B1
-"""Key of RELEASE, so that a damaged identifier cannot turn another command into a release."""
+"""Key that a RELEASE must contain, so that a damaged identifier cannot turn another command into a release."""
 
 
 class State(IntEnum):
@@ -91,7 +91,7 @@ class ArmQuantity(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Event at an instant; `detail` is the joint of INDEX, or the fault of FAULT."""
+    """Event at a tick. `detail` is the joint of an INDEX, or the fault of a FAULT."""
 
     kind: EventKind
     detail: int
@@ -100,7 +100,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Encoders at one tick: the low 16 bits of the tick and of each multi-turn counter."""
+    """Readings of the encoders at one tick: low 16 bits of the tick and of each multi-turn counter."""
 
     tick: int
     position0: int
@@ -110,7 +110,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """One complete multi-turn counter, counts, and the low 16 bits of its tick."""
+    """Complete multi-turn counter of one joint, counts, with the low 16 bits of its tick."""
 
     joint: int
     tick: int
@@ -119,7 +119,10 @@ class Position:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """State of the device; the counters are samples since STREAM, low 16 bits."""
+    """State of the device.
+
+    The counters are the low 16 bits of numbers of samples since STREAM.
+    """
 
     state: State
     fault: Fault
@@ -131,7 +134,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class Pong:
-    """Device time at the arrival of a PING: tick + fraction / 65536."""
+    """Answer to a PING: device time at its arrival, tick + fraction / 65536."""
 
     token: int
     tick: int
@@ -140,7 +143,7 @@ class Pong:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """A command was accepted; `command` is the number of its message."""
+    """Acceptance of a command; `command` is the number of its message."""
 
     command: int
     token: int
@@ -148,7 +151,7 @@ class Ack:
 
 @dataclass(frozen=True, slots=True)
 class Nak:
-    """A command was refused and had no effect."""
+    """Refusal of a command, which had no effect."""
 
     command: int
     token: int
@@ -157,7 +160,7 @@ class Nak:
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """One page of the identity: the signals of this page by name, empty for a page not in dpr.dbc."""
+    """One page of the identity: signals of this page by name; empty for a page that dpr.dbc does not define."""
 
     page: int
     fields: Mapping[str, int]
@@ -165,7 +168,10 @@ class Info:
 
 @dataclass(frozen=True, slots=True)
 class Torque:
-    """Torques of the joint drives, in the unit of INFO, at the tick of a SAMPLE; low 16 bits of this tick."""
+    """Torques of the joint drives at the tick of a SAMPLE, in the unit of INFO.
+
+    `tick` is the low 16 bits of this tick.
+    """
 
     kind: TorqueKind
     tick: int
@@ -175,7 +181,10 @@ class Torque:
 
 @dataclass(frozen=True, slots=True)
 class ArmInput:
-    """Input of the arm's drive, in the unit of INFO, at the tick of a SAMPLE; low 16 bits of this tick."""
+    """Input of the arm's drive at the tick of a SAMPLE, in the unit of INFO.
+
+    `tick` is the low 16 bits of this tick.
+    """
 
     kind: TorqueKind
     tick: int
@@ -184,7 +193,7 @@ class ArmInput:
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Start a session."""
+    """Command to start a session."""
 
     token: int = 0
     major: int = PROTOCOL_VERSION[0]
@@ -194,7 +203,10 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Engage the latch; `pose` counts from 1 in the order of the rig file, 0 means none."""
+    """Command to engage the latch.
+
+    `pose` counts from 1 in the order of the rig file; 0 means none.
+    """
 
     token: int = 0
     pose: int = 0
@@ -202,7 +214,7 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """Open the latch."""
+    """Command to open the latch."""
 
     token: int = 0
     key: int = RELEASE_KEY
@@ -210,7 +222,7 @@ class Release:
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """Start sampling at a rate; the first sample has tick 0."""
+    """Command to sample at a given rate; the first sample has tick 0."""
 
     token: int = 0
     rate_hz: int = 1000
@@ -218,7 +230,7 @@ class Stream:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Stop sampling; the latch does not open."""
+    """Command to end sampling; the latch does not open."""
 
     token: int = 0
 
@@ -230,20 +242,20 @@ class KeepAlive:
 
 @dataclass(frozen=True, slots=True)
 class ClearFault:
-    """Leave FAULT; the latch does not change."""
+    """Command to leave the state FAULT; the latch does not change."""
 
     token: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """Request the device's time."""
+    """Request for the device's time."""
 
     token: int
 
 
 Command: TypeAlias = Hello | Hold | Release | Stream | Stop | ClearFault
-"""Commands of the host that the device answers by ACK or NAK."""
+"""Commands of the host that the device answers with ACK or NAK."""
 
 Message: TypeAlias = (
     Event | Sample | Position | Status | Pong | Ack | Nak | Info | Torque | ArmInput | Command | KeepAlive | Ping
@@ -269,7 +281,7 @@ MESSAGES: dict[str, type[Message]] = {
     "CLEAR_FAULT": ClearFault,
     "PING": Ping,
 }
-"""Every message by its name in dpr.dbc."""
+"""Class of every message, by its name in dpr.dbc."""
 
 _CODECS: dict[type[Message], Codec] = {
     kind: (paged_codec if kind is Info else plain_codec)(kind, DATABASE.get_message_by_name(name))
@@ -278,10 +290,10 @@ _CODECS: dict[type[Message], Codec] = {
 _CODEC_OF_NUMBER: dict[int, Codec] = {codec.number: codec for codec in _CODECS.values()}
 
 NUMBERS: dict[type[Message], int] = {kind: codec.number for kind, codec in _CODECS.items()}
-"""The number of every message: the low six bits of its identifier."""
+"""Number of every message, by its class: the low six bits of its identifier."""
 
 NAMES: dict[int, str] = {NUMBERS[kind]: name for name, kind in MESSAGES.items()}
-"""Message number -> name."""
+"""Name of every message, by its number."""
 
 
 def frame_id(node: int, number: int) -> int:
@@ -331,7 +343,8 @@ def decode(frame: Frame) -> Message:
     """Message in a frame, from any node.
 
     Raises:
-        RemoteProtocolError: a number or value that is not in dpr.dbc, or a wrong length.
+        RemoteProtocolError: the number of the message or a value in it is not in dpr.dbc, or the frame has a wrong
+            length.
     """
     codec = _CODEC_OF_NUMBER.get(frame.id & _NUMBER_MASK)
     if codec is None:
@@ -352,14 +365,14 @@ _EXPLAINED: dict[type[NakCode | Fault | EventKind], tuple[str, str]] = {
 
 
 def explain_fault(number: int) -> str:
-    """Meaning of the fault in an EVENT and what to do, also for a fault that is not in dpr.dbc."""
+    """Meaning of the fault in an EVENT, and its remedy; also for a fault that is not in dpr.dbc."""
     if number in tuple(Fault):
         return " ".join(explain(Fault(number)))
     return f"The device reports fault {number}, which is not in dpr.dbc. Read its documentation, then clear it."
 
 
 def explain(code: NakCode | Fault | EventKind) -> tuple[str, str]:
-    """Meaning of a code and what to do, two sentences from dpr.dbc."""
+    """Meaning of a code and its remedy: two sentences from dpr.dbc."""
     message, signal = _EXPLAINED[type(code)]
     comment = DATABASE.get_message_by_name(message).get_signal_by_name(signal).comment or ""
     lines = dict(line.split(": ", 1) for line in comment.splitlines())

@@ -1,8 +1,8 @@
-"""States of a device and the table of transitions.
+"""States of a device, and the table of its transitions.
 
-`device_role.DeviceSession` uses it; `host_role.HostSession` is the other side. The latch holds in HOLDING and STREAMING
-and is open in IDLE and RELEASED; FAULT does not change it. Only RELEASE leads from a latched state to an open one: no
-stop, fault or silence releases the rods.
+`device_role.DeviceSession` uses this table. `host_role.HostSession` is the other side of the protocol. The latch holds
+in HOLDING and STREAMING, and is open in IDLE and RELEASED; FAULT does not change it. Only RELEASE leads from a state
+with a held latch to a state with an open one: no stop, fault or silence releases the rods.
 """
 
 from enum import Enum, auto
@@ -41,7 +41,7 @@ TRANSITIONS: dict[tuple[State, Trigger], State] = {
     (State.FAULT, Trigger.STOP): State.FAULT,
     **{(state, Trigger.FAULT): State.FAULT for state in State},
 }
-"""Transitions; all others are refused."""
+"""Next state, by state and trigger. All other combinations are refused."""
 
 LATCHED: dict[State, bool] = {
     State.IDLE: False,
@@ -49,10 +49,10 @@ LATCHED: dict[State, bool] = {
     State.STREAMING: True,
     State.RELEASED: False,
 }
-"""Whether the latch holds; not defined for FAULT, which leaves it unchanged."""
+"""Whether the latch holds, by state. FAULT is missing, because it leaves the latch unchanged."""
 
 STREAMS = (State.STREAMING, State.RELEASED)
 """States in which samples are sent."""
 
 LEASE_S = 0.5
-"""Time without a frame from its host after which a device stops streaming, s."""
+"""Maximum silence of a host, s. After it, a device stops streaming."""

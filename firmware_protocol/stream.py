@@ -1,4 +1,4 @@
-"""Complete ticks and positions from the low bits in SAMPLE."""
+"""Reconstruction of complete ticks and positions from the low bits in SAMPLE."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -6,15 +6,15 @@ from typing import NamedTuple
 from firmware_protocol.messages import Message, Position, Sample
 
 FASTEST_TURNS_S = 20.0
-"""Maximum speed of a joint, turns per second; a free rod of a typical rig reaches a third of it."""
+"""Assumed maximum speed of a joint, turns per second. A free rod of a typical rig reaches a third of it."""
 HALF_RANGE = 0x7FFF
-"""Difference between two messages, counts or ticks, up to which a turn of the low 16 bits is excluded."""
+"""Maximum difference between two messages, counts or ticks, at which the low 16 bits are unambiguous."""
 
 
 REMEMBERED = 1024
-"""Number of samples kept to compare repeated ones."""
+"""Number of recent samples that are kept, for comparison with repeated ones."""
 LATE_IN_A_ROW = 6
-"""Number of consecutive samples with past ticks that cannot be explained by reordering on a link."""
+"""Number of consecutive samples with past ticks that the reordering of a link cannot explain."""
 
 
 class Row(NamedTuple):
@@ -31,20 +31,21 @@ def unwrap(low: int, near: int, bits: int) -> int:
 
 
 def blind_ticks(rate_hz: int, counts_per_rev: Iterable[int]) -> int:
-    """Maximum gap, ticks, after which the low 16 bits of SAMPLE still determine the position of every joint."""
+    """Maximum gap, ticks, across which the low 16 bits of SAMPLE still determine the position of every joint."""
     return max(1, min(HALF_RANGE, int(HALF_RANGE * rate_hz / (FASTEST_TURNS_S * max(counts_per_rev)))))
 
 
 class SampleStream:
-    """Reconstruction of one device's samples in the order of arrival.
+    """Reconstruction of one device's samples, in the order of arrival.
 
-    After a gap longer than `blind_ticks` a counter may have made a turn that was not observed: samples are discarded
-    until POSITION, ten times per second, has sent the complete counter of every joint again. A tick with such a jump is
-    accepted when a second sample follows it, because a damaged tick would otherwise discard all later samples.
+    During a gap longer than `blind_ticks`, a counter may make an unobserved turn. Samples are then discarded until
+    POSITION, which is sent ten times per second, has provided the complete counter of every joint. A tick with such a
+    jump is accepted only when a second sample follows it, because a damaged tick would otherwise discard all later
+    samples.
 
     If two samples of one tick have different counts, the correct one is unknown. A link that duplicates or reorders
-    frames delivers late ones, but not different ones and not several successive ones. In these cases the tick of the
-    device decreased.
+    frames delivers late samples, but neither contradictory ones nor several late ones in succession. In both of these
+    cases the tick of the device has decreased.
     """
 
     def __init__(self) -> None:
@@ -53,16 +54,17 @@ class SampleStream:
         self.out_of_order = 0
         """Number of samples discarded because their tick was repeated or past."""
         self.contradicted = 0
-        """Number of ticks repeated with other counts."""
+        """Number of ticks that were repeated with different counts."""
         self.went_back = False
-        """Whether the device's ticks decreased: later samples have no time."""
+        """Whether the device's ticks have decreased. The time of later samples is then unknown."""
         self._recent: dict[int, Sample] = {}
         self._late = 0
         self.unanchored = 0
-        """Number of samples discarded because the complete counter of a joint was not known yet."""
+        """Number of samples discarded because the complete counter of a joint was still unknown."""
         self.position_slips = 0
-        """Number of POSITION messages that contradicted the rows by multiples of 65536 counts: some rows since the
-        previous POSITION are wrong.
+        """Number of POSITION messages that contradicted the rows by multiples of 65536 counts.
+
+        After each of them, some rows since the previous POSITION are wrong.
         """
         self._blind = HALF_RANGE
         self._tick = -1
@@ -71,13 +73,20 @@ class SampleStream:
         self._told_at = [-1, -1, -1]
 
     def restart(self, blind_ticks: int = HALF_RANGE) -> None:
-        """Restart at tick 0: call once, before STREAM is sent. Positions remain known."""
+        """Restart at tick 0; positions remain known.
+
+        Call it once, before STREAM is sent.
+        """
         self._blind, self._tick, self._leap, self._told_at = blind_ticks, -1, None, [-1, -1, -1]
         self._late, self.went_back = 0, False
         self._recent.clear()
 
     def feed(self, message: Message) -> Row | None:
-        """Process the next message; returns a row for a SAMPLE in order, otherwise None."""
+        """Process the next message.
+
+        Returns:
+            A row for a SAMPLE in order, otherwise None.
+        """
         if isinstance(message, Sample):
             return self._row(message)
         if isinstance(message, Position):
@@ -109,7 +118,7 @@ class SampleStream:
         return Row(self._tick, counts)
 
     def contradicts(self, row: Row, sample: Sample) -> bool:
-        """Whether a sample contradicts the row of its tick."""
+        """Whether a sample has the tick of a row but different counts."""
         low = tuple(count & 0xFFFF for count in row.counts)
         return sample.tick == row.tick & 0xFFFF and low != (sample.position0, sample.position1, sample.position2)
 
@@ -122,7 +131,10 @@ class SampleStream:
         self.went_back |= self._late >= LATE_IN_A_ROW
 
     def _after_gap(self, low: int, tick: int) -> bool:
-        """Whether a jump of the tick is accepted; unconfirmed counters are then discarded."""
+        """Whether a jump of the tick is accepted.
+
+        After an accepted jump, counters that no POSITION has confirmed are discarded.
+        """
         leap, self._leap = self._leap, low
         if leap is None or not 0 < (low - leap) & 0xFFFF <= self._blind:
             return False
@@ -135,7 +147,7 @@ class SampleStream:
         near, angle = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
         if self._tick >= 0:
             if angle < self._tick - self._blind:
-                return  # the message is so late that the joint may have made a turn since
+                return  # the message is so late that the joint may have made another turn since
             self._told_at[position.joint] = angle
         if near is None or angle - self._tick > self._blind:
             self._counts[position.joint] = position.position

@@ -1,4 +1,7 @@
-"""Assignment of torques to the samples of their ticks; missing torques are not replaced."""
+"""Assignment of torques to the samples of the same ticks.
+
+Missing torques are not replaced.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,7 +10,7 @@ from firmware_protocol.messages import ArmInput, Torque, TorqueKind
 from firmware_protocol.stream import Row, unwrap
 
 LATE = 2
-"""Number of later samples for which a sample waits for its torques, because links may reorder frames."""
+"""Number of later samples during which a sample waits for its torques, because links may reorder frames."""
 KEPT = 64
 """Number of ticks whose torques are kept for a late sample."""
 
@@ -15,12 +18,12 @@ Pair = tuple[int, int]
 
 
 class DrivenRow(NamedTuple):
-    """A `Row` with its torques."""
+    """A `Row` with the torques of its tick."""
 
     tick: int
     counts: tuple[int, int, int]
     torques: tuple[Pair, ...]
-    """Torques of joint 1 and 2, or input of the arm and 0, in the device's unit, one entry for each kind."""
+    """One pair for each kind of torque, in the device's unit: torques of joints 1 and 2, or input of the arm and 0."""
 
 
 class TorquePairs:
@@ -52,14 +55,18 @@ class TorquePairs:
             del self._received[old]
 
     def take(self, rows: Sequence[Row]) -> list[DrivenRow]:
-        """Process samples in order; returns those that are complete, or have waited long enough, with their torques."""
+        """Process samples in order.
+
+        Returns:
+            The samples whose torques are complete or that have waited long enough, each with its torques.
+        """
         self._waiting += rows
         if rows:
             self._newest = rows[-1].tick
         return self._let_go(LATE)
 
     def rest(self) -> list[DrivenRow]:
-        """Remaining samples at the end of the stream."""
+        """Remaining samples with their torques, at the end of the stream."""
         return self._let_go(0)
 
     def _let_go(self, count: int) -> list[DrivenRow]:
