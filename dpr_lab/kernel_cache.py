@@ -83,7 +83,7 @@ def open_cache(root: Path, name: str) -> Path | None:
 
 
 def _close(folder: Path) -> bool:
-    """Restrict a folder to this user; returns whether others could write to it.
+    """Restrict a folder to this user and return whether others could write to it.
 
     Raises:
         ForeignFolder: the folder belongs to another user.

@@ -17,7 +17,7 @@ SPECIAL = {
 
 
 def regular(path: Path, error: type[DprError] = DprError) -> Path:
-    """Check that a path can be opened without blocking; returns the path.
+    """Check that a path can be opened without blocking and return the path.
 
     Regular files, folders and missing paths are accepted.
 

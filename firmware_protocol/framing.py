@@ -92,7 +92,7 @@ class FrameDecoder:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Decode received bytes; returns the completed valid frames.
+        """Decode received bytes and return the completed valid frames.
 
         Invalid packets are counted.
         """

@@ -84,7 +84,7 @@ class HostSession:
         return self._pending.command if self._pending else None
 
     def hello(self, now: float) -> Frame:
-        """Start the handshake; returns the frame to send.
+        """Start the handshake and return the frame to send.
 
         After its success, `info` contains the identity of the device.
         """
@@ -94,7 +94,7 @@ class HostSession:
         return frame
 
     def command(self, command: Command, now: float) -> Frame:
-        """Start a command with a new token; returns the frame to send.
+        """Start a command with a new token and return the frame to send.
 
         A `Stop` is always permitted and replaces the pending command.
 

@@ -42,7 +42,7 @@ line reveals the truth"""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve until stopped; returns the exit code."""
+    """Serve until stopped and return the exit code."""
     options = _parser().parse_args(arguments)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:

@@ -85,7 +85,7 @@ class _Line:
         return self._link.receive() if self._open and self._on_bus else []
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Send frames, or keep them until a stall ends; returns the frames that were dropped."""
+        """Send frames, or keep them until a stall ends, and return the frames that were dropped."""
         if not self._on_bus:
             return []
         self._held += frames

@@ -61,7 +61,7 @@ class ConformanceSettings:
     rate_off: float = 0.01
     """Maximum relative error of the sample rate by the host's clock."""
     reports_hz: tuple[float, float] = (7.0, 13.0)
-    """Minimum and maximum number of STATUS messages per second. Nominal are ten."""
+    """Minimum and maximum rate of STATUS messages, Hz; the nominal rate is 10 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ class _Peer:
         return self.answers()
 
     def fall_silent(self, seconds: float) -> list[Message]:
-        """Send nothing for some seconds; returns the messages that arrive meanwhile."""
+        """Wait some seconds without sending, and return the messages that arrive."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self.read()

@@ -252,7 +252,7 @@ class HeldPose:
             raise SafetyStop(f"when the release was permitted, {restless}; nothing was released, the rods stay held")
 
     def _look(self, timeout: float) -> str:
-        """Process new samples; returns the reason why the rods may not be released, or an empty text."""
+        """Process new samples and return the reason why the rods may not be released, or an empty text."""
         batches = self._device.poll(timeout)
         raise_faults(self._device.url, batches)
         _raise_if_open(self._device.url, batches)

@@ -191,7 +191,7 @@ def load_certificate(path: Path) -> Certificate:
     """Read a certificate.
 
     Raises:
-        RunError: the file cannot be read, is not a certificate, or is of another policy.
+        RunError: the file cannot be read, is not a certificate, or belongs to another policy.
     """
     text = _text(path)
     try:

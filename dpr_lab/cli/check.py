@@ -35,7 +35,7 @@ def check(
     """Record the result of a recommended check and update the probabilities of the causes.
 
     The result is a measured value, or one or more runs. A value that none of the candidate causes predicts is refused
-    until it is confirmed with --force; it then speaks for a cause outside the candidates.
+    until it is confirmed with --force; it is then evidence for a cause outside the candidates.
 
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """

@@ -43,7 +43,7 @@ class Choices:
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
 
     def check(self, value: str | None) -> str | None:
-        """Callback of an option with names separated by commas, as identifiers or descriptions; returns identifiers.
+        """Callback that converts the comma-separated names of an option, identifiers or descriptions, to identifiers.
 
         Raises:
             BadParameter: an unknown name.
@@ -51,7 +51,7 @@ class Choices:
         return None if value is None else ",".join(map(self._known, self._split(value)))
 
     def check_each(self, value: list[str] | None) -> list[str] | None:
-        """Callback of a repeatable option with a name, as identifier or description; returns identifiers.
+        """Callback that converts the names of a repeatable option, identifiers or descriptions, to identifiers.
 
         Raises:
             BadParameter: an unknown name.

@@ -99,7 +99,7 @@ class Drift:
     """Result of the test for all parameters."""
 
     groups: tuple[str, ...]
-    """Names of the groups, in the order of time."""
+    """Names of the groups, in chronological order."""
     runs_of: tuple[int, ...]
     """Number of runs of each group."""
     parameters: tuple[ParameterChange, ...]
@@ -140,7 +140,7 @@ def changes(
     """Test which parameters changed between groups.
 
     Args:
-        estimates: estimates of each run, in the order of time
+        estimates: estimates of each run, in chronological order
         group: index of the group of each run
         names: names of the groups
         settings: settings of the test

@@ -24,7 +24,7 @@ from dpr_lab.setup import only_inner
 
 @dataclass(frozen=True, slots=True)
 class Estimates:
-    """Estimates from each run, in the order of time."""
+    """Estimates from each run, in chronological order."""
 
     runs: tuple[str, ...]
     """Names of the runs."""
@@ -53,7 +53,7 @@ def estimate_each(
     """Fit every run alone, in segments of 0.5 s.
 
     Args:
-        runs: the runs in the order of time
+        runs: the runs in chronological order
         rig: lengths, masses and encoders
         effects: named effects of a diagnosis with all parameters; their amplitudes are fitted too
         start: (6,) initial values of the ratios and of b; None: values of the rig file

@@ -36,7 +36,7 @@ class Grouped:
     """Order of the runs in time, and the group of each run."""
 
     order: tuple[int, ...]
-    """Indices of the given runs, in the order of time if all dates are known."""
+    """Indices of the given runs, in chronological order if all dates are known."""
     group: tuple[int, ...]
     """Index of the group of each run, in the order `order`."""
     names: tuple[str, ...]
@@ -95,4 +95,4 @@ KEYS: Mapping[str, Callable[[Sequence[Occasion]], list[str]]] = {
     "session": _sessions,
     "label": lambda runs: [run.label for run in runs],
 }
-"""Name of a grouping -> function that returns the group name of each run, for runs in the order of time."""
+"""Name of a grouping -> function that returns the group name of each run, for runs in chronological order."""

@@ -18,7 +18,7 @@ def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> E
     """Fit every run alone; ratios that some run does not determine are left out.
 
     Args:
-        runs: the runs in the order of time, all with the same mode of the arm
+        runs: the runs in chronological order, all with the same mode of the arm
         rig: lengths, masses and encoders
         clearest: maximum relative standard deviation of a ratio that is compared; for friction, which may be near zero,
             relative to the largest estimate

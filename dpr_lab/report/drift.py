@@ -17,7 +17,7 @@ from dpr_lab.shown import listed, percent
 COLUMNS = ("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
 GROUP_COLUMNS = ("parameter", "groups", "change", "simultaneous interval")
 CHART = (
-    "Control charts: each parameter over the runs in order of time, with mean and control limits of the first group.",
+    "Control charts: each parameter over the runs in chronological order, with mean and limits of the first group.",
     "Estimate of each run as the change from the mean of the first group. Shaded: control limits of single runs of the"
     " first group (critical value times the standard deviation of a run). Differences between poses are not removed."
     " Dotted line: change point of a significant change.",
@@ -114,11 +114,11 @@ def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
 def save_drift(
     drift: Drift, estimates: Estimates, group: Sequence[int], rig: str, out: Path, torques: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Write the control charts and the page; returns their paths by name.
+    """Write the control charts and the page, and return their paths by name.
 
     Args:
         drift: the result
-        estimates: estimates of each run, in the order of time
+        estimates: estimates of each run, in chronological order
         group: index of the group of each run
         rig: name of the rig
         out: folder of the files
@@ -153,7 +153,7 @@ def chart(drift: Drift, estimates: Estimates, group: Sequence[int]) -> Figure:
                 axes.axvline(_last(group, parameter.after) + 0.5, **style.HORIZON)
         centres = [float(np.mean([k for k, g in enumerate(group) if g == i])) for i in range(len(drift.groups))]
         panels[-1].set_xticks(centres, drift.groups, fontsize=7.5)
-        panels[-1].set_xlabel("runs in order of time, by group")
+        panels[-1].set_xlabel("runs in chronological order, by group")
         return figure
 
 

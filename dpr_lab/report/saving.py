@@ -29,7 +29,7 @@ AXES = ("theta1", "theta2")
 
 
 def save_comparison(model: Model, comparisons: Sequence[Comparison], out: Path) -> dict[str, Any]:
-    """Write figures and report of a comparison; returns the output of `dpr-lab compare --json`.
+    """Write figures and report of a comparison, and return the output of `dpr-lab compare --json`.
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -51,7 +51,7 @@ def save_diagnosis(
     on_loss: Callable[[str], None] = lambda sentence: None,
     acceptance: Acceptance | None = None,
 ) -> dict[str, str]:
-    """Write report, figures, corrected model and exports of a diagnosis; returns their paths by name.
+    """Write report, figures, corrected model and exports of a diagnosis, and return their paths by name.
 
     Args:
         diagnosis: the diagnosis
@@ -128,7 +128,7 @@ def write_export(
     lost: Mapping[str, str],
     check: Mapping[str, Any] | None = None,
 ) -> str:
-    """Write a model for another program; returns the path of its main file.
+    """Write a model for another program and return the path of its main file.
 
     Arguments are those of `ExportFormat.written`.
 

@@ -63,7 +63,7 @@ class ChainRod:
     offset: float = 0.0
     """Distance of the centre of mass from the axis of the rod, m."""
     gear: float | None = None
-    """Gear of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
+    """Gear ratio of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class ChainArm:
     hanging: float = 0.0
     """Angle of the joint in the model at theta0 = 0, rad."""
     gear: float | None = None
-    """Gear of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
+    """Gear ratio of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)

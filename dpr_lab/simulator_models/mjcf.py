@@ -151,7 +151,7 @@ def _scalar_positions(model: Any) -> list[int]:
 
 
 def _bared(root: Element, path: Path) -> list[str]:
-    """Remove the elements in `IGNORED`; returns notes on the removed elements.
+    """Remove the elements in `IGNORED` and return notes on the removed elements.
 
     Raises:
         ConfigError: the file generates bodies by a macro, or takes a mass from a mesh.

@@ -97,7 +97,7 @@ class Gathered:
             self.strange_event = str(error) or type(error).__name__
 
     def take_rows(self, texts: NDArray[np.uint8]) -> bool:
-        """Add samples given as texts (n, w) of fixed width; returns False, and adds nothing, for other texts."""
+        """Add samples given as texts (n, w) of fixed width. For other texts, add nothing and return False."""
         if self.strange_sample:
             return True
         columns = sample_columns(texts)

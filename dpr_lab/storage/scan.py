@@ -257,7 +257,7 @@ def _reader(file: mmap.mmap) -> StreamReader:
 
 
 def _collect(file: mmap.mmap, collected: _Collected) -> str:
-    """Collect the records of a file in order; returns the damage that ended the reading, or an empty text."""
+    """Collect the records of a file in order and return the damage that ended the reading, or an empty text."""
     reader = _reader(file)
     try:
         for record in reader.records:
@@ -318,7 +318,7 @@ def _expanded(chunk: Chunk, room: _Room) -> bytes:
 
 
 def _take_rows(content: bytes, collected: _Collected) -> bool:
-    """Collect the samples of a chunk whose rows have one fixed width; returns False for other chunks."""
+    """Collect the samples of a chunk whose rows have one fixed width. Return False for other chunks."""
     rows = message_texts(content)
     if rows is None or collected.topics.get(rows[0]) != SAMPLES:
         return False

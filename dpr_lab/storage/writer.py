@@ -227,7 +227,7 @@ class RunWriter:
             self.abort(f"{kind.__name__}: {error}")
 
     def _is_flood(self, kind: str) -> bool:
-        """Count a message of a kind; returns whether it exceeds the limit until the next flush and must be dropped."""
+        """Count a message and return whether its kind exceeds the limit until the next flush, so that it is dropped."""
         self._kept[kind] += 1
         if self._kept[kind] <= SETTINGS.messages_a_chunk:
             return False

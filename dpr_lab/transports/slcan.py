@@ -45,7 +45,7 @@ class SlcanDecoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Decode received bytes; returns the frames of the lines that are now complete."""
+        """Decode received bytes and return the frames of the lines that are now complete."""
         *lines, rest = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
         if len(rest) > LONGEST_LINE:
             self.errors += 1

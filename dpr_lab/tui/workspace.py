@@ -59,7 +59,7 @@ class Workspace:
     model: Path | None = None
     diagnosis: Path | None = None
     made_from: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Step -> inputs of its result, by kind, as from `basis`."""
+    """Step -> inputs of its result, by kind, as returned by `basis`."""
     took: dict[str, float] = field(default_factory=dict)
     """Step -> duration of its last job per run, s."""
     theme: str = "dpr-dark"

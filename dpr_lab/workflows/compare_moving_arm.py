@@ -30,7 +30,7 @@ def compare_moving_arm(
 
     Raises:
         ConfigError: a file with the name of the folder exists.
-        RunError: the model or a run cannot be read, or the model is of another rig.
+        RunError: the model or a run cannot be read, or the model belongs to another rig.
     """
     from dpr_lab.errors import RunError
     from dpr_lab.identification.moving_arm.model import load_moving_arm_model

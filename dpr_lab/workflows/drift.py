@@ -47,7 +47,7 @@ class DriftResult:
 
     drift: "Drift"
     estimates: "Estimates"
-    """Estimates of the runs in the order of time."""
+    """Estimates of the runs in chronological order."""
     group: tuple[int, ...]
     """Index of the group of each run in this order."""
     files: dict[str, str]

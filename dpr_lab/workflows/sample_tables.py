@@ -59,7 +59,7 @@ def film_points(table: Path, rig_file: Path) -> str:
     """Points of pivot, elbow and tip in a film of a release, as CSV in pixels.
 
     Args:
-        table: time, angle of the inner rod from hanging and angle of the outer rod relative to it, degrees
+        table: time, angle of the inner rod from the hanging position, angle of the outer rod relative to it, degrees
         rig_file: rig with the lengths of both rods
     """
     import numpy as np

@@ -273,7 +273,7 @@ def work(connection: Connection) -> None:
 
 
 def _done(name: str, request: Any, send: Callable[[Any], None]) -> tuple[Any, ...]:
-    """Run a job; returns its final message."""
+    """Run a job and return its final message."""
 
     def on_event(event: events.Event) -> None:
         if progress := _progress(event):

@@ -28,7 +28,7 @@ class Board(Protocol):
         ...
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
-        """Process a frame that arrived at the wall time `wall`, s; returns the answers."""
+        """Process a frame that arrived at the wall time `wall`, s, and return the answers."""
         ...
 
     def note_dropped(self, frames: Iterable[Frame]) -> None:

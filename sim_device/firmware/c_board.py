@@ -60,7 +60,7 @@ class CBoard:
         return frames + self._samples(wall, first, count)
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
-        """Process a frame that arrived at the wall time `wall`, s; returns the answers."""
+        """Process a frame that arrived at the wall time `wall`, s, and return the answers."""
         now = self._clock.advance(wall, self._firmware.state, self._ticks.rate_hz)
         frames = self._firmware.receive(frame, self._millis(wall), self._ticks.at(now))
         self._act(now)

@@ -146,7 +146,7 @@ class Firmware:
         return self._library.dpr_host_next_tick(self._host)
 
     def receive(self, frame: Frame, millis: int, ticks: float) -> list[Frame]:
-        """Process a frame that arrived at a time given in ms and in ticks with fraction; returns the answers."""
+        """Process a frame that arrived at a time given in ms and in ticks with fraction, and return the answers."""
         tick, fraction = divmod(ticks, 1.0)
         time = (millis & 0xFFFFFFFF, int(tick) & 0xFFFFFFFF, min(int(fraction * 65536), 65535))
         self._library.dpr_host_receive(self._host, byref(_packed(frame)), *time)
@@ -159,7 +159,7 @@ class Firmware:
         torques: NDArray[np.int64] | None = None,
         inputs: NDArray[np.int64] | None = None,
     ) -> list[Frame]:
-        """Check lease, fault and readings; returns the messages to send.
+        """Check lease, fault and readings, and return the messages to send.
 
         Args:
             millis: current time, ms

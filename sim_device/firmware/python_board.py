@@ -138,7 +138,7 @@ class PythonBoard:
         return frames + (self._samples(first, count) if self._session.streams else self._reports(first, count, now))
 
     def receive(self, frame: Frame, wall: float) -> list[Frame]:
-        """Process a frame that arrived at the wall time `wall`, s; returns the answers."""
+        """Process a frame that arrived at the wall time `wall`, s, and return the answers."""
         now = self._clock.advance(wall, self._session.state, self._ticks.rate_hz)
         return self._carry_out(self._session.receive(frame, self._clock.watch(wall)), now)
 

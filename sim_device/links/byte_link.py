@@ -22,7 +22,7 @@ class Port(Protocol):
         ...
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write without waiting; returns the number of accepted bytes."""
+        """Write without waiting and return the number of accepted bytes."""
         ...
 
     def wait(self, timeout: float, to_write: bool) -> None:
@@ -101,7 +101,7 @@ class ByteLink:
         return self._faults.frames(frames)
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Queue frames and write as many bytes as the port accepts; returns the dropped frames."""
+        """Queue frames and write as many bytes as the port accepts, and return the dropped frames."""
         dropped, fresh = list[Frame](), bytearray()
         for frame in self._faults.frames(frames):
             data = self._faults.framed(self._codec.encode(frame))

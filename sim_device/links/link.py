@@ -61,7 +61,7 @@ class DeviceLink(Protocol):
         ...
 
     def send(self, frames: list[Frame]) -> list[Frame]:
-        """Queue frames and write as many as the link accepts; returns the dropped frames."""
+        """Queue frames and write as many as the link accepts, and return the dropped frames."""
         ...
 
     def wait(self, timeout: float) -> None:

@@ -61,7 +61,7 @@ class PtyPort:
         return data
 
     def write(self, data: bytes | bytearray) -> int:
-        """Write; returns the number of accepted bytes.
+        """Write and return the number of accepted bytes.
 
         Without a host all bytes are lost, as with an unplugged cable.
         """

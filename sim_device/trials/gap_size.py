@@ -87,7 +87,7 @@ def _as_read(columns: Array, relative: bool) -> Array:
 
 
 def eliminated(residual: Array, slope: Array, common: int, rcond: float | None = None) -> tuple[Array, Array, Array]:
-    """Least squares with the initial states eliminated; returns the changes of parameters and states, and the residual.
+    """Solve least squares with eliminated initial states; return the changes of parameters and states, and residual.
 
     Args:
         residual: (segments, m) residual

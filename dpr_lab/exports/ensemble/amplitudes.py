@@ -1,7 +1,7 @@
 """Swing amplitudes, and the share of a recording outside the amplitudes to which an ensemble was fitted.
 
-The amplitude of a moving double pendulum is the angle alpha from hanging at which its straight rods have the same
-energy E at rest:
+The amplitude of a moving double pendulum is the angle alpha from the hanging position at which its straight rods have
+the same energy E at rest:
 
     E = (e1 + e2) (1 - cos alpha),    alpha = pi for more energy.
 

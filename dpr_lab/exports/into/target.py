@@ -57,7 +57,7 @@ class RodTarget:
     damping: float
     words: Words
     gear: float | None
-    """Gear of the motor of its joint; None without one."""
+    """Gear ratio of the motor of its joint; None without a motor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class ArmTarget:
     damping: float
     words: Words
     gear: float | None
-    """Gear of the motor of its joint; None without one."""
+    """Gear ratio of the motor of its joint; None without a motor."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from dpr_lab.gap.which.selected import Selection
 def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
     """Families to which the named effects belong.
 
-    The probability of a family is the largest probability of its characteristic effects. Friction alone is no evidence
+    The probability of a family is the largest probability of its characteristic effects. Friction alone is not evidence
     of a drive, because it may come from a bearing.
     """
     probable = {effect.name: effect.probability for effect in named}

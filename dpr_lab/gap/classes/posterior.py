@@ -63,7 +63,7 @@ class Calibration:
     The value applies to a remainder that equals the noise.
     """
     far: float = 8.0
-    """Remainder, in units of the noise, beyond which a larger one is no further evidence of an outside cause.
+    """Remainder, in units of the noise, above which the evidence for a cause outside the library no longer increases.
 
     On real rigs, small causes change the readings by more than the noise of the encoders.
     """

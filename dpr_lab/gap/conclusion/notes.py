@@ -37,7 +37,7 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
 def component_notes(named_families: Sequence[NamedFamily], geared: Collection[int]) -> Iterator[str]:
     """Sentences on components that explain several effects.
 
-    A drive that the rig file does not state is only possible.
+    If the rig file does not state the drive of a joint, its sentence is conditional.
     """
     joints = {family.name: family.joint for family in FAMILIES}
     for family in named_families:

@@ -32,7 +32,7 @@ def ratios(state: Advised) -> dict[str, Interval]:
 
 
 def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
-    """Ratios that the recordings determine with the mounted rods: to b, or to a if only the inner rod is mounted.
+    """Ratios that the recordings determine, relative to b, or to a if only the inner rod is mounted.
 
     The covariance of a ratio contains the covariances of both fitted values. An absolute value is divided by the
     assumed inertia.

@@ -70,7 +70,7 @@ def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: fl
 def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator[Estimate]:
     """Estimates that are changed by a fraction of a prior standard deviation, one in each undetermined direction.
 
-    The prior of these ratios does not depend on the free ratios: the fitted values are no evidence for them.
+    The prior of these ratios does not depend on the free ratios: the fitted values contain no information about them.
     """
     free = {parameter.place for parameter in model.fit.free if parameter.block == "ratios"}
     alone = any(setup.alone for setup in problem.segments.setups)

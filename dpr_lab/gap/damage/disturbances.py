@@ -260,7 +260,7 @@ def _returns(record: Record, first: Jump, later: Jump) -> bool:
 
 
 def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
-    """Intervals in the order of time, with neighbouring ones merged."""
+    """Intervals in chronological order, with neighbouring ones merged."""
     merged = list[LeftOut]()
     for part in sorted(parts, key=lambda part: part.since):
         if (

@@ -2,7 +2,7 @@
 
     E = simulation - measurement,    u_val^2 = u_num^2 + u_input^2 + u_D^2
 
-An error E above 2 u_val is caused by the model itself. All contributions are propagated to a free run whose initial
+An error E above 2 u_val is attributed to the model itself. All contributions are propagated to a free run whose initial
 state is fitted to the first readings, up to the predictability horizon:
 
     u_num      by halving the step of the integrator

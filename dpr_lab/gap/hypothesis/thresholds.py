@@ -215,7 +215,7 @@ def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     """Minimum significant reduction of cost from one set to a larger one.
 
     An effect that follows the noise of a tracker leaves residuals that are less correlated, and the penalty of all
-    parameters decreases with their inflation. If only noise remains without the effect, this decrease is no evidence.
+    parameters decreases with their inflation. If only noise remains without the effect, this decrease is not evidence.
     Both sets are then compared at the inflation of the larger one.
     """
     limit = _significance(base, before, after)

@@ -42,7 +42,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 
     Wrong instants may make the readings of one axis equal by chance, but rarely those of both axes. At a turning point,
     two samples on either side may be equal. Samples that repeat one after the other are judged together, by the motion
-    of both axes since the last new sample: a jump after them is no missed count. A single turning axis is no evidence.
+    of both axes since the last new sample: a jump after them is not a missed count. One turning axis is not evidence.
 
     Args:
         t: (n,) instants, s

@@ -144,7 +144,7 @@ class Record:
         return self.only(~np.isin(self.t, t[off.any(axis=1)])).with_findings(findings)
 
     def left_out(self, since: float, until: float) -> "Record":
-        """Record without the readings of an interval, s, in which the rods did not swing freely."""
+        """Record without the readings from `since` to `until`, s, in which the rods did not swing freely."""
         inside = (self.t >= since) & (self.t < until)
         edges = [edge for edge in (since, until) if np.isfinite(edge)]
         return replace(

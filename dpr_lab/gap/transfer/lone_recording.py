@@ -1,6 +1,6 @@
 """The one recording that the model leaves unexplained, although it explains all others if fitted to them alone.
 
-A kick, a draught or a caught cable acts in one recording and is no property of the rig. The common fit then follows
+A kick, a draught or a caught cable acts in one recording and is not a property of the rig. The common fit then follows
 this recording with values and effects that the other recordings do not need. Let
 
     rho_s = sqrt(max(chi2_s - level dof_s, 0) / (level dof_s))

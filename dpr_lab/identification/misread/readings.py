@@ -156,7 +156,7 @@ _ANGLES = (
 
 
 def _scaled(rig: Rig) -> Iterator[Misreading]:
-    """Interpretations in which angles from hanging are a multiple of the readings.
+    """Interpretations in which the angles from the hanging position are a multiple of the readings.
 
     The factors correspond to half, double and quadruple counts, of both joints, of one joint, or of one rod.
     """
@@ -182,7 +182,7 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
 
 
 def _times(s1: float, s2: float, relative: bool = False) -> Angles:
-    """Function that multiplies the angles from hanging by a factor for each rod, or for each joint if `relative`."""
+    """Function that scales the angles from the hanging position of each rod, or of each joint if `relative`."""
 
     def angles(inner: Array, outer: Array) -> tuple[Array, Array]:
         first, second = inner - np.pi, outer - np.pi - relative * (inner - np.pi)

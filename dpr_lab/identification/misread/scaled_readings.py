@@ -14,12 +14,12 @@ def per_degree() -> float:
 
 @dataclass(frozen=True, slots=True)
 class ScaledReadings:
-    """Interpretation with true angles that are multiples of the readings: of the arm, and of the rods from hanging."""
+    """Interpretation in which true angles, of rods from the hanging position, are multiples of the readings."""
 
     arm: float = 1.0
     """Ratio of the true angle of the arm to its reading."""
     rods: float = 1.0
-    """Ratio of the true angles of the rods from hanging to their readings."""
+    """Ratio of the true angles of the rods, from the hanging position, to their readings."""
     turned: bool = False
     """Whether the zero of the rods is off by half a turn: upright instead of hanging, or the reverse."""
 

@@ -106,7 +106,7 @@ class PrintedDrift(Drift):
     assumed_b: float | None
     """Assumed b of absolute sizes, kg m^2; null if the runs identify b."""
     runs: tuple[DriftRun, ...]
-    """Runs with their estimates, in the order of time."""
+    """Runs with their estimates, in chronological order."""
     torques: tuple[str, ...]
     """Kinds of the known torques that drove the runs."""
     files: dict[str, str]

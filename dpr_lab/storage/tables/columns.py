@@ -156,7 +156,7 @@ def find_columns(
 
 
 def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
-    """Add a column for a fixed joint 2 to a table of one rod that lacks it; returns the table and the given columns.
+    """Add a column for a fixed joint 2 to a table of one rod that lacks it, and return the table and the given columns.
 
     The name of the rod's column may lack a number, and the only column that varies needs no name. If the column of
     theta1 is given, a column named like theta2 is not another rod, but for example another recording.

@@ -153,7 +153,7 @@ def outliers(angles: Array) -> Flags:
 
 
 def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions) -> list[str]:
-    """Replace outliers by NaN; returns notes with their number."""
+    """Replace outliers by NaN and return notes with their number."""
     notes = []
     for axis, column in readings.items():
         counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None

@@ -62,7 +62,7 @@ SETTINGS = StampSettings()
 
 
 def carried_times(t: Array) -> tuple[Array, str]:
-    """Correct rows that are a second or a minute early or late; returns the times and a note.
+    """Correct rows that are a second or a minute early or late, and return the times and a note.
 
     A few rows are shifted by the unit if the time runs backwards without this shift and all steps around them have the
     usual size with it. Other times are not changed.
@@ -144,7 +144,7 @@ def _rounded(t: Array, resolution: Array) -> Array:
 
 
 def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Move stamps next to gaps to the side whose motion the reading continues; returns the times and a note.
+    """Move stamps next to gaps to the side whose motion the reading continues, and return the times and a note.
 
     The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
 

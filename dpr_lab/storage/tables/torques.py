@@ -204,11 +204,11 @@ def better_torques(
 
 
 def coarse_torques(torques: Array, limit: float, words: str) -> str:
-    """Doubt about torques, or an input of the arm, that change too much from row to row; empty without a doubt.
+    """Warning if torques, or an input of the arm, change too much from row to row; else empty.
 
     Args:
         torques: (n, 2) from the release on, N m
-        limit: median change between rows, relative to the range, above which they are too far apart
+        limit: maximum median change between rows, relative to the range
         words: subject and verb of the sentence
     """
     changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
@@ -224,7 +224,7 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
 def idle_torques(
     t: Array, rods: Array, torques: Array | None, pair: tuple[str, str], rig: Rig, limits: tuple[float, float]
 ) -> str:
-    """Doubt about torques that exceed gravity although the rods move as if no torque acted; empty without a doubt.
+    """Warning if torques exceed gravity although the rods move as if no torque acted; else empty.
 
     Args:
         t: (n,) s

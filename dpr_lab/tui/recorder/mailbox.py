@@ -74,7 +74,7 @@ class Outbox:
         self._waiting.put(report)
 
     def add_if_read(self, report: RecorderReport) -> bool:
-        """Send a report that is soon outdated, unless too many reports are waiting; returns whether it was sent."""
+        """Send a report that is soon outdated, unless too many reports are waiting, and return whether it was sent."""
         room = self._waiting.qsize() < SETTINGS.unread
         if room:
             self._waiting.put(report)

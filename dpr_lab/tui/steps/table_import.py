@@ -28,7 +28,7 @@ WARNING = "warning: "
 
 
 class TableImport(Guarded, ModalScreen[Path | None]):
-    """Options and preview of `dpr-lab import table`; returns the path of the written run.
+    """Options and preview of `dpr-lab import table`; the result is the path of the written run.
 
     Args:
         rig: rig file, or the name of a built-in one

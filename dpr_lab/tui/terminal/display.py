@@ -121,7 +121,7 @@ class Display:
             self._send()
 
     def _send(self) -> int:
-        """Send the changes and request confirmation; returns the number of the frame."""
+        """Send the changes and request confirmation, and return the number of the frame."""
         driver = self._driver()
         assert driver is not None
         self._number += 1

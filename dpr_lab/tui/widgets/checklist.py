@@ -36,7 +36,7 @@ def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
 
 
 def set_aside(run: Path) -> Path:
-    """Move a run with its hash and note to the folder of set-aside runs; returns the new path."""
+    """Move a run with its hash and note to the folder of set-aside runs, and return the new path."""
     folder = run.parent / ASIDE
     folder.mkdir(exist_ok=True)
     moved = folder / run.name

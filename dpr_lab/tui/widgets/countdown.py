@@ -176,7 +176,7 @@ class Countdown(ModalScreen[bool]):
             raise _too_slow(round_trip)
 
     async def _drawn(self) -> float:
-        """Wait until the current content is drawn; returns the round trip time, s."""
+        """Wait until the current content is drawn and return the round trip time, s."""
         painted = asyncio.Event()
         self.call_after_refresh(painted.set)
         await painted.wait()

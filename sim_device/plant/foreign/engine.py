@@ -143,7 +143,7 @@ def at_joint2(torque: Callable[[float, float], float]) -> Torques:
 def at_joint1(torque: Callable[[float, float], float]) -> Torques:
     """Torques of an element between arm and inner rod.
 
-    `torque` is its torque on the inner rod, as a function of the angle from hanging and the speed.
+    `torque` is its torque on the inner rod, as a function of the angle from the hanging position and the speed.
     """
 
     def torques(t: float, theta1: float, theta2: float, omega1: float, omega2: float) -> tuple[float, float]:

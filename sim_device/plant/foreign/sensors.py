@@ -47,7 +47,7 @@ def swaying_latency_joint2(joints: Array, moment: Moment, values: Values) -> Arr
 
 
 def warming_scale_joint1(joints: Array, moment: Moment, values: Values) -> Array:
-    """Scale error that grows during warm-up: error = A (1 - exp(-t / T)) q, with q the angle from hanging."""
+    """Scale error that grows during warm-up: error = A (1 - exp(-t / T)) q, q from the hanging position."""
     warm = -np.expm1(-np.maximum(moment.t, 0.0) / values["lasts_s"])
     return _with_joint(1, joints, values["error_per_rad"] * warm * (joints[:, 0] - np.pi))
 

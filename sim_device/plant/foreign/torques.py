@@ -67,7 +67,7 @@ def tip_drag_outer(body: Body, values: Values) -> EquationOfMotion:
 
 
 def softening_spring_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Cable that softens: tau1 = -T tanh((q - q0) / Q), q the angle from hanging."""
+    """Cable that softens: tau1 = -T tanh((q - q0) / Q), q the angle from the hanging position."""
     torque, width, rest = values["torque_Nm"], values["width_rad"], values["rest_rad"]
     return under(body, at_joint1(lambda angle, omega: -torque * math.tanh((angle - rest) / width)))
 
@@ -85,13 +85,13 @@ def loose_spring_joint2(body: Body, values: Values) -> EquationOfMotion:
 
 
 def slack_spring_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Cable that pulls only when it is taut: tau1 = -K (q - q0) for q > q0, q the angle from hanging."""
+    """Cable that pulls only when it is taut: tau1 = -K (q - q0) for q > q0, q from the hanging position."""
     stiffness, taut = values["stiffness_Nm_per_rad"], values["taut_rad"]
     return under(body, at_joint1(lambda angle, omega: -stiffness * max(angle - taut, 0.0)))
 
 
 def sawtooth_detent_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Magnets with an asymmetric torque wave: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
+    """Detent torque with an asymmetric waveform: tau1 = -A atan2(S sin u, 1 + S cos u), u = N (q - q0)."""
     size, lean = values["torque_Nm"], values["lean"]
     number, start = round(values["number"]), values["start_rad"]
 

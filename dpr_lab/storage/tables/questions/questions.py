@@ -23,7 +23,7 @@ class PushSettings:
     """Limits for the detection of rods that are pushed."""
 
     hanging_rad: float = 0.03
-    """Maximum angle from hanging, rad, at which rods at rest do not start to swing by themselves."""
+    """Maximum angle from the hanging position, rad, at which rods at rest do not start to swing by themselves."""
     pushed_rad: float = 0.2
     """Minimum later excursion that shows a push, rad."""
 
