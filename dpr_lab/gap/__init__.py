@@ -1,8 +1,8 @@
 """Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction.
 
-Reading order. `diagnose.diagnose` runs the stages; each extends the frozen record of `state`. The modules named here
-are 18,000 words of text and code, a little more than an hour. The other modules of these folders contain 53,000 words;
-the docstring of each states its purpose.
+Reading order. `diagnose.diagnose` runs the stages; each stage extends the frozen record of `state`. The modules named
+here contain about 21,000 words of text and code, which take about an hour and a half to read. The other modules of
+these folders contain about 60,000 words. The docstring of each module states its purpose.
 
     stage (reported as)        entry point                       question
     screen                     screen.record.record              which readings are faulty?
