@@ -28,7 +28,7 @@ class Case:
     """One trial to run."""
 
     group: str
-    """What it counts for in the table."""
+    """Group of trials to which the case belongs in the table of results."""
     draw: str
     """Text of `sim_device.trials.request.parse_request`."""
     seed: int
