@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 from dpr_lab.errors import DprError, LinkTimeout
@@ -267,7 +267,7 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
             f"{len(torques)} torque messages, missing for {without} samples",
         )
     if not simulated_time:
-        rate = sum(steps) / (arrived[-1][0] - arrived[0][0])
+        rate = sample_rate(arrived, settings.rate_hz)
         relative_error = abs(rate / settings.rate_hz - 1)
         yield Conformity(
             "the sample rate is correct",
@@ -278,6 +278,24 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
         hz = reports / settings.timing_s
         yield Conformity("STATUS ten times a second", low <= hz <= high, f"{hz:.1f} a second")
     yield Conformity("every frame is valid", not peer.meaningless, f"{peer.meaningless} invalid")
+
+
+def sample_rate(arrived: Sequence[tuple[float, int]], nominal_hz: float) -> float:
+    """Sample rate by the host's clock, Hz, from the least delayed samples of the first and the last third.
+
+    A sample can arrive late, because host or device is busy, but never early.
+
+    Args:
+        arrived: host time, s, and 16-bit tick of each sample, at least 2
+        nominal_hz: requested rate, Hz
+    """
+    ticks = [0, *accumulate((b - a) & 0xFFFF for (_, a), (_, b) in pairwise(arrived))]
+    samples = [(instant, tick) for (instant, _), tick in zip(arrived, ticks, strict=True)]
+    third = max(len(samples) // 3, 1)
+    first, last = (
+        min(part, key=lambda sample: sample[0] - sample[1] / nominal_hz) for part in (samples[:third], samples[-third:])
+    )
+    return (last[1] - first[1]) / (last[0] - first[0])
 
 
 def refuse_with_rods(rods_are_off: bool) -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from dpr_lab.acquisition.conformance import ConformanceSettings, conformity, refuse_with_rods
+from dpr_lab.acquisition.conformance import ConformanceSettings, conformity, refuse_with_rods, sample_rate
 from dpr_lab.errors import DprError
 from dpr_lab.transports import open_transport
 from dpr_lab.transports.transport import Received
@@ -27,6 +27,15 @@ def test_the_reference_devices_conform(simulated, firmware: str) -> None:
     assert [(one.what, one.message) for one in found if not one.ok] == []
     assert len(found) >= 15
     assert found[-3].what == "the sample rate is correct"
+
+
+@pytest.mark.parametrize("rate_hz", [500.0, 490.0, 510.0])
+def test_samples_that_wait_for_a_busy_host_do_not_change_the_sample_rate(rate_hz: float) -> None:
+    sent = [tick / rate_hz for tick in range(1000)]
+    busy = [(0.0, 0.06), (0.7, 0.8), (1.9, 2.1)]
+    arrived = [max([instant, *(end for begin, end in busy if begin <= instant < end)]) for instant in sent]
+    samples = [(instant, (65000 + tick) & 0xFFFF) for tick, instant in enumerate(arrived)]
+    assert sample_rate(samples, 500) == pytest.approx(rate_hz, rel=1e-6)
 
 
 class Otherwise:
