@@ -35,6 +35,9 @@ def find_config(kind: str, name: str | Path) -> Path:
     Args:
         kind: folder of the built-in files, `rigs` or `search`
         name: a path such as `my/rig.toml`, or a built-in name such as `paper`
+
+    Raises:
+        ConfigError: there is neither such a file nor such a built-in name.
     """
     path = regular(Path(name), ConfigError)
     if path.is_file():

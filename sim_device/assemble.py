@@ -49,6 +49,10 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
         options: options of the device
         at_once: whether a device in real time answers while its kernels are still being compiled; its operator does not
             move the rods until then
+
+    Raises:
+        ConfigError: an invalid file or fault.
+        LinkError: no such link, or it cannot be opened.
     """
     rig, plant = load_rig(options.rig), hidden_plant(options)
     drives = _drives(options, plant.config)

@@ -88,6 +88,9 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
     Args:
         link: open link to the device, on which no rods are mounted
         settings: time limits
+
+    Raises:
+        LinkTimeout: the device does not answer.
     """
     peer = _Peer(link, settings)
     pages = [page for page in peer.ask(Hello(token=1)) if isinstance(page, Info)]

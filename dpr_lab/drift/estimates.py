@@ -57,6 +57,9 @@ def estimate_each(
         rig: lengths, masses and encoders
         effects: named effects of a diagnosis with all parameters; their amplitudes are fitted too
         start: (6,) initial values of the ratios and of b; None: values of the rig file
+
+    Raises:
+        RunError: a run cannot be fitted.
     """
     initial = nominal_ratios(rig) if start is None else start
     fits = [_estimate(run, rig, effects or {}, initial) for run in runs]

@@ -22,6 +22,10 @@ def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> E
         rig: lengths, masses and encoders
         clearest: maximum relative standard deviation of a ratio that is compared; for friction, which may be near zero,
             relative to the largest estimate
+
+    Raises:
+        RunError: a run cannot be fitted, the runs differ in the mode of the arm, or no ratio is determined by all.
+        IdentificationError: the values of the rig file cannot be simulated.
     """
     modes = sorted({run.arm_mode for run in runs})
     if len(modes) > 1:

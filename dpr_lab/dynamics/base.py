@@ -13,9 +13,11 @@ distinguish from a:
     inner alone      a - p            -    -    e1 - p g / L1     c1    -
     outer alone      b                -    -    d g / L1          c1    -
 
-A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation (1) with joint 2 held: (a + b + 2 d
-cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1. A single rod is represented as two equal
-halves with such an elbow.
+A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation (1) with joint 2 held:
+
+    (a + b + 2 d cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1.
+
+A single rod is represented as two equal halves with such an elbow.
 
 The nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """

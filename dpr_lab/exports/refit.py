@@ -46,6 +46,9 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
         model: the corrected model
         runs: the runs to fit; a long record is cut, and its held-out pieces are not fitted
         rig: the rig
+
+    Raises:
+        RunError: a run that is too short, or one that no initial state fits.
     """
     losses = {name: moving_losses(name, model, rig) for name in formats}
     if not any(losses.values()):

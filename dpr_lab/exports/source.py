@@ -26,6 +26,9 @@ def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = 
     Args:
         roots: name in the source -> function (compiled or not), named tuple or number
         rewritten: name of a root -> transformation of its definition, applied before its dependencies are resolved
+
+    Raises:
+        TypeError: a root uses an object without a source, such as a closure or an array.
     """
     writer = _Writer(rewritten or {})
     for name, root in roots.items():

@@ -59,6 +59,9 @@ def reproduce(
         readings: names in `READINGS`
         workers: number of searches in parallel
         on_search: called with each search when it ends
+
+    Raises:
+        ValueError: no seed, or an unknown interpretation.
     """
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")

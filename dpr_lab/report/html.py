@@ -55,6 +55,9 @@ def write_report(
         comparisons: runs simulated with the model; may be empty
         out_dir: folder of the report, created if it does not exist
         figures: figures to embed, from `save_figures`; None: they are drawn into `out_dir`
+
+    Raises:
+        DprError: the folder or a file cannot be written.
     """
     drawn = save_figures(model, comparisons, out_dir) if figures is None else figures
     return write_page(_page(model, comparisons, drawn), out_dir / "report.html")

@@ -60,6 +60,9 @@ def save_diagnosis(
         out: the folder
         on_loss: called with a sentence on the effects that a format cannot represent and on the resulting error
         acceptance: results of limits, for their section of the report
+
+    Raises:
+        DprError: the folder or a file cannot be written.
     """
     figures = save_gap_figures(diagnosis, out)
     report = write_gap_report(diagnosis, f"Rig “{rig.name}”: sim-to-real gap", out, figures, acceptance)

@@ -30,6 +30,9 @@ def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:
     Args:
         path: the file
         text: content to read in place of the file; None: the content of the file
+
+    Raises:
+        ConfigError: the file cannot be read, is none of these formats, or its library is not installed.
     """
     root = read_xml(path, text)
     if root.tag not in READERS:

@@ -21,6 +21,9 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
         names: joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm; empty if there
             is only one choice
         gravity: gravity downwards along z, m/s^2; None: the value of the model
+
+    Raises:
+        ConfigError: unknown joints, several choices, or axes that are not parallel.
     """
     notes = list(model.notes)
     hinges = named(model, names) if names else only_choice(model)

@@ -152,6 +152,10 @@ def verify(
         signed_by: file of the Ed25519 public key of the required signature; None: no signature is required
         other_code: whether the certificate may name other code than the running code, for example an older version
         same_libraries: whether Python and the libraries must be those of the certificate
+
+    Raises:
+        RunError: the file is not a certificate of this policy.
+        ConfigError: its rig file is missing or not valid, or the key cannot be used.
     """
     from dpr_lab.acceptance.limits import load_limits
     from dpr_lab.certificate.code import compare_code, made_with

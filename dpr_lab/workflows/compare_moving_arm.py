@@ -84,6 +84,9 @@ def compare_any_run(
         rig: its rig, whose encoders determine the noise floor
         model: model of `identify` or `corrected_model`
         segment_s: length of a segment, s
+
+    Raises:
+        RunError: the model belongs to another rig or to another mode of the arm, or cannot follow the readings.
     """
     from dpr_lab.identification.compare import compare_run
     from dpr_lab.identification.moving_arm.model import MovingArmModel

@@ -59,6 +59,11 @@ def export_into(
         joints: joints of inner rod, outer rod and optionally the arm; empty: detected
         check: runs that are replayed with the numbers of both files
         on_event: called with each run that was read
+
+    Raises:
+        ConfigError: the rig, the file or the folder cannot be used.
+        RunError: the model or a run cannot be used.
+        DprError: a file cannot be written.
     """
     from dpr_lab.exports.into import into_file
     from dpr_lab.exports.into.replay import replay_files

@@ -32,6 +32,9 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
         poses: name of a pose -> release
         rig: the rig file of the plan
         to: file for the releases with the setup of `rig`; for another setup, the name of its first pose is appended
+
+    Raises:
+        ConfigError: a file cannot be written, or the rig file has a form in which its tables cannot be replaced.
     """
     assert rig.path is not None
     text = rig.path.read_text(encoding="utf-8").rstrip() + "\n"

@@ -50,6 +50,9 @@ def rig_from_model(
             empty: detected
         name: name of the rig; None: the name of the model
         g: gravity, m/s^2; None: the value of the model
+
+    Raises:
+        ConfigError: the model cannot be read, contains no such rods, or the rig file exists or cannot be written.
     """
     from dpr_lab.rig import parse_rig
     from dpr_lab.simulator_models import read_model

@@ -38,6 +38,9 @@ def record(
         rate_hz: sample rate, Hz; None: the rate of the rig file
         drives: drives of its joints or of its arm; None for free swings
         before: number of earlier releases, whose operator errors and noise are not repeated
+
+    Raises:
+        ConfigError: effects that the plant cannot have.
     """
     rods = SimulatedRods(plant_of(config, rig), rig, drives=drives, before=before)
     return [

@@ -61,6 +61,9 @@ def drawn_trial(options: Options, around: Rig) -> DrawnTrial:
     Args:
         options: plant, requested draw (any kind by default) and seed
         around: the nominal rig
+
+    Raises:
+        ConfigError: the request is impossible.
     """
     seed, public = (secrets.randbits(SEED_BITS) if options.seed is None else options.seed for _ in range(2))
     around, base = with_arm(around, load_plant(options.plant, public), options.arm)

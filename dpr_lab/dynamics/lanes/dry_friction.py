@@ -9,10 +9,10 @@ together, so a trial step with an event is undone and repeated in the next step 
     |---------- 3 ----------|                  next step, of length `ahead`; `_end_cut` sets a joint that stops to rest
                             |----- 4 -----|    rest of the step, with new directions
 
-1. Encoders are read within the step just taken. A step that was taken back has length 0, so nothing is read in it. 2.
-`cut` is 1 where a joint starts to slide at te, and 2, 3 or 4 where joint 1, joint 2 or the arm stops. 3. `begin_dry`
-takes directions from the speeds: 0 is a joint at rest. `find_margins` compares the torque on such a joint
-   with its limit at the first stage. `let_go` sets its direction of motion if the limit is exceeded.
+1. Encoders are read within the step just taken. A step that was taken back has length 0, so nothing is read in it.
+2. `cut` is 1 where a joint starts to slide at te, and 2, 3 or 4 where joint 1, joint 2 or the arm stops.
+3. `begin_dry` takes directions from the speeds: 0 is a joint at rest. `find_margins` compares the torque on such a
+   joint with its limit at the first stage. `let_go` sets its direction of motion if the limit is exceeded.
 
 The other lanes continue meanwhile. The loops that look for events become vector instructions. An event itself is rare
 and is handled in scalar code.

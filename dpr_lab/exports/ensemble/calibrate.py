@@ -51,6 +51,9 @@ def calibrated(
         drawn: function of a factor on the standard deviations and of a number that returns so many random models
         band: function that returns the band of models for a run
         runs: the calibration runs
+
+    Raises:
+        RunError: the model cannot follow a run.
     """
 
     def tried(factor: float) -> EnsembleWidth:

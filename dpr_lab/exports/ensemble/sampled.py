@@ -53,6 +53,9 @@ def posterior_of(
         model: the model
         diagnosis: its diagnosis, if there is one
         scatter: scatter of the ratios between recordings, for a model without a diagnosis
+
+    Raises:
+        RunError: a diagnosis of an older version, without a posterior.
     """
     if diagnosis is not None:
         return diagnosed_posterior(diagnosis)

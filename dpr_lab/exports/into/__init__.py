@@ -44,6 +44,10 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
         rig: its rig, as `dpr-lab rig from` wrote it from this file
         path: the file
         joints: names of the joints of inner rod, outer rod and optionally the arm; empty: detected
+
+    Raises:
+        ConfigError: the file cannot be read or changed, is of none of these formats, or its L1 or g is not that of the
+            rig.
     """
     tag = read_xml(path).tag
     if tag not in WRITERS:

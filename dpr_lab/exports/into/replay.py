@@ -68,6 +68,10 @@ def replay_files(
         model: the corrected model, which determines initial states and horizons
         rig: its rig
         runs: the recordings
+
+    Raises:
+        ConfigError: MuJoCo is not installed, or cannot simulate a file.
+        RunError: the model cannot follow a recording.
     """
     moving = isinstance(model, MovingArmModel)
     unit = drive_gain(rig).value if moving else 1.0  # torque per recorded input in the user's file

@@ -23,6 +23,9 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
         rig: its rig
         expressed: effect -> its elements
         margin: minimum mass of a rod, relative to the smallest mass that its first moment and inertia allow
+
+    Raises:
+        ConfigError: the recordings determine no inertia of the arm, or no bodies with positive masses have this motion.
     """
     if "A" not in {name.split("/")[0] for name in model.ratios}:
         raise ConfigError(

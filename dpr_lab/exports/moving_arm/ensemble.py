@@ -39,6 +39,9 @@ def sampled_arm_models(
         n: number of models
         seed: seed of the random numbers
         tries: maximum number of draws per model until bodies with its values exist
+
+    Raises:
+        RunError: almost no random model is physically possible.
     """
     rng = np.random.default_rng(seed)
     models = list[MovingArmModel]()

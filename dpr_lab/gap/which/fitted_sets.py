@@ -349,7 +349,7 @@ class FittedSets:
         """Set in which one effect is replaced by another, started at the linear prediction from the fit `model`.
 
         From this start, two indistinguishable effects fit equally well. A fit that starts with neither of them may end
-        in a local minimum in which another effect of the set has a wrong shape. `score` is that of the other effect.
+        in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
         """
         return self.keep(self._once((model, effect, score), lambda: self._at_image(model, effect, score)))
 

@@ -58,6 +58,9 @@ def write_gap_report(
         out_dir: folder of the page
         figures: figures by name, from `save_gap_figures`
         acceptance: results of limits, shown first; None without limits
+
+    Raises:
+        DprError: the page cannot be written.
     """
     drawn = pictures(figures, FIGURES | {s.name: (s.alternative, s.caption) for s in SECTIONS})
     evidence = {

@@ -38,6 +38,9 @@ def write_trials_report(
         failures: trials that ended with an error, one sentence each
         out_dir: folder of the page
         figures: figures by name, from `save_trial_figures`
+
+    Raises:
+        DprError: the page cannot be written.
     """
     drawn = pictures(figures, FIGURES)
     sections = [
