@@ -1,4 +1,4 @@
-"""Reading of regular files only, and atomic writing of files."""
+"""Read only regular files, and write files atomically."""
 
 import stat
 from collections.abc import Callable

@@ -75,7 +75,7 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
 def rod_about_joint(
     length: float, mass: float, moment: float, about_joint: float, damping: float, felt: float, words: Words
 ) -> Rod:
-    """Rod with a given first moment, kg m, and inertia about its joint without the offset of its centre, kg m^2.
+    """Rod with a given first moment, kg m, and inertia about its joint, kg m^2, before its centre of mass is offset.
 
     `felt` is the mass, kg, to which the offset of the centre of mass refers.
     """

@@ -236,7 +236,7 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
 
 
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
-    """(k, k) information of the rig file about the ratios, b, p/b, and the amplitudes, whose limits it contains.
+    """(k, k) information of the prior about the ratios, b and p/b, and about the amplitudes by their limits.
 
     Ratios that no release determines are fixed.
     """

@@ -1,4 +1,4 @@
-"""Writing of results as files: figures, pages, models and exports."""
+"""Save results as files: figures, pages, models and exports."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

@@ -1,4 +1,4 @@
-"""Reading of a run file, complete or damaged, as a `Run`."""
+"""Read a run file, complete or damaged, as a `Run`."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Reading of a run file up to its end or first damage; its content is not trusted.
+"""Read a run file up to its end or first damage; its content is not trusted.
 
 The indexed reader of the MCAP library needs a complete file. This reader reads the records in order and stops at the
 first inconsistent one. Every chunk has a CRC, the two essential records have a digest, and the rig has a hash. Every

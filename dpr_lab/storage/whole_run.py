@@ -1,4 +1,4 @@
-"""Writing of a run whose content exists already; the file gets its final name only when it is complete."""
+"""Write a run whose content is already complete; the file gets its final name only when it is complete."""
 
 import os
 import re

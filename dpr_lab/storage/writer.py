@@ -1,4 +1,4 @@
-"""Writing of a run during the recording.
+"""Write a run file during the recording.
 
 If the process is killed, at most the last chunk is lost.
 """

@@ -53,7 +53,7 @@ def accept(
     Raises:
         ConfigError: the rig, the limits file or the diagnosis is not valid, or the diagnosis was made with another rig
             file.
-        RunError: a run cannot be used, or the diagnosis is of other runs.
+        RunError: a run cannot be used, or the diagnosis belongs to other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """

@@ -92,7 +92,7 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
-        RunError: a run, the model or the diagnosis cannot be used, or all runs are of one group.
+        RunError: a run, the model or the diagnosis cannot be used, or all runs belong to one group.
         DprError: the report cannot be written.
     """
     from dpr_lab.drift.changes import changes

@@ -1,4 +1,4 @@
-"""Writing of the corrected model into a copy of the user's simulator model."""
+"""Write the corrected model into a copy of the user's simulator model."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

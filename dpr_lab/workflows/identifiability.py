@@ -42,7 +42,7 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
 
     Raises:
         ConfigError: the rig is not valid; or no runs are given, and the rig has no poses to simulate releases from, or
-            a joint with a prescribed motion, which is known from runs only.
+            a joint with a prescribed motion, which only a recording contains.
         RunError: a run that cannot be used.
     """
     from dpr_lab.identification.moving_arm.any_arm import identifiability as identifiability_of

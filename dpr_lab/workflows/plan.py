@@ -70,7 +70,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     Raises:
         ConfigError: the rig, the limits or the budget is not valid, or leaves nothing to record; a diagnosis without
             its runs.
-        RunError: a run or the diagnosis cannot be used; the diagnosis is of other runs.
+        RunError: a run or the diagnosis cannot be used; the diagnosis belongs to other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
     """

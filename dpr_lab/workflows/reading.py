@@ -1,4 +1,4 @@
-"""Reading of the runs of a request and of their diagnosis, with an event for each run."""
+"""Read the runs of a request and their diagnosis, with an event for each run."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -62,7 +62,7 @@ def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
 
     Raises:
         ConfigError: the file is not a diagnosis.
-        RunError: the diagnosis is of other runs.
+        RunError: the diagnosis belongs to other runs.
     """
     from dpr_lab.gap.result.diagnosis import load_diagnosis
 
@@ -72,7 +72,7 @@ def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
 
 
 def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
-    """Refuse a diagnosis of other runs.
+    """Refuse a diagnosis that belongs to other runs.
 
     Otherwise its causes would be combined with the information of these runs.
     """

@@ -1,4 +1,4 @@
-"""Scaling of an effect to a requested gap."""
+"""Scale an effect to a requested gap."""
 
 import math
 from dataclasses import dataclass

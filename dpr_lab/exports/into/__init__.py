@@ -1,4 +1,4 @@
-"""Writing of the corrected model into the user's own MJCF, URDF or SDFormat file.
+"""Write the corrected model into the user's own MJCF, URDF or SDFormat file.
 
 Only numbers of the rods and the arm are changed.
 """

@@ -1,4 +1,4 @@
-"""Writing of the corrected model into the user's URDF or SDFormat file.
+"""Write the corrected model into the user's URDF or SDFormat file.
 
 `dpr_lab.exports.into.target` lists the changed quantities. The coordinates of an element can refer to any frame. The
 influence of a coordinate is therefore determined numerically: the file is read again with a changed coordinate, and

@@ -1,4 +1,4 @@
-"""Writing of the corrected model into the user's MJCF file.
+"""Write the corrected model into the user's MJCF file.
 
 `dpr_lab.exports.into.target` lists the changed quantities.
 """

@@ -282,7 +282,7 @@ def accepted(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 
 def most_excess(base: Hypothesis, before: Hypothesis) -> float:
-    """Maximum excess of a set with an additional effect that is `accepted` while a residual remains."""
+    """Maximum excess at which `accepted` permits an additional effect while a residual remains."""
     return max(excess(before) / THRESHOLDS.slow, excess(before) - THRESHOLDS.large * excess(base))
 
 

@@ -156,7 +156,7 @@ class Record:
         return replace(self, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
     def only(self, samples: slice | Flags) -> "Record":
-        """Record with selected samples only."""
+        """Record with only the selected samples."""
         shown = None if self.shown is None else self.shown[samples]
         return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples], shown=shown)
 

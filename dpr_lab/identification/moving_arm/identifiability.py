@@ -92,7 +92,7 @@ ARM_INSTRUMENTS = (
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ArmIdentifiability(Shown):
-    """Information of recordings with a moving arm and of measured values together, and free directions."""
+    """Information from recordings with a moving arm and from measured values, and the undetermined directions."""
 
     arm: tuple[str, ...]
     """Modes of the arm in the recordings."""

@@ -17,8 +17,8 @@ class CircleSettings:
     """Settings of the robust fit of a circle to tracked points."""
 
     triples: int = 100
-    """Number of circles through three random points. If a third of the points are wrong, about 30 of them pass through
-    correct points only."""
+    """Number of circles through three random points. If a third of the points are wrong, about 30 of them pass only
+    through correct points."""
     near: float = 6.0
     """Maximum distance of a point from the circle to count as on the circle, in median distances; about 4 standard
     deviations."""

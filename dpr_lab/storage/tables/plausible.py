@@ -45,7 +45,7 @@ class Plausible:
     outlier_rows: int = 3
     """Maximum number of consecutive rows that count as outliers because the angle jumps away and back."""
     window_slack: float = 0.2
-    """Excess over one turn that the range of wrapped angles may have, rad."""
+    """Maximum excess of the range of wrapped angles over one turn, rad."""
     gap_steps: float = 1.5
     """Minimum step between two rows that is reported as a gap, in median steps."""
     speed: float = 100.0

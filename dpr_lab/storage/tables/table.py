@@ -1,4 +1,4 @@
-"""Reading of a text table of any logger; delimiter, header, comments and decimal sign are detected."""
+"""Read a text table of any logger; delimiter, header, comments and decimal sign are detected."""
 
 import csv
 import re

@@ -95,7 +95,7 @@ are diagnosed first.
             yield Static(id="details")
 
     def missing(self) -> str:
-        """Empty, because a first plan needs a rig file only."""
+        """Empty, because a first plan needs only a rig file."""
         return ""
 
     def outcome(self) -> str:

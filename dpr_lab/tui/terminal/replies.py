@@ -1,4 +1,4 @@
-"""Parsing of keys, and of replies of a terminal to queries of its type."""
+"""Parse keys, and the replies of a terminal to queries of its type."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Drawing of the arm and the rods in Braille dots."""
+"""Draw the arm and the rods with Braille dots."""
 
 import math
 from abc import abstractmethod
