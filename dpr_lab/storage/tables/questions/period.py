@@ -28,7 +28,7 @@ class PeriodSettings:
     """Minimum increase of the sum of squares at the scale 1, in units of the variance of a period: 5 standard
     deviations."""
     means: int = 5
-    """Steps of the arithmetic-geometric mean; the number of right digits doubles with each."""
+    """Steps of the arithmetic-geometric mean; the number of correct digits doubles with each."""
 
 
 SETTINGS = PeriodSettings()
