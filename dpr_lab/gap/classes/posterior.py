@@ -283,9 +283,10 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
 
     A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
     the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect
-    explains beyond this form less than remains: the cause of the remainder can imitate the difference.
+    explains beyond this form less than remains unexplained: the cause of the remainder can imitate the difference.
     """
-    fitted, is_form = selection.fitted.get(without.key | {other.effect.name}), other.effect.name in score.effect.nested
+    fitted = selection.fitted.get(without.key | {other.effect.name})
+    is_form = other.effect.name in score.effect.nested
     if is_form and adds_less_than_remains(selection.chosen, fitted):
         return True
     alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable

@@ -221,7 +221,8 @@ def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset
     While a residual remains, the simpler forms of each effect are fitted as well.
     """
     if not at_noise_floor(chosen):
-        list(_simpler(sets, chosen))
+        for proposal in _simpler(sets, chosen):
+            sets.keep(proposal.model)
     for name in chosen.effects:
         smaller = sets.without(chosen, name)
         test = sets.test(smaller)

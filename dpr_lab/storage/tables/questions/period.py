@@ -75,6 +75,7 @@ def swings(t: Array, angle: Array) -> tuple[Array, Array]:
 
 def _sum_of_squares(periods: Array, amplitudes: Array) -> float:
     """Sum of squared differences to the periods of a rod with these amplitudes and the best period T0, s^2."""
+    # the elliptic integral of scipy.special would delay each start of `import table`
     larger, smaller = np.ones_like(amplitudes), np.cos(amplitudes / 2)
     for _ in range(SETTINGS.means):
         larger, smaller = 0.5 * (larger + smaller), np.sqrt(larger * smaller)
