@@ -1,5 +1,6 @@
 """The corrected rig as rigid bodies on hinges, with elements that are common to simulators (`Words` of effects)."""
 
+import json
 from collections.abc import Collection, Mapping
 
 from dpr_lab.dynamics.rig_constants import rig_constants
@@ -91,6 +92,14 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     tilt = sum(words.get("tilt", 0.0) for words in values)
     arm = arm_of(model, rig) if any("arm" in words for words in values) else None
     return Bodies(rods, mb, model.rig.g, tilt, arm)
+
+
+def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
+    """Comments of a description: scale, omitted effects, and torque of the arm's drive."""
+    omitted = [f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}"] if lost else []
+    arm = made.arm
+    drive = [f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}"] if arm is not None and arm.input else []
+    return [model.scale_sentence, *omitted, *drive]
 
 
 def arm_of(model: Model, rig: Rig) -> Arm | None:

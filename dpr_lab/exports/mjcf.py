@@ -6,10 +6,9 @@ integrator.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import partial
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from dpr_lab.dynamics.dry_friction import held
 from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.step import joint_forces, motion_of, under_load, with_arm
 from dpr_lab.effects import EFFECTS, effect_params
-from dpr_lab.effects.effect import Words
 from dpr_lab.effects.effect_kernels import (
     active_effects,
     arm_drives,
@@ -32,8 +30,8 @@ from dpr_lab.effects.quantities import plus
 from dpr_lab.exports.bodies import AnyModel, Effects, bodies, in_words
 from dpr_lab.exports.module_parts import known_effects, of_effects
 from dpr_lab.exports.python_module import module_text
-from dpr_lab.exports.rigid_bodies import THIN, Arm, Bodies, Rod
-from dpr_lab.exports.xml import element, text_of
+from dpr_lab.exports.rigid_bodies import THIN, Link
+from dpr_lab.exports.xml import rendered
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
@@ -181,33 +179,19 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
     """
     expressed = in_words(model, rig, WORDS)
     made = bodies(model, rig, expressed)
-    root = element(None, "mujoco", model=model.rig.name)
-    element(root, "compiler", angle="radian")
-    pull = f"{made.gravity * math.sin(made.tilt)!r} 0 {-made.gravity * math.cos(made.tilt)!r}"
-    element(root, "option", gravity=pull, timestep="0.0005", integrator="RK4")
-    custom = element(root, "custom")
     left = [name for name in model.effects if name not in expressed]  # the passive force represents it, if it is known
-    text = f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed."
-    element(custom, "text", name="left_out", data=text)
-    element(custom, "text", name="scale", data=model.scale_sentence)
-    friction, parent = rest_friction(model.effects, rig), element(root, "worldbody")
-    position, joints = "", [(j, rod.words) for j, rod in enumerate(made.rods, 1)]
-    if made.arm:
-        parent, position = _arm(parent, made.arm, friction[0]), f"0 {-made.arm.length!r} 0"
-    if isinstance(model, MovingArmModel) and made.arm:
-        joints = [(0, made.arm.words), *joints]
-    for j, rod in enumerate(made.rods, 1):
-        parent = _rod(parent, rod, j, position, friction[j])
-        position = f"0 0 {rod.length!r}"
-        if j == 1 and made.tip_mass > 0.0:
-            _inertia(element(parent, "body", name="encoder2", pos=position), "0 0 0", made.tip_mass, THIN)
-    _motors(root, made, joints)
-    sensors = element(root, "sensor")
-    for j, words in joints:
-        element(sensors, "jointpos", name=f"encoder{j}", joint=f"joint{j}")
-        errors = f"{words.get('encoder_offset', 0.0)!r} {words.get('encoder_scale', 0.0)!r}"
-        element(custom, "numeric", name=f"encoder{j}_offset_scale", data=errors)
-    return text_of(root)
+    read = [link for link in made.links if link.joint or isinstance(model, MovingArmModel)]
+    return rendered(
+        "mjcf.xml",
+        name=model.rig.name,
+        scale=model.scale_sentence,
+        left_out=f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed.",
+        made=made,
+        read=read,
+        frictions=rest_friction(model.effects, rig),
+        passive=[(link.joint, *part) for link in read for part in _passive_parts(link)],
+        thin=THIN,
+    )
 
 
 def passive(
@@ -263,76 +247,11 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
     return arm, joint1, joint2
 
 
-def _arm(world: Element, arm: Arm, friction: float) -> Element:
-    body = element(world, "body", name="arm")
-    hinge = _hinge(arm.damping, arm.words, 0.0, friction)
-    element(body, "joint", name="joint0", type="hinge", axis="0 0 1", **hinge)
-    inertia = repr(arm.inertia)
-    element(body, "inertial", pos="0 0 0", mass="1e-9", diaginertia=f"{inertia} {inertia} {inertia}")
-    _drawn(body, f"0 0 0 0 {-arm.length!r} 0")
-    return body
-
-
-def _rod(parent: Element, rod: Rod, joint: int, position: str, friction: float) -> Element:
-    """A thin rod on its hinge."""
-    body = element(parent, "body", name=("inner", "outer")[joint - 1], **({"pos": position} if position else {}))
-    element(
-        body,
-        "joint",
-        name=f"joint{joint}",
-        type="hinge",
-        axis="0 1 0",
-        **_hinge(rod.damping, rod.words, math.pi * (joint == 1), friction),
-    )
-    _inertia(body, f"{rod.offset!r} 0 {rod.centroid!r}", rod.mass, rod.inertia)
-    _drawn(body, f"0 0 0 0 0 {rod.length!r}")
-    return body
-
-
-def _drawn(body: Element, ends: str) -> None:
-    """Add a visible capsule between two ends, without collisions."""
-    element(body, "geom", type="capsule", fromto=ends, size="0.006", contype="0", conaffinity="0")
-
-
-def _hinge(damping: float, words: Words, zero: float, friction: float) -> dict[str, str]:
-    """Attributes of a hinge.
-
-    The effects measure its angle from `zero`, rad.
-    """
-    attributes = {"damping": repr(damping)}
-    if "stiffness" in words:
-        attributes |= {"stiffness": repr(words["stiffness"]), "springref": repr(zero + words["rest_angle"])}
-    if "armature" in words:
-        attributes |= {"armature": repr(words["armature"])}
-    if friction:
-        hard = {"solreffriction": "0.001 1", "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
-        attributes |= {"frictionloss": repr(friction), **hard}
-    return attributes
-
-
-def _motors(root: Element, made: Bodies, joints: Sequence[tuple[int, Words]]) -> None:
-    """Add the motor of the arm.
-
-    Cogging and presliding are represented as motors without a winding.
-    """
-    passive_parts = [(f"joint{j}", _parts(words, math.pi * (j == 1))) for j, words in joints]
-    driven = made.arm is not None and made.arm.input
-    actuators = element(root, "actuator") if driven or any(parts for _, parts in passive_parts) else root
-    if made.arm and driven:
-        element(actuators, "motor", name=f"arm_{made.arm.input}", joint="joint0", gear=repr(made.arm.gain))
-    for joint, parts in passive_parts:
-        for kind, numbers in parts:
-            attributes = {kind: " ".join(map(repr, numbers))}
-            element(actuators, "dcmotor", joint=joint, input="none", resistance="1", motorconst="0 0", **attributes)
-
-
-def _parts(words: Words, hanging: float) -> list[tuple[str, tuple[float, ...]]]:
-    waves = [("cogging", (size, N, phase - N * hanging)) for size, N, phase in words.get("cogging", ())]
+def _passive_parts(link: Link) -> list[tuple[str, tuple[float, ...]]]:
+    """Cogging and presliding of a joint as attributes of motors without a winding, with their numbers."""
+    words = link.body.words
+    waves = [("cogging", (size, N, phase - N * link.hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:
         return waves
     torque, length = words["presliding"]
     return [*waves, ("lugre", (torque / length, 0.0, torque, torque, 1.0))]
-
-
-def _inertia(body: Element, position: str, mass: float, inertia: float) -> None:
-    element(body, "inertial", pos=position, mass=repr(mass), diaginertia=f"{inertia!r} {inertia!r} {THIN!r}")

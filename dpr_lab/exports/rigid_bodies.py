@@ -1,11 +1,14 @@
 """The rig as rigid bodies on hinges, independent of the format."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Words
+
+Vector = tuple[float, float, float]
 
 THIN = 1e-12
 """Inertia of a thin rod about its own axis, kg m^2. It is positive, because simulators require this."""
@@ -28,6 +31,29 @@ class Rod:
     words: Words
     """Elements of effects at the joint."""
 
+    @property
+    def centre(self) -> Vector:
+        """Centre of mass, m."""
+        return self.offset, 0.0, self.centroid
+
+    @property
+    def end(self) -> Vector:
+        """Place of the next joint, m."""
+        return 0.0, 0.0, self.length
+
+    @property
+    def moments(self) -> Vector:
+        """Inertia about the axes through the centre of mass, kg m^2."""
+        return self.inertia, self.inertia, THIN
+
+    def with_mass_at_end(self, mass: float) -> "Rod":
+        """The rod together with a mass, kg, that is fixed to its end."""
+        total = self.mass + mass
+        offset, centroid = self.mass * self.offset / total, (self.mass * self.centroid + mass * self.length) / total
+        masses = [(self.mass, self.offset, self.centroid), (mass, 0.0, self.length)]
+        inertia = self.inertia + sum(m * ((x - offset) ** 2 + (z - centroid) ** 2) for m, x, z in masses)
+        return replace(self, mass=total, centroid=centroid, offset=offset, inertia=inertia)
+
 
 @dataclass(frozen=True, slots=True)
 class Arm:
@@ -45,6 +71,44 @@ class Arm:
     """Kind of the input of the drive; empty without a drive."""
     gain: float = 0.0
     """Torque per input, N m over the unit of the input."""
+    mass: float = 1e-9
+    """Mass, kg. Only the inertia has an influence, but simulators require a positive mass."""
+    centre: Vector = (0.0, 0.0, 0.0)
+    """Centre of mass, m."""
+
+    @property
+    def end(self) -> Vector:
+        """Place of the inner rod's joint, m."""
+        return 0.0, -self.length, 0.0
+
+    @property
+    def moments(self) -> Vector:
+        """Inertia about the axes, kg m^2."""
+        return self.inertia, self.inertia, self.inertia
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A moving body, and the hinge on which it turns."""
+
+    joint: int
+    """Number of the joint: 0 for the arm, 1 and 2 for the rods."""
+    name: str
+    parent: str
+    """Name of the body that carries the hinge; empty for the base."""
+    place: Vector
+    """Place of the hinge in the frame of the parent, m."""
+    body: Rod | Arm
+
+    @property
+    def axis(self) -> str:
+        """Axis of the hinge: the vertical for the arm."""
+        return "0 1 0" if self.joint else "0 0 1"
+
+    @property
+    def hanging(self) -> float:
+        """Angle of the hinge with the rods hanging, rad; 0 = upright, joint 2 relative to the inner rod."""
+        return math.pi if self.joint == 1 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +122,22 @@ class Bodies:
     gravity: float
     tilt: float
     arm: Arm | None
+
+    @property
+    def pull(self) -> Vector:
+        """Gravity in the frame of the base, m/s^2."""
+        return self.gravity * math.sin(self.tilt), 0.0, -self.gravity * math.cos(self.tilt)
+
+    @property
+    def links(self) -> list[Link]:
+        """Moving bodies from the base to the tip."""
+        bodies = {0: ("arm", self.arm)} if self.arm else {}
+        bodies |= dict(enumerate(zip(("inner", "outer"), self.rods, strict=False), 1))
+        links, parent, place = [], "", (0.0, 0.0, 0.0)
+        for joint, (name, body) in bodies.items():
+            links.append(Link(joint, name, parent, place, body))
+            parent, place = name, body.end
+        return links
 
 
 def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:

@@ -1,30 +1,46 @@
-"""XML output with texts from files."""
+"""XML documents rendered by Jinja2 from the templates of this package, with texts from files."""
 
 import re
-from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
+from functools import cache
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
 """Pattern of characters that XML 1.0 cannot contain, even escaped."""
+_IN_ATTRIBUTES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+"""Further characters that are escaped, because a parser would end an attribute at them or replace them by blanks."""
 
 
-def in_xml(text: str) -> str:
+def rendered(template: str, **values: Any) -> str:
+    """Document with the given values; their texts are escaped.
+
+    Args:
+        template: name of a file in the folder `templates`
+        values: variables of the template
+    """
+    return _environment().get_template(template).render(values) + "\n"
+
+
+@cache
+def _environment() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # not needed for other exports
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=PackageLoader("dpr_lab.exports"),
+        autoescape=True,
+        finalize=lambda value: Markup(escape(_in_xml(value), _IN_ATTRIBUTES)) if type(value) is str else value,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters["comment"] = lambda text: Markup(_in_xml(text).replace("-", "\N{NON-BREAKING HYPHEN}"))
+    return environment
+
+
+def _in_xml(text: str) -> str:
     """The text without characters that XML cannot contain."""
     return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)
-
-
-def element(parent: Element | None, tag: str, **attributes: str) -> Element:
-    """A new element; its attributes are escaped."""
-    safe = {key: in_xml(value) for key, value in attributes.items()}
-    return Element(tag, safe) if parent is None else SubElement(parent, tag, safe)
-
-
-def comment(parent: Element, text: str) -> None:
-    """A comment, without two consecutive hyphens or a hyphen at its end."""
-    unbroken = in_xml(text).replace("-", "\N{NON-BREAKING HYPHEN}")
-    parent.append(Comment(f" {unbroken} "))
-
-
-def text_of(root: Element) -> str:
-    """The document as text."""
-    indent(root)
-    return tostring(root, encoding="unicode") + "\n"
