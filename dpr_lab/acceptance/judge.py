@@ -259,7 +259,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
             instead = rival.instead_of or "none"
             return f"it is the cause with probability {percent(rival.probability)}, instead of {instead}"
-    return "named before, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
+    return "named, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
 
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
@@ -272,12 +272,12 @@ def _doubted(named: NamedEffect) -> str:
     """Reason why the ratios depend on a named effect; empty if the class of this effect is certain."""
     if named.probability >= SURE:
         return ""
-    return f"the ratios depend on the cause, and the probability of {named.name} is {percent(named.probability)}"
+    return f"the ratios depend on the cause, and {named.name} has a probability of only {percent(named.probability)}"
 
 
 def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
     if any(named.name == effect for named in diagnosis.effects):
-        return "the fit of this effect left this amplitude out, so it has no interval"
+        return "this amplitude was not fitted, so it has no interval"
     if other := diagnosis.absorbed.get(effect, {}).get(parameter):
         return f"indistinguishable from {other}"
     if len(EFFECTS[effect].amplitudes) > 1:

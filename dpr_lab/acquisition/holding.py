@@ -246,10 +246,10 @@ class HeldPose:
         while (answer := confirm()) is None:
             self._look(self._settings.poll_s)
         if not answer:
-            raise SafetyStop("no permission was given; nothing was released, the rods stay held")
+            raise SafetyStop("the release was not permitted; nothing was released, the rods stay held")
         restless = self._look(0)
         if restless:
-            raise SafetyStop(f"when the release was permitted, {restless}; nothing was released, the rods stay held")
+            raise SafetyStop(f"the release was permitted, but {restless}; nothing was released, the rods stay held")
 
     def _look(self, timeout: float) -> str:
         """Process new samples and return the reason why the rods may not be released, or an empty text."""

@@ -21,7 +21,7 @@ def check(
         typer.Option(help="For a measurement: the value with its unit, such as '6.1 mN m', '0.5 %' or '3 mrad'."),
     ] = None,
     std: Annotated[
-        str | None, typer.Option(help="Its standard uncertainty; without a unit it is in the unit of the value.")
+        str | None, typer.Option(help="Standard uncertainty of the value; without a unit, in the unit of the value.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Accept a value that no candidate cause predicts.")] = False,
     rig: Annotated[

@@ -264,7 +264,7 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
     for effect, reason in done.lost.items():
         line(f"not in {name}: {in_words(effect)}: {reason}")
     for effect in done.forced.passive.effects if done.forced else ():
-        line(f"in a module of passive forces for MuJoCo, with a file of its own: {in_words(effect)}")
+        line(f"in a separate module of passive forces for MuJoCo: {in_words(effect)}")
     show_replays(name, done.replays)
     if done.changes and out is None:
         line(f"With --out FOLDER the changed {name} is written to this folder.")

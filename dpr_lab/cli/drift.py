@@ -17,8 +17,8 @@ def drift(
     by: Annotated[
         Literal["day", "session", "label"],
         typer.Option(
-            help="Criterion of the groups: day, pause of one hour (session), or note of the run (label; without"
-            " a note, its folder)."
+            help="Grouping of the runs: by day, by pauses of one hour (session), or by note (label; a run without"
+            " a note: by folder)."
         ),
     ] = "day",
     diagnosis: Annotated[

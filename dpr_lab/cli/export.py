@@ -144,8 +144,8 @@ def _show_bands(done: "EnsembleResult") -> None:
     for band in done.bands:
         if band.delay_s > 0:
             line(
-                f"{band.run}: without its first {band.delay_s:.2g} s, which the model fits far worse than the"
-                " later readings: a hand may still have moved the rods."
+                f"{band.run}: its first {band.delay_s:.2g} s are excluded, because the model fits them far worse than"
+                " the later readings: a hand may still have moved the rods."
             )
 
 
@@ -156,7 +156,7 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
     if done.factor_of_fit > 1:
         yield (
             f"Standard deviations are multiplied by {done.factor_of_fit:.3g}, a factor from cross-validation: with it,"
-            " 90 % bands cover each fitted recording when the others predict it."
+            " the 90 % bands that the other recordings predict cover each fitted recording."
         )
     if done.amplitudes_rad is not None:
         low, high = (math.degrees(amplitude) for amplitude in done.amplitudes_rad)
@@ -167,14 +167,17 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
     if done.expected_coverage < BANDS.level:
         yield (
             f"The bands of {size} models contain on average {percent(done.expected_coverage)} of the readings of"
-            f" another recording. For {percent(BANDS.level)}, sample {fewest_models()} models or more."
+            f" another recording. For bands that contain {percent(BANDS.level)}, sample {fewest_models()} models"
+            " or more."
         )
     if not (done.from_diagnosis or done.bands):
-        needs = "which needs a clamped arm and the recordings at their places"
-        scatter = "" if done.scatter else f"the scatter between its recordings, {needs}, and "
+        needs = "which requires a clamped arm and the recordings at their stored paths"
+        scatter = "" if done.scatter else f" and not the scatter between recordings, {needs}"
         yield (
-            f"The model has no diagnosis next to it: the ensemble lacks {scatter}other causes, so its bands may be too"
-            " narrow. Give the folder of a diagnosis, or --check RUN to widen the bands."
+            "No diagnosis is stored next to the model. Therefore the ensemble does not contain other possible"
+            f" causes{scatter}, and its bands may be too narrow. Give the folder of a diagnosis, or --check RUN to"
+            " widen"
+            " the bands."
         )
 
 
@@ -226,7 +229,7 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
         note = (
             "Errors of free runs, or of segments of 1 s if the arm moves. The error after the change is larger than"
             " that of dpr-lab if the file cannot contain an effect, if the simulator softens Coulomb friction, or if"
-            " numbers of the file stay because they differ by less than 1 %."
+            " numbers of the file were kept because they differ by less than 1 %."
         )
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 

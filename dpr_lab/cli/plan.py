@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 COLUMNS = ("release", "what to record", "reason", "minutes", "horizon, s", "effects distinguished")
 
 RELEASES = (
-    "Angles: 0 = upright, 180 deg = hanging. Horizon: afterwards, small errors of the start pose change the swing; its"
+    "Angles: 0 = upright, 180 deg = hanging. Horizon: time after which small errors of the start pose change the swing;"
     " later samples still contribute information. Effects distinguished: mean expected information about two effects of"
-    " the library (`dpr-lab effects`), by all releases up to this one; 0 % if they distinguish no two effects, 100 % if"
+    " the library (`dpr-lab effects`), from all releases up to this one; 0 % if they distinguish no two effects, 100"
+    " % if"
     " all."
 )
 
 FORECAST = (
-    " P(decided): probability that the causes are decided by then; causes that no release separates count as one."
+    " P(decided): probability that the causes are decided after this release; causes that no release separates count"
+    " as one."
 )
 
 BITS = "1 bit decides between two equally probable causes."

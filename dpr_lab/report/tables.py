@@ -116,8 +116,9 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
     sizes = f"rms residual {', '.join(('θ1', 'θ2')[:rods])}: {residual}; noise floor: {floor}"
     if fitted > NOISE_LIKE.most and _driven_by_noise(fitted, model.fit.chi2_per_dof):
         verdict = (
-            f"The residual is as large as noise explains: it is {three(fitted)} times the noise of the readings,"
-            " because the noise of the prescribed motion or measured torques moves the rods, too. With this noise"
+            f"The residual is {three(fitted)} times the noise of the readings. Noise alone explains this,"
+            " because the noise of the prescribed motion or of the measured torques also moves the rods. With this"
+            " noise"
             f" the reduced chi-square is {three(model.fit.chi2_per_dof)}"
         )
         return f"{verdict} ({sizes}; {_held_out(held_out)}). {SMALL_EFFECTS}"
@@ -352,7 +353,7 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
     if fitted > NOISE_LIKE.most:
         return f"The residual is {three(fitted)} times the noise floor: the model lacks an effect"
     if not all(multiple <= NOISE_LIKE.most for multiple in held_out):
-        return "The residual of the fitted runs is at the noise floor, but that of held-out runs is larger"
+        return "The residual of the fitted runs is at the noise floor; the residual of the held-out runs is larger"
     if fitted < NOISE_LIKE.least:
         return f"The residual is {three(fitted)} times the noise floor: noise floor and intervals are overestimated"
     return "The residual is at the noise floor"

@@ -228,7 +228,7 @@ def _faults(stored: Scan) -> list[str]:
     samples = len(stored.samples().ticks)
     announced = {"end record": stored.samples_announced, "MCAP statistics": stored.samples_counted}
     faults += [
-        f"{samples} samples, but the {name} says {n}" for name, n in announced.items() if n not in (None, samples)
+        f"{samples} samples, but the {name} states {n}" for name, n in announced.items() if n not in (None, samples)
     ]
     return faults
 

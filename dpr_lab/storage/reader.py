@@ -146,7 +146,7 @@ def released(run: Run) -> Run:
     note += f"{' and ' if note else ''}{'after' if note else 'the rods are held after'} {last:.4g} s" * (
         part.stop < len(run.t)
     )
-    return replace(cut, t=cut.t - release, arm=arm, inner=inner, notes=(*run.notes, f"{note}: left out of the swing"))
+    return replace(cut, t=cut.t - release, arm=arm, inner=inner, notes=(*run.notes, f"{note}: excluded from the swing"))
 
 
 def _torques(samples: Samples) -> tuple[Array | None, Array | None]:

@@ -49,7 +49,9 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     import numba
 
     if case["version"] != __version__:
-        raise DprError(f"this worker has dpr-lab {__version__}, the campaign is of {case['version']}: install the same")
+        raise DprError(
+            f"this worker has dpr-lab {__version__}, but the campaign uses {case['version']}: install the same version"
+        )
     numba.set_num_threads(1)
     request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
     with sealed_in_memory(request, case["rig"], direct=False) as plant:

@@ -137,7 +137,7 @@ def test_an_amplitude_that_the_fit_left_out_does_not_pass(found: Diagnosis) -> N
     without = found.model_copy(update={"effects": [without]})
     (judged,) = judge(without, limit("coulomb_joint1", "torque_Nm", 1.0, "N m")).limits
     assert (judged.answer, judged.interval90) == ("not decidable", None)
-    assert "left this amplitude out" in judged.reason
+    assert "this amplitude was not fitted" in judged.reason
 
 
 def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:

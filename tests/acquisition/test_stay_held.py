@@ -37,7 +37,7 @@ def test_rods_off_the_pose_are_never_released(paper: Rig, tmp_path: Path, bench,
 
 def test_without_a_go_ahead_nothing_is_released(paper: Rig, tmp_path: Path, bench, settled) -> None:
     with bench() as (device, spy):
-        with pytest.raises(SafetyStop, match="no permission was given; nothing was released, the rods stay held"):
+        with pytest.raises(SafetyStop, match="the release was not permitted; nothing was released, the rods stay held"):
             capture(device, paper, "X1", SHORT, tmp_path)
         status = settled(device)
     assert (status.state, status.latched) == (State.HOLDING, True)

@@ -52,7 +52,7 @@ def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: 
     for basis, state in states.items():
         state.transfer.basis = basis
     said = {basis: verdict._unexplained(state) for basis, state in states.items()}
-    assert "but not in quarters that the fit leaves out." in said["one release"]
+    assert "but not in the quarters that were not fitted." in said["one release"]
     assert "but not in other recordings." in said["releases left out"]
 
 

@@ -118,7 +118,7 @@ def test_noise_on_the_fit_is_not_enough_when_a_held_out_run_is_worse(residual, m
 
     sentence = tables.summary(model(), compared)
 
-    assert sentence.startswith("The residual of the fitted runs is at the noise floor, but that of held-out")
+    assert sentence.startswith("The residual of the fitted runs is at the noise floor; the residual of the held-out")
     assert "2 runs held out" in sentence
 
 

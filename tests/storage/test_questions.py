@@ -104,7 +104,7 @@ def test_torques_of_rows_that_are_far_apart_are_questioned(
 ) -> None:
     for name, coarse in (("driven/none", False), ("driven/every_tenth", True)):
         questions = preview(tables[name].write(tmp_path), paper, tables[name].options).questions
-        assert any("do not show when such a change acts" in question.sentence for question in questions) == coarse
+        assert any("do not show when such a change occurs" in question.sentence for question in questions) == coarse
     assert coarse_torques(np.array([[0.0, 0.0], [1.0, 0.0]]), 0.1, "the input changes").startswith("the input changes")
 
 

@@ -39,7 +39,7 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
     if share := state.recordings.torques_earlier:
         sentences.append(
             "The known torques change between rows, so that holding each value until the next row would delay them."
-            f" Each value was therefore assumed to act from {share:.2f} of the row interval before its time stamp on"
+            f" Each value was therefore assumed to act earlier than its time stamp, by {share:.2f} of the row interval"
             " (fitted). A delay of the drive shorter than this interval is indistinguishable from this assumption."
         )
     if state.recordings.exact_torques:
@@ -87,13 +87,13 @@ def _scale(state: Advised) -> str:
 def _arm(state: Advised) -> str:
     """Sentence on the assumptions about an arm that moves."""
     rig, setups = state.recordings.rig, state.problem.segments.setups
-    text = "The arm's angle is read, and its inertia and viscous friction are fitted"
+    text = "The angle of the arm is measured; its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
         return f"{text}; only friction, springs and the rods act on it."
     kind = rig.motor.input if rig.motor else "torque"
     if DRIVE_GAIN.name in state.problem.always:
         return (
-            f"{text}, and so is the ratio of torque to {kind}, because the rig file contains no measured motor"
+            f"{text}. The ratio of torque to {kind} is fitted too, because the rig file contains no measured motor"
             " constants."
         )
     known = "the motor's constants of the rig file" if kind != "torque" else "that it is a torque in N m"
@@ -101,7 +101,7 @@ def _arm(state: Advised) -> str:
         return f"{text}; the torque of the {kind} is known from {known}, which fixes the scale of all torques."
     return (
         f"{text}; the torque of the {kind} is known from {known}, and the scale of the rods from their measured"
-        " values, so a contradiction between the two is detectable."
+        " values. A contradiction between the two is therefore detectable."
     )
 
 

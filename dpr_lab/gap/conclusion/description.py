@@ -129,8 +129,8 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
         changes = np.median(np.abs(np.diff(torques.joints, axis=0)), axis=0)
         if abs(delay) < interval and np.any(changes > DESCRIPTION.torque_step * ranges):
             return (
-                f"The torques change much between rows, which are {1e3 * interval:.3g} ms apart: a delay of"
-                f" {1e3 * delay:.2g} ms can be due to their unknown course between two rows. Export the torques at the"
+                f"The torques change much within the {1e3 * interval:.3g} ms between rows: a delay of"
+                f" {1e3 * delay:.2g} ms can result from these unrecorded changes. Export the torques at the"
                 " rate of the controller."
             )
     return ""

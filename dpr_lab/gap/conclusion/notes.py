@@ -70,9 +70,10 @@ def _lone_recording(state: Advised) -> Iterator[str]:
     piece = are_pieces([lone.name])
     left = "only noise" if lone.others < LONE.least else f"at most {lone.others:.2g} times the noise"
     yield (
-        f"The model leaves {lone.remainder:.2g} times the noise in {lone.name}. Fitted without it, the model leaves"
-        f" {left} in each other {'piece' if piece else 'recording'}: something acted in {lone.name} alone, or it"
-        f" contains a motion that the others do not.{'' if piece else ' Diagnose the others without it.'}"
+        f"The model leaves {lone.remainder:.2g} times the noise in {lone.name}. If {lone.name} is not fitted, the model"
+        f" leaves {left} in each other {'piece' if piece else 'recording'}. A cause acted in {lone.name} alone, or"
+        f" {lone.name} contains a motion that the others do not contain."
+        f"{'' if piece else ' Diagnose the others without it.'}"
     )
 
 

@@ -187,14 +187,14 @@ def _unexplained(state: Transferred) -> str:
     closest, verb = _classes(posteriors), "explain" if len(posteriors) > 1 else "explains"
     if share >= VERDICT.partly_share:
         alone = transferred.basis == "one release"
-        doubt = "not in quarters that the fit leaves out" if alone else "not in other recordings"
+        doubt = "not in the quarters that were not fitted" if alone else "not in other recordings"
         if not _fitted_only(posteriors, transferred):
             doubt = f"a remainder of {remainder} makes a cause outside the library more probable"
         return (
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
             f" recordings, but {doubt}. {how_far(transferred)}"
         )
-    return f"Unexplained: the closest, {closest}, {verb} only {percent(share)} of the excess chi-square."
+    return f"Unexplained: the closest candidates ({closest}) {verb} only {percent(share)} of the excess chi-square."
 
 
 def _in_noise(ratio: float) -> str:
@@ -244,7 +244,7 @@ def _no_gap(base: Hypothesis) -> str:
 def how_far(transferred: Transfer) -> str:
     """Sentence on the reduction of the gap on held-out data, with the kind of these data."""
     if not transferred.tested:
-        return "The recordings are too short to predict one part from another, so no data tested this."
+        return "The recordings are too short to predict one part from another, so no data validate this result."
     estimate, (low, high) = transferred.closed.estimate, transferred.closed.interval90
     if _undecided(transferred):
         return f"{_tested_on(transferred)} the gap is too small to show a reduction."

@@ -93,8 +93,8 @@ def without_touch(record: Record, rig: Rig) -> Record:
         return record
     evidence = (
         f"at rest from {touched.rest_s:.3g} s on, then a reading moves by {1e3 * touched.size:+.2g} mrad: a hand"
-        " or a cable touches the rods, the mount gives way, or the zero of the encoder drifts; the readings from there"
-        " on are left out"
+        " or a cable touches the rods, the mount gives way, or the zero of the encoder drifts; the later readings"
+        " are excluded"
     )
     finding = Finding("touched_at_rest", record.run.name, AXES[touched.axis], touched.at_s, evidence, step=touched.size)
     return record.left_out(touched.at_s, np.inf).with_findings([finding])

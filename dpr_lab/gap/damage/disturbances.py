@@ -298,11 +298,11 @@ def _finding(record: Record, part: LeftOut) -> Finding:
     if not part.of_reading and len(part.jumps) == 1:
         speeds = " and ".join(f"{change:+.2g}" for change in dict.fromkeys(first.size))
         evidence = (
-            f"a kick changes the speed of the rods by {speeds} rad/s: {DISTURBANCE.kick_s:g} s about it are left out"
+            f"a kick changes the speed of the rods by {speeds} rad/s: {DISTURBANCE.kick_s:g} s around it are excluded"
         )
         return Finding("disturbance", name, None, first.at, evidence)
     if not part.of_reading:
-        evidence = f"until {part.until:.3g} s the rods do not move as free rods: a hand pushes or holds them; left out"
+        evidence = f"until {part.until:.3g} s the rods do not move as free rods: a hand pushes or holds them; excluded"
         return Finding("disturbance", name, None, part.since, evidence)
     step = next(jump for jump in part.jumps if jump.joint is not None)
     shifted = f"the reading steps by {1e3 * step.size[0]:+.3g} mrad"
@@ -310,7 +310,7 @@ def _finding(record: Record, part: LeftOut) -> Finding:
         return Finding(MISSED_COUNTS.name, name, AXES[step.joint or 0], step.at, shifted, step=step.size[0])
     if np.isinf(part.until) or np.isinf(part.since):
         rest = "later" if np.isinf(part.until) else "earlier"
-        evidence = f"{shifted} and stays: the tracker or the encoder slipped; the {rest} readings are left out"
+        evidence = f"{shifted} and stays: the tracker or the encoder slipped; the {rest} readings are excluded"
     else:
-        evidence = f"{shifted} and returns at {part.until:.3g} s: the readings in between are left out"
+        evidence = f"{shifted} and returns at {part.until:.3g} s: the readings in between are excluded"
     return Finding("reading_step", name, AXES[step.joint or 0], step.at, evidence, step=step.size[0])

@@ -117,7 +117,7 @@ def _integrator(problem: Problem, model: Hypothesis) -> _Source:
     return _Source(
         "integrator",
         "numerical",
-        "halving the step of the Runge-Kutta method, the values refitted",
+        "half the step of the Runge-Kutta method, with refitted values",
         lambda swings: refit.variance(swings, swings.otherwise(finer=2.0), ASSUMED.richardson),
     )
 
@@ -151,7 +151,7 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
     yield _Source(
         "initial state",
         "input",
-        "noise of the readings to which it is fitted",
+        "noise of the readings to which the initial state is fitted",
         lambda swings: [noise * swing.start_variance() for swing in swings.each],
     )
     yield _Source("readings", "data", "noise of the compared readings", of_readings)
@@ -162,7 +162,8 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
     if not fitted:
         std = ASSUMED.rule_m * ASSUMED.rectangular
         description = (
-            f"{1e3 * std:.2g} mm, assumed: read from a ruler to {1e3 * ASSUMED.rule_m:g} mm; the rig file gives none"
+            f"{1e3 * std:.2g} mm, assumed: read from a ruler to {1e3 * ASSUMED.rule_m:g} mm; no uncertainty in the"
+            " rig file"
         )
         yield "L1", description, known._replace(L1=known.L1 + std)
     std = ASSUMED.gravity * ASSUMED.rectangular

@@ -180,8 +180,8 @@ class Recordings:
             return self
         delay_ms = 1e3 * abs(shutter.delay) * self.rods_length
         evidence = (
-            f"the instants of the readings depend on the place in the picture, as of a camera that reads it line by"
-            f" line ({shutter.lines} lines), {delay_ms:.2g} ms over the length of the rods; the readings are corrected"
+            f"the sampling instants depend on the position in the image, as in a camera with a rolling shutter"
+            f" ({shutter.lines} lines): {delay_ms:.2g} ms over the length of the rods; the readings are corrected"
         )
         records = [
             record.with_shutter(shutter, self.constants).with_finding("rolling_shutter", evidence)

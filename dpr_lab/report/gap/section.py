@@ -78,7 +78,7 @@ def evidence_of(diagnosis: Diagnosis) -> Evidence:
         ValueError: the diagnosis was written by an older version, without evidence.
     """
     if diagnosis.evidence is None:
-        raise ValueError("this diagnosis contains no evidence")
+        raise ValueError("this diagnosis contains no evidence sections")
     return diagnosis.evidence
 
 

@@ -220,8 +220,8 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         if length.wrong.any():
             angle[length.wrong] = np.nan
             notes.append(
-                f"{axis}: in {np.count_nonzero(length.wrong)} frames the rod has another length, so that the tracker"
-                " followed something else: these readings are left out"
+                f"{axis}: in {np.count_nonzero(length.wrong)} frames the rod has another length, so the tracker"
+                " followed another object: these readings are excluded"
             )
     notes += [
         f"{axis}: noise {length.std:.2g} rad, from the scatter of the rod's length in the picture"

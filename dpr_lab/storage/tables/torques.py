@@ -71,7 +71,9 @@ def find_torques(
     for name, joint in driven.items():
         of_kind = by_kind[kinds[name] or unsaid]
         if joint in of_kind:
-            raise RunError(f"{path}: {of_kind[joint]} and {name} are the same torque: leave one out of the table")
+            raise RunError(
+                f"{path}: {of_kind[joint]} and {name} contain the same torque: remove one of the two columns"
+            )
         of_kind[joint] = name
     wanted = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
     chosen = {kind: by_kind[kind] for kind in wanted if by_kind[kind]}
@@ -216,7 +218,8 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
     if share <= limit:
         return ""
     return (
-        f"{words} by {percent(share)} of the range from row to row. The rows do not show when such a change acts, and a"
+        f"{words} by {percent(share)} of the range from row to row. The rows do not show when such a change occurs,"
+        " and a"
         " diagnosis may name a delay of the input: export the table at the rate of the controller"
     )
 

@@ -119,7 +119,7 @@ def understand(
     notes += [*unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
-        notes.append("its torques are zero throughout: a free swing")
+        notes.append("all its torques are zero, so it is treated as a free swing")
     values = {axis: _scaled(column[rows], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}

@@ -28,7 +28,7 @@ from dpr_lab.tui.widgets.readout import BAD, GOOD, angles_text, old_text, ordere
 
 SIMULATED = TRANSPORTS["sim"].example
 CONNECTING = "connecting ({connect.disconnect}: cancel)"
-COMPILING = "compiling the simulated rig, once on this computer: about half a minute ({connect.disconnect}: cancel)"
+COMPILING = "compiling the simulated rig, only the first time: about half a minute ({connect.disconnect}: cancel)"
 OWN = "or the URL of another link ({connect.edit} to enter it); empty: the link of the rig file"
 UNTESTED = "not tested: press {connect.exercise}"
 CLOSES = " (closes the latch)"

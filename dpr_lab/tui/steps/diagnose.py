@@ -273,7 +273,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         closed = diagnosis.gap.closed_held_out
         selected = {run.stem for run in (*self.workspace.runs, *self.workspace.held_out)}
         same_runs = {whole(name) for name in (*closed.per_run, *closed.held_out)} == selected
-        return "" if same_runs or not selected else " This diagnosis is of other runs than those selected."
+        return "" if same_runs or not selected else " This diagnosis used other runs than those selected."
 
     @on(Select.Changed, "#place")
     def _place_picked(self, event: Select.Changed) -> None:

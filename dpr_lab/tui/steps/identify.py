@@ -239,7 +239,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
     def _doubt(self, model: "Model | MovingArmModel") -> str:
         """Note that the model belongs to other runs than the selected ones; empty otherwise."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
-        return "" if used == selected or not selected else " This model is of other runs than those selected."
+        return "" if used == selected or not selected else " This model was fitted to other runs than those selected."
 
     def _standing(self, last: GenerationDone) -> str:
         text = (

@@ -44,7 +44,7 @@ class PlanStep(JobStep):
     """Plan of the next releases; writes plan.json and a rig file with the planned poses."""
 
     NAME = "Plan"
-    PURPOSE = "recommends what to record next, with reason and minutes, and says when the recordings are enough"
+    PURPOSE = "recommends the next recordings, with reason and minutes, and reports when no more are needed"
     WORK = "the current plan"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the torques")
     HELP = """
@@ -54,9 +54,10 @@ are diagnosed first.
 
 - **limits file**: which poses can be reached, what can be mounted, and how many minutes each step takes.
 - **budget**: time at the rig, such as `10min`; without it three releases are planned.
-- **distinguished**: mean expected information about two effects of the library, by all releases up to this
+- **distinguished**: mean expected information about two effects of the library, from all releases up to this
   one; 0 % if they distinguish no two effects, 100 % if all.
-- **P(decided)**: probability that the causes are decided by then; causes that no release separates count as one.
+- **P(decided)**: probability that the causes are decided after this release; causes that no release separates
+  count as one.
 - `{plan.take}` takes the marked release as the next pose and duration of Capture, with the rig file that describes
   its rods, mass and arm. Nothing moves and nothing is released: Capture guides you to the pose as to any other.
 
@@ -232,7 +233,7 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
         lines = [
             release.text,
             f"reason: {in_words(release.reason)}",
-            f"horizon: {release.horizon_s:.1f} s; afterwards, small errors of the start pose change the swing",
+            f"horizon: {release.horizon_s:.1f} s; after it, small errors of the start pose change the swing",
         ]
         shown.append(sentences(f"Release {release.number}", lines))
         if release.pairs:

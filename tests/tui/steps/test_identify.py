@@ -142,7 +142,7 @@ async def test_an_invalid_seed_is_refused(lab) -> None:
 async def test_the_bench_is_resumed_with_its_model(lab, fixed_model: Path) -> None:
     async with lab(IdentifyStep, runs=[Path("X1.mcap")], model=fixed_model) as pilot:
         assert step(pilot.app).outcome() == "model of 3 runs"
-        assert "of other runs than those selected" in text(pilot.app, "#state")
+        assert "was fitted to other runs than those selected" in text(pilot.app, "#state")
         await pilot.press("v")
         assert pilot.app.query_one(TabbedContent).active == "ratios"
         pilot.app.query_one(TabbedContent).active = "convergence"  # as a start does: what had the focus is gone

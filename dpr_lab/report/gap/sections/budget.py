@@ -48,10 +48,10 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
     """Sentences that compare the error with the uncertainty of the inputs."""
     budget = evidence_of(diagnosis).budget
     return [
-        "Even if the model is correct, a simulation can differ from a recording: initial state, lengths and"
+        "A simulation can differ from a recording even if the model is correct: initial state, lengths and"
         " gravity are known with finite accuracy, and the integrator has errors. The figure shows how much"
         " each input changes a free"
-        " run, and the error of the free run. An error beyond twice the combined uncertainty shows a model error.",
+        " run, and the error of the free run. An error above twice the combined uncertainty shows a model error.",
         f"Bare model: {_judged(budget.error_before_rad, budget.u_before_rad)}"
         f" Corrected model: {_judged(budget.error_after_rad, budget.u_after_rad)}",
     ]

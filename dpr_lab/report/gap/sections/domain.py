@@ -64,7 +64,7 @@ def domain_words(diagnosis: Diagnosis) -> list[str]:
     return [
         f"The corrected model predicts {swings} of rig “{evidence.rig}” for {until:.2g} s from an initial state that"
         f" is fitted to 0.3 s of readings. A simulator can use it at the angles and speeds of the map, up to {speeds}.",
-        f"It was fitted to {_count(fitted)}"
+        f"The model was fitted to {_count(fitted)}"
         + (f" and validated on {_count(held_out)} held out." if held_out else ". No recording was held out."),
         _days(days, len(evidence.recordings)),
         "Blank cells were not visited: there the model extrapolates, and this report makes no statement. Other loads,"

@@ -15,24 +15,25 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     excluded, not_excluded = _split(diagnosis)
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [
-        f"{len(excluded)} effects of the library are absent, or smaller than the size given: a larger one would have"
-        f" been detected in these recordings with a confidence of at least {percent(EXCLUDED.sure)}, for effects of"
-        f" unknown order, frequency or speed {percent(EXCLUDED.of_shapes)}.",
-        "Smaller effects are not excluded. An effect that is indistinguishable from a named one is excluded only in"
+        f"{len(excluded)} effects of the library are absent or smaller than the size in the table. A larger effect"
+        " would have"
+        f" been detected in these recordings with a confidence of at least {percent(EXCLUDED.sure)} (effects of"
+        f" unknown order, frequency or speed: {percent(EXCLUDED.of_shapes)}).",
+        "Smaller effects are not excluded. An effect that is indistinguishable from a named effect is excluded only in"
         " addition to it.",
     ]
     if not_excluded:
         sentences.append(
-            "Not excluded, because the remainder has a component with their signature:"
-            f" {', '.join(map(named, not_excluded))}. A further release decides those that recur."
+            "Not excluded, because the remainder has a component with the signature of the effect:"
+            f" {', '.join(map(named, not_excluded))}. A further release shows whether this component recurs."
         )
     if undetectable:
         names = in_words(", ".join(undetectable))
         sentences.append(f"Undetectable at any size in addition to the named effects: {names}.")
     if diagnosis.verdict in ("partly_explained", "unexplained"):
         sentences.append(
-            "The remainder has no named cause and could compensate an effect. The confidence assumes that its"
-            " signature differs from that of the effect."
+            "The remainder has no named cause and could compensate for an effect. The confidence assumes that the"
+            " signature of the remainder differs from that of the effect."
         )
     return sentences
 

@@ -61,7 +61,9 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
         sentences.append(f"{_words(joint).capitalize()}: {' and '.join(sizes)}. ±: standard deviation.")
     other = [named(effect.name) for effect in diagnosis.effects if effect.name in NOT_OF_SPEED]
     if other:
-        sentences.append(f"This curve does not contain friction that depends on more than the speed: {listed(other)}.")
+        sentences.append(
+            f"Friction that depends on other quantities than the speed is not part of this curve: {listed(other)}."
+        )
     return sentences or ["No joint moves in both directions."]
 
 

@@ -94,8 +94,8 @@ METRIC = EvidenceSection(
     words=metric_words,
     figure=metric_figure,
     alternative="Differences of the quantiles of simulated and measured angles of both rods, for both models.",
-    caption="Differences of the quantiles of simulated and measured angles within the horizon, for the recording with"
-    " the largest area of the bare model. The shaded areas are the metric.",
+    caption="Differences of the quantiles of simulated and measured angles within the horizon, for the recording in"
+    " which the bare model has the largest area. The shaded areas are the metric.",
     tables=(
         FoldedTable(
             "Areas and horizons by run",

@@ -41,7 +41,11 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     if residual > unexplained:
         share, rate = f"{percent(residual)} of" if residual < 1 else "more than", table.options.rate_hz
         pace = other_pace(read.t, table.theta[looked_at, 1:], table.rig) if rate and table.free else 1.0
-        filmed = f"; much less with --rate-hz {rate * pace:g}: was it filmed so fast?" if rate and pace != 1.0 else ""
+        filmed = (
+            f"; much less with --rate-hz {rate * pace:g}: was this the frame rate of the camera?"
+            if rate and pace != 1.0
+            else ""
+        )
         doubts.append(
             TableQuestion(
                 f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
