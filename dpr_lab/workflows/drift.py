@@ -111,7 +111,7 @@ def watch_drift(request: DriftRequest, on_event: OnEvent = ignore) -> DriftResul
     runs = read_runs(request.runs, rig, on_event, request.any_clock, request.torque, moving=True)
     moving = any(run.arm_mode in ("free", "driven") for run in runs)
     if moving and request.model:
-        raise RunError("runs with a free or driven arm start from the rig file: leave out --model")
+        raise RunError("runs with a free or driven arm start from the rig file: omit --model")
     start = load_model(request.model).starting_point(rig) if request.model else None
     groups = grouped([_recorded(file) for file in request.runs], request.by)
     on_event(StageBegan(1, len(STAGES), STAGES[0]))

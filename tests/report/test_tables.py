@@ -107,7 +107,7 @@ def test_noise_of_a_prescribed_arm_is_no_missing_effect(chi2, noise, model):
     fitted = model(1.5)
     fitted = fitted.model_copy(update={"fit": fitted.fit.model_copy(update={"chi2_per_dof": chi2})})
     sentence = tables.summary(fitted)
-    assert ("as large as noise explains: it is 1.50 times the noise of the readings" in sentence) == noise
+    assert ("is 1.50 times the noise of the readings. Noise alone explains this" in sentence) == noise
     assert ("lacks an effect" in sentence) != noise
 
 

@@ -144,7 +144,7 @@ def _first_followed(followed: Followed) -> float:
             return float(run.t[offsets[k]])
     raise RunError(
         f"{run.file or run.name}: the model does not follow the first {tried * BANDS.start_s:g} s, so no band can"
-        " start there; a hand may still have moved the rods, or the model lacks an effect: leave this recording out, or"
+        " start there; a hand may still have moved the rods, or the model lacks an effect: exclude this recording, or"
         " diagnose it"
     )
 

@@ -111,7 +111,7 @@ class CaptureView(Vertical):
             if shown.content != content:
                 shown.update(content, layout=name == "headline")
         self._show_rods(state)
-        self._show_swing(swung, state.unit, state.rig, "last swing, ended early: " if state.attempt is None else "")
+        self._show_swing(swung, state.unit, state.rig, ended_early=state.attempt is None)
         self._show_input(swung, state.rig)
 
     def _show_rods(self, state: CaptureState) -> None:
@@ -134,10 +134,11 @@ class CaptureView(Vertical):
         if driven and attempt is not None and rig.motor is not None:
             quantity = f"{rig.motor.input} ({INPUT_UNITS[rig.motor.input]})"
             line = Series(rig.motor.input, attempt.trace[0], inputs, tone="accent")
-            self.query_one("#input", Chart).show([line], x_label="time from release (s)", y_label=quantity)
+            self.query_one("#input", Chart).show([line], x_label="time (s)", y_label=quantity)
 
-    def _show_swing(self, attempt: Attempt | None, unit: AngleUnit, rig: Rig, which: str) -> None:
+    def _show_swing(self, attempt: Attempt | None, unit: AngleUnit, rig: Rig, *, ended_early: bool) -> None:
         t, theta = attempt.trace if attempt is not None else (np.empty(0), np.empty((0, 3)))
+        symbol = unit.symbol.strip()
         turns = np.round((theta[0] - attempt.pose.theta) / (2 * np.pi)) if attempt is not None and len(t) else 0
         shown = (theta - 2 * np.pi * turns) * unit.per_rad
         names = ("θ1 inner", "θ2 outer") if rig.rods.number == 2 else ("θ1 rod",)
@@ -148,8 +149,8 @@ class CaptureView(Vertical):
             lines.append(Series("θ0 arm", t, shown[:, 0], tone="accent"))
         self.query_one("#swing", Chart).show(
             lines,
-            x_label="time from release (s)",
-            y_label=f"{which if len(t) else ''}angle ({unit.symbol.strip()}, 0 = upright)",
+            x_label="time (s)",
+            y_label=f"ended early: angle ({symbol})" if ended_early and len(t) else f"angle ({symbol}, 0 = upright)",
         )
 
 

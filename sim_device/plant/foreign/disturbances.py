@@ -87,7 +87,7 @@ DISTURBANCES = (
     ),
     OutOfLibraryEffect(
         "leaning_table",
-        "somebody leans on the table for a moment",
+        "a person leans on the table for a short time",
         Size("tilt_rad", 5e-3, 2e-2),
         sign="any",
         shape=(Size("at_s", 2.0, 6.0), Size("lasts_s", 0.3, 1.0)),

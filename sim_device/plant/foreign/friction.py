@@ -163,7 +163,7 @@ FRICTION = (
     ),
     OutOfLibraryEffect(
         "root_friction_joint2",
-        "friction of joint 2 that grows with the root of speed",
+        "friction of joint 2 that increases with the square root of speed",
         Size("torque_at_1rad_per_s_Nm", 3e-4, 1e-3),
         motion=root_joint2,
         dissipative=True,
@@ -188,7 +188,7 @@ FRICTION = (
     ),
     OutOfLibraryEffect(
         "plastic_load_friction_joint2",
-        "friction of a plastic bush in joint 2 by the 2/3 power of its load",
+        "friction of a plastic bush in joint 2, proportional to the 2/3 power of its load",
         Size("torque_at_1N_Nm", 5e-5, 3e-4),
         motion=plastic_load_joint2,
         dissipative=True,
@@ -196,7 +196,7 @@ FRICTION = (
     ),
     OutOfLibraryEffect(
         "warming_friction_joint1",
-        "grease of joint 1 that thins until it is warm",
+        "viscous friction of joint 1 that decreases while its grease warms up",
         Size("damping_Nms_per_rad", 5e-5, 2e-4),
         shape=(Size("lasts_s", 2.0, 6.0),),
         motion=warming_joint1,
@@ -204,7 +204,7 @@ FRICTION = (
     ),
     OutOfLibraryEffect(
         "seizing_friction_joint2",
-        "a seal of joint 2 that runs dry within a moment",
+        "friction of joint 2 that increases within a few seconds, as of a dry seal",
         Size("damping_Nms_per_rad", 2e-5, 1e-4),
         shape=(Size("at_s", 2.0, 5.0), Size("lasts_s", 0.5, 2.0)),
         motion=seizing_joint2,

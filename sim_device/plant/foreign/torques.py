@@ -117,7 +117,7 @@ def narrow_detent_joint2(body: Body, values: Values) -> EquationOfMotion:
 TORQUES = (
     OutOfLibraryEffect(
         "power_drag_outer",
-        "air drag of the outer rod by the power 1.6 to 1.8 of speed",
+        "air drag of the outer rod, proportional to speed to the power 1.6 to 1.8",
         Size("drag_N_per_m", 2e-3, 1e-2),
         shape=(Size("exponent", 1.6, 1.8),),
         motion=power_drag_outer,
@@ -126,7 +126,7 @@ TORQUES = (
     ),
     OutOfLibraryEffect(
         "tip_drag_outer",
-        "air drag of something wide at the tip of the outer rod",
+        "air drag of a wide plate at the tip of the outer rod",
         Size("drag_N_s2_per_m2", 5e-4, 2e-3),
         motion=tip_drag_outer,
         dissipative=True,

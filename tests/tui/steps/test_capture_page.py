@@ -164,7 +164,8 @@ async def test_a_swing_that_ended_early_is_named_so_and_angles_have_no_whole_tur
         step._ended = attempt
         step.enter()
         chart = app.query_one("#swing", Chart)
-        assert chart._content.y_label.startswith("last swing, ended early: angle")
+        assert chart._content.y_label.startswith("ended early: angle")
+        assert chart._legend().cell_len <= 78
         inner, outer = (series.y for series in chart._content.series)
         assert inner[0] == pytest.approx(180.0)
         assert (outer[0], outer[-1]) == pytest.approx((5.73, 5.73 + 4 * 360), abs=0.01)
