@@ -16,6 +16,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.identification.misread.balance import periods
+from dpr_lab.identification.misread.energy import interval_means, relative_rise
 from dpr_lab.identification.misread.local_motion import LocalMotionSettings, local_motion
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -67,30 +68,10 @@ def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
 
     It is 0 for a passive arm, or if it cannot be computed.
     """
-    from scipy.optimize import linprog
-
     parts = [part for run in runs if (part := _terms(run, rig)) is not None]
-    if not parts:
-        return 0.0
-    rises = np.concatenate([np.diff(part, axis=0) for part in parts])
-    count, least = len(rises), ARM_ENERGY.least_ratio
-    solution = linprog(
-        np.concatenate([np.zeros(rises.shape[1] - 1), np.ones(count)]),
-        A_ub=np.hstack([rises[:, 1:], -np.eye(count)]),
-        b_ub=-rises[:, 0],
-        bounds=[(least, None)] * (rises.shape[1] - 3) + [(0.0, None), (None, None)] + [(0.0, None)] * count,
-        method="highs",
-    )
-    if not solution.success:
-        return 0.0
-    normalised = np.concatenate([[1.0], solution.x[: rises.shape[1] - 1]])
-    spread = sum(
-        max(
-            float(np.ptp(part @ normalised)), ARM_ENERGY.least_exchange * float(np.ptp(part * normalised, axis=0).max())
-        )
-        for part in parts
-    )
-    return float(solution.fun / spread) if spread > 0.0 else 0.0
+    inertias_and_gravity = [(ARM_ENERGY.least_ratio, None)] * (parts[0].shape[1] - 3 if parts else 0)
+    bounds = [*inertias_and_gravity, (0.0, None), (None, None)]
+    return relative_rise(parts, parts, bounds, ARM_ENERGY.least_exchange)
 
 
 def _terms(run: Run, rig: Rig) -> Array | None:
@@ -108,5 +89,4 @@ def _terms(run: Run, rig: Rig) -> Array | None:
         coupled = np.cos(theta1 - theta2) * w1 * w2 + sin1 * sin2 * w0**2
         of_both = [(w2**2 + sin2**2 * w0**2) / 2, coupled + cos2 / rig.L1 * (rig.g + rig.L0 * w0 * w2)]
     terms = np.stack([of_a, *of_both, of_e1, w0**2 / 2, q**2 / 2, -q], axis=1)
-    edges = np.flatnonzero(np.diff(np.floor((motion.t - motion.t[0]) / ARM_ENERGY.apart_s), prepend=-1.0))
-    return np.add.reduceat(terms, edges) / np.diff(edges, append=len(terms))[:, None]
+    return interval_means(terms, motion.t, ARM_ENERGY.apart_s)

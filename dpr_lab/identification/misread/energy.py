@@ -50,8 +50,6 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
 
     Runs with a moving arm, with a single rod, or with much noise are ignored; without any other run the result is 0.
     """
-    from scipy.optimize import linprog
-
     free = [
         prepared
         for prepared in runs
@@ -60,29 +58,47 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
         and prepared.noise.std_joint.max() < settings.quiet_rad
     ]
     parts = [_terms(prepared, rig) for prepared in free]
-    means = [_means(terms, prepared.run.t, settings.apart_s) for terms, prepared in zip(parts, free, strict=True)]
-    rises = np.concatenate([np.diff(mean, axis=0) for mean in means]) if means else np.zeros((0, 5))
+    means = [interval_means(part, prepared.run.t, settings.apart_s) for part, prepared in zip(parts, free, strict=True)]
+    driven = any(mean[:, 4].any() for mean in means)
+    bounds = [(settings.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)]
+    return relative_rise(means, [part[:, :4] for part in parts], bounds, settings.least_exchange)
+
+
+def relative_rise(
+    means: Sequence[Array],
+    parts: Sequence[Array],
+    bounds: Sequence[tuple[float | None, float | None]],
+    least_exchange: float,
+) -> float:
+    """Smallest sum of increases of an energy for any parameters, relative to its range; 0 if it cannot be computed.
+
+    Args:
+        means: for each run, (intervals, k) means of the terms of the energy; the parameter of the first term is 1
+        parts: for each run, (n, at most k) terms that determine the range, without the work
+        bounds: (k - 1) bounds of the other parameters
+        least_exchange: minimum range of the energy, relative to the largest range of one of its terms
+    """
+    from scipy.optimize import linprog
+
+    rises = np.concatenate([np.diff(mean, axis=0) for mean in means]) if means else np.empty((0, 1))
     if not len(rises) or not np.isfinite(rises).all():
         return 0.0
-    count, driven = len(rises), bool(rises[:, 4].any())
+    count, free = len(rises), len(bounds)
     solution = linprog(
-        np.concatenate([np.zeros(4), np.ones(count)]),
-        A_ub=np.hstack([rises[:, [1, 2, 3, 4]], -np.eye(count)]),
+        np.concatenate([np.zeros(free), np.ones(count)]),
+        A_ub=np.hstack([rises[:, 1:], -np.eye(count)]),
         b_ub=-rises[:, 0],
-        bounds=[(settings.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)] + [(0.0, None)] * count,
+        bounds=[*bounds, *[(0.0, None)] * count],
         method="highs",
     )
     if not solution.success:
         return 0.0
-    normalised = np.concatenate([[1.0], solution.x[:4]])
-    spread = sum(_range(terms[:, :4] * normalised[:4], settings) for terms in parts)
-    return float(solution.fun / spread) if spread > 0 else 0.0
-
-
-def _range(terms: Array, settings: EnergyRiseSettings) -> float:
-    """Range of the sum of the terms, or the minimum range if this is larger."""
-    exchanged = float(np.ptp(terms, axis=0).max())
-    return max(float(np.ptp(terms.sum(axis=1))), settings.least_exchange * exchanged)
+    parameters = np.append(1.0, solution.x[:free])
+    spread = 0.0
+    for part in parts:
+        terms = part * parameters[: part.shape[1]]
+        spread += max(float(np.ptp(terms.sum(axis=1))), least_exchange * float(np.ptp(terms, axis=0).max()))
+    return float(solution.fun / spread) if spread > 0.0 else 0.0
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
@@ -96,7 +112,7 @@ def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
     return np.stack([0.5 * omega2**2, 0.5 * omega1**2, mixed, np.cos(theta1), -work], axis=1)
 
 
-def _means(terms: Array, t: Array, apart_s: float) -> Array:
-    """(intervals, 5) means of the terms over intervals of time."""
+def interval_means(terms: Array, t: Array, apart_s: float) -> Array:
+    """(intervals, k) means of the terms over intervals of time."""
     edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / apart_s), prepend=-1.0))
     return np.add.reduceat(terms, edges) / np.diff(edges, append=len(t))[:, None]
