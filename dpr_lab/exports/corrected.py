@@ -93,16 +93,7 @@ def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model
             best_cost=0.0,
             history={},
         ),
-        runs=[
-            RunUsed(
-                file=str(run.file or run.name),
-                sha256=run.sha256,
-                pose=run.pose,
-                samples=len(run.t),
-                torque_kind=run.torque_kind,
-            )
-            for run in runs
-        ],
+        runs=[RunUsed.of(run, samples=len(run.t), torque_kind=run.torque_kind) for run in runs],
         p_over_b=diagnosis.p_over_b,
         effects={name: parameters for name, parameters in effects.items() if not EFFECTS[name].event},
         warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],

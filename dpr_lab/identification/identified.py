@@ -203,10 +203,8 @@ def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
 
 def _used(index: int, prepared: PreprocessedRun, ratio_fit: RatioFit) -> RunUsed:
     run, segments = prepared.run, np.flatnonzero(ratio_fit.problem.segments.run == index)
-    return RunUsed(
-        file=str(run.file or run.name),
-        sha256=run.sha256,
-        pose=run.pose,
+    return RunUsed.of(
+        run,
         samples=len(run.t),
         duration_s=run.duration,
         chi2_per_dof=float(ratio_fit.fit.linear.chi2_by_segment[segments].sum())

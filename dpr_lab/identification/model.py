@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -16,6 +16,7 @@ from dpr_lab.errors import RunError, all_printable
 from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.run import Run
 from dpr_lab.search import search_words
 from dpr_lab.shown import FIXED_BY, Row, Shown
 from dpr_lab.whole_file import read_text, write_text
@@ -148,6 +149,11 @@ class RunUsed(_Record):
     """Kind of the known torques, `measured` or `commanded`; empty if unknown."""
     zeros_rad: list[Number] = []
     """Fitted zero offsets of encoders 1 and 2 in this run, rad; empty for fixed zeros."""
+
+    @classmethod
+    def of(cls, run: Run, **figures: Any) -> "RunUsed":
+        """A run with the figures of its fit, by the names of the fields."""
+        return cls(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, **figures)
 
 
 class Covariance(_Record):
@@ -302,14 +308,9 @@ class Model(Shown, _Record):
 
     def _rows(self) -> list[Row]:
         rows = [
-            (
-                name,
-                f"{estimate.value:.5g}",
-                "" if estimate.std is None else f"{estimate.std:.2g}",
-                FIXED_BY[estimate.fixed_by],
-            )
-            for name, estimate in (*self.ratios.items(), *self.parameters.items())
-            if name in self.parameters or estimate.fixed_by == "data"
+            (name, f"{entry.value:.5g}", "" if entry.std is None else f"{entry.std:.2g}", FIXED_BY[entry.fixed_by])
+            for name, entry in (*self.ratios.items(), *self.parameters.items())
+            if name in self.parameters or entry.fixed_by == "data"
         ]
         return [("", "value", "std", "determined by"), *rows]
 
@@ -324,10 +325,8 @@ class Model(Shown, _Record):
         if self.scale is not None:
             share = self.fitted[0].value - (self.p_over_b or 0.0) if self.fitted else 1.0
             return (self.scale.as_inertia("a", share) if self.fitted else self.scale).sentence
-        known = self.base["b"].fixed_by != "bound"
-        return f"Masses, inertias and torques assume b = {self.base['b'].value:.4g} kg m^2" + (
-            "." if known else " (not measured)."
-        )
+        end = "." if self.base["b"].fixed_by != "bound" else " (not measured)."
+        return f"Masses, inertias and torques assume b = {self.base['b'].value:.4g} kg m^2{end}"
 
     @property
     def unknowns(self) -> Array:

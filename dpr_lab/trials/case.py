@@ -5,6 +5,8 @@ and hundreds of trials are feasible.
 """
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.run import Run, as_mounted
 from dpr_lab.storage.reader import full_turns
 from dpr_lab.trials.score import score
-from dpr_lab.trials.sealing import Kind, Level, PlantRequest, sealed_in_memory
+from dpr_lab.trials.sealing import HeldPlant, Kind, Level, PlantRequest, sealed_in_memory
 from dpr_lab.trials.truth import unsealed
 from dpr_lab.version import __version__
 
@@ -34,17 +36,9 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
     """
-    import numba
-
     from dpr_lab.gap.diagnose import diagnose
 
-    if case["version"] != __version__:
-        raise DprError(
-            f"this worker has dpr-lab {__version__}, but the campaign uses {case['version']}: install the same version"
-        )
-    numba.set_num_threads(1)
-    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
-    with sealed_in_memory(request, case["rig"]) as plant:
+    with plant_of(case) as plant:
         sealed = plant.public
         rig = parse_rig(sealed["rig"])
         runs = [run_of(recording, rig) for recording in sealed["runs"]]
@@ -53,6 +47,25 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
         seconds = time.process_time() - began
         truth = unsealed(plant.opened(), sealed["seal"])
     return {"outcome": score(diagnosis, truth, rig, **truth.drawn, seconds=seconds, seal=sealed["seal"]).to_json()}
+
+
+@contextmanager
+def plant_of(case: dict[str, Any], *, direct: bool = True) -> Iterator[HeldPlant]:
+    """Sealed plant of a case, whose trial uses one thread; `direct` as for `sealed_in_memory`.
+
+    Raises:
+        DprError: the device failed, or another version is installed here.
+    """
+    import numba
+
+    if case["version"] != __version__:
+        raise DprError(
+            f"this worker has dpr-lab {__version__}, but the campaign uses {case['version']}: install the same version"
+        )
+    numba.set_num_threads(1)
+    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
+    with sealed_in_memory(request, case["rig"], direct=direct) as plant:
+        yield plant
 
 
 def run_of(recording: dict[str, Any], rig: Rig) -> Run:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from dpr_lab.errors import DprError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.candidates import minutes, mounted_now
 from dpr_lab.planning.limits import PlanLimits
@@ -20,12 +19,11 @@ from dpr_lab.planning.stopping import decided
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
-from dpr_lab.trials.case import run_of
+from dpr_lab.trials.case import plant_of, run_of
 from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, Chooser, Situation, limits_of
 from dpr_lab.trials.score import score
-from dpr_lab.trials.sealing import HeldPlant, Kind, Level, PlantRequest, sealed_in_memory
+from dpr_lab.trials.sealing import HeldPlant
 from dpr_lab.trials.truth import Truth, unsealed
-from dpr_lab.version import __version__
 
 Record = Callable[[CandidateRelease], Run]
 """Function that records a release."""
@@ -46,15 +44,7 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     Raises:
         DprError: the device, the diagnosis or the seal failed, or another version is installed here.
     """
-    import numba
-
-    if case["version"] != __version__:
-        raise DprError(
-            f"this worker has dpr-lab {__version__}, but the campaign uses {case['version']}: install the same version"
-        )
-    numba.set_num_threads(1)
-    request = PlantRequest(Kind(case["kind"]), Level(case["level"]), case["seed"], plant=case["plant"], arm=case["arm"])
-    with sealed_in_memory(request, case["rig"], direct=False) as plant:
+    with plant_of(case, direct=False) as plant:
         rig = parse_rig(plant.public["rig"])
         results = {
             name: played(

@@ -76,10 +76,7 @@ def corrected_arm_model(
             chi2_per_dof=diagnosis.chi2_per_dof,
             converged=True,
         ),
-        runs=[
-            RunUsed(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, samples=len(run.t))
-            for run in runs
-        ],
+        runs=[RunUsed.of(run, samples=len(run.t)) for run in runs],
         warnings=[] if diagnosis.verdict in ("named", "no_gap") else [diagnosis.sentence],
         version=__version__,
     )

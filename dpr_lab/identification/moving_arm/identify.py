@@ -129,14 +129,8 @@ def undetermined(name: str, estimate: EstimatedValue) -> str:
 
 
 def _used(run: Run, fit: ArmFit, index: int) -> RunUsed:
-    return RunUsed(
-        file=str(run.file or run.name),
-        sha256=run.sha256,
-        pose=run.pose,
-        samples=len(run.swing.t),
-        duration_s=run.duration,
-        segments=sum(recording == index for recording, _ in fit.problem.cuts),
-    )
+    segments = sum(recording == index for recording, _ in fit.problem.cuts)
+    return RunUsed.of(run, samples=len(run.swing.t), duration_s=run.duration, segments=segments)
 
 
 def _warnings(fit: ArmFit) -> list[str]:
