@@ -1,11 +1,10 @@
-"""Tables `[arm]` and `[motor]` of a new rig file."""
+"""Arm and motor of a new rig file."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.rig_toml import Bounds, Measure, inline_table, toml_number
+from dpr_lab.workflows.rig_toml import BOUNDS, Bounds, Measure
 
 if TYPE_CHECKING:
     from dpr_lab.rig_tables import ArmMode
@@ -26,47 +25,15 @@ class MotorMeasures:
     gear: float = 1.0
     """Turns of the motor per turn of the arm."""
 
-
-@dataclass(frozen=True, slots=True)
-class DriveBounds:
-    """Bounds for values that were not measured."""
-
-    inertia: tuple[float, float, float] = (1.0, 2.0, 30.0)
-    """Lower bound, nominal value and upper bound of the arm's inertia, in units of m L0^2 of the rods at its end."""
-    factor: float = 3.0
-    """Ratio between the bounds and the nominal value of a quantity from a data sheet or a model."""
+    @property
+    def constants(self) -> dict[str, Measure]:
+        """Known constants by their keys in `[motor]`."""
+        named = {"kt": self.kt, "ke": self.ke, "R": self.R}
+        return {key: constant for key, constant in named.items() if constant is not None}
 
 
-BOUNDS = DriveBounds()
-
-
-def about(value: float) -> Bounds:
-    """Bounds and nominal value for a value from a data sheet or a model."""
-    return value / BOUNDS.factor, value, BOUNDS.factor * value
-
-
-def arm_table(mode: "ArmMode", values: Mapping[str, Bounds], digits: int = 4) -> str:
-    """Text of the table `[arm]`: the mode, and the given bounds of A, c0, k0 and f0.
-
-    A is the inertia with the rods at the end of the arm.
-    """
-    lines = [f"{key} = {inline_table(bounds, digits=digits)}" for key, bounds in values.items()]
-    meaning = "  # A: inertia about its axis with the rods at its end, kg m^2" if "A" in values else ""
-    return "\n".join([f'[arm]{meaning}\nmode = "{mode}"', *lines, "", ""])
-
-
-def motor_table(motor: MotorMeasures, digits: int = 4) -> str:
-    """Text of the table `[motor]`."""
-    constants = {"kt": motor.kt, "ke": motor.ke, "R": motor.R}
-    lines = [f'[motor]\ninput = "{motor.input}"  # quantity of the input column']
-    lines += [f"{key} = {inline_table(about(m.value), m.std)}" for key, m in constants.items() if m is not None]
-    if motor.gear != 1.0:
-        lines.append(f"gear = {toml_number(motor.gear, digits)}  # turns of the motor per turn of the arm")
-    return "\n".join([*lines, "", ""])
-
-
-def drive_tables(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> str:
-    """Text of both tables from a few measurements; empty for a clamped arm.
+def arm_bounds(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> dict[str, Bounds]:
+    """Bounds of the arm's inertia with the rods at its end, from a few measurements; empty if it is not needed.
 
     Args:
         mode: motion of the arm
@@ -81,7 +48,7 @@ def drive_tables(mode: "ArmMode", length: float | None, carried: float, motor: M
     if motor is not None and mode != "driven":
         raise ConfigError(f"--input {motor.input} needs --arm driven: a {mode} arm has no input")
     if mode == "clamped":
-        return ""
+        return {}
     if length is None:
         raise ConfigError(f"an arm that is {mode} needs its length: give --l0")
     if motor is None and mode == "driven":
@@ -89,5 +56,4 @@ def drive_tables(mode: "ArmMode", length: float | None, carried: float, motor: M
             "a driven arm needs the quantity of its input column: give --input torque, current, voltage or acceleration"
         )
     lower, guess, upper = (factor * carried * length**2 for factor in BOUNDS.inertia)
-    arm = arm_table(mode, {} if mode == "prescribed" else {"A": (lower, guess, upper)})
-    return arm + (motor_table(motor) if motor else "")
+    return {} if mode == "prescribed" else {"A": (lower, guess, upper)}

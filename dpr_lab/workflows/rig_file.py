@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 from dpr_lab.errors import ConfigError
 from dpr_lab.shown import percent
 from dpr_lab.whole_file import write_text
-from dpr_lab.workflows.rig_drive import MotorMeasures, drive_tables
-from dpr_lab.workflows.rig_toml import Bounds, Measure, parameter_table, toml_number, toml_text
+from dpr_lab.workflows.rig_drive import MotorMeasures, arm_bounds
+from dpr_lab.workflows.rig_toml import Bounds, Measure, rendered
 
 if TYPE_CHECKING:
     from dpr_lab.rig import Rig
@@ -60,6 +60,11 @@ class RigMeasures:
     arm_counts_per_rev: int | None = None
     """Counts per turn of the arm's encoder; None: as for the other encoders."""
 
+    @property
+    def turn_as_one(self) -> bool:
+        """Whether the mounted rods turn as one body."""
+        return (self.mounted, self.elbow) != ("both", "free")
+
 
 @dataclass(frozen=True, slots=True)
 class DraftSettings:
@@ -89,6 +94,10 @@ class DraftSettings:
 DRAFT = DraftSettings()
 
 
+Parameters = dict[str, tuple[str, Bounds, float | None]]
+"""Key in `[parameters]` -> meaning, bounds, and the standard uncertainty of a measured value."""
+
+
 def draft_rig(measures: RigMeasures) -> str:
     """Text of a rig file with comments.
 
@@ -103,15 +112,22 @@ def draft_rig(measures: RigMeasures) -> str:
     m = measures
     mb = m.mb or Measure(DRAFT.elbow[1] * (m.m1.value + m.m2.value) if m.m2 else 0.0)
     carried = m.m1.value + (m.m2.value + mb.value if m.m2 else 0.0)
-    drive = drive_tables(m.arm, m.L0, carried, m.motor)
-    rods = _both_rods(m, m.m2, mb, m.L2) if m.m2 and m.L2 else _one_rod(m)
-    text = "\n".join([_head(m), *rods, drive + _tail(m)])
+    text = rendered(
+        "new_rig.toml",
+        m=m,
+        parameters=_both_rods(m, m.m2, mb, m.L2) if m.m2 and m.L2 else _one_rod(m),
+        arm_mode=m.arm,
+        arm_bounds=arm_bounds(m.arm, m.L0, carried, m.motor),
+        motor=m.motor,
+        digits=4,
+        poses=DRAFT.poses_as_one if m.turn_as_one else DRAFT.poses,
+    )
     parse_rig(text)
     return text
 
 
-def _one_rod(m: RigMeasures) -> list[str]:
-    """Text of the tables in `[parameters]` for a rig with one rod.
+def _one_rod(m: RigMeasures) -> Parameters:
+    """Tables in `[parameters]` for a rig with one rod.
 
     Raises:
         ConfigError: one rod although two are mounted.
@@ -119,16 +135,16 @@ def _one_rod(m: RigMeasures) -> list[str]:
     if m.mounted != "inner":
         raise ConfigError("two rods require the mass and length of the outer rod; for one rod, give --rods inner")
     mass, inertia, moment = _mass(m.m1), m.m1.value * m.L1**2 / 3, m.m1.value * m.L1 / 2
-    return [
-        parameter_table("l1", "distance from joint 1 to the centre of mass of the rod, m", _centre(m.L1)),
-        parameter_table("m1", "mass of the rod, kg", mass, m.m1.std),
-        parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(inertia, moment * m.g)),
-        parameter_table("J1", "inertia of the rod about its centre of mass, kg m^2", _inertia(mass, m.L1)),
-    ]
+    return {
+        "l1": ("distance from joint 1 to the centre of mass of the rod, m", _centre(m.L1), None),
+        "m1": ("mass of the rod, kg", mass, m.m1.std),
+        "c1": ("viscous friction of joint 1, N m s/rad", _friction(inertia, moment * m.g), None),
+        "J1": ("inertia of the rod about its centre of mass, kg m^2", _inertia(mass, m.L1), None),
+    }
 
 
-def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> list[str]:
-    """Text of the nine tables in `[parameters]` for a rig with two rods."""
+def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> Parameters:
+    """The nine tables in `[parameters]` for a rig with two rods."""
     s, rods = DRAFT, m.m1.value + m2.value
     mass = {"m1": _mass(m.m1), "m2": _mass(m2), "mb": _mass(mb)}
     if m.mb is None:
@@ -137,17 +153,17 @@ def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> list[str]
     tip = m2.value * L2**2 / 3
     hanging = m.m1.value * m.L1**2 / 3 + (mb.value + m2.value) * m.L1**2 + tip
     moments = (m.m1.value / 2 + mb.value + m2.value) * m.L1, m2.value * L2 / 2
-    return [
-        parameter_table("l1", "distance from joint 1 to the centre of mass of the inner rod, m", _centre(m.L1)),
-        parameter_table("l2", "distance from joint 2 to the centre of mass of the outer rod, m", _centre(L2)),
-        parameter_table("m1", "mass of the inner rod, kg", mass["m1"], stds["m1"]),
-        parameter_table("m2", "mass of the outer rod, kg", mass["m2"], stds["m2"]),
-        parameter_table("mb", "mass of the parts at the elbow (encoder, bearing, motor), kg", mass["mb"], stds["mb"]),
-        parameter_table("c1", "viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g)),
-        parameter_table("c2", "viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g)),
-        parameter_table("J1", "inertia of the inner rod about its centre of mass, kg m^2", _inertia(mass["m1"], m.L1)),
-        parameter_table("J2", "inertia of the outer rod about its centre of mass, kg m^2", _inertia(mass["m2"], L2)),
-    ]
+    return {
+        "l1": ("distance from joint 1 to the centre of mass of the inner rod, m", _centre(m.L1), None),
+        "l2": ("distance from joint 2 to the centre of mass of the outer rod, m", _centre(L2), None),
+        "m1": ("mass of the inner rod, kg", mass["m1"], stds["m1"]),
+        "m2": ("mass of the outer rod, kg", mass["m2"], stds["m2"]),
+        "mb": ("mass of the parts at the elbow (encoder, bearing, motor), kg", mass["mb"], stds["mb"]),
+        "c1": ("viscous friction of joint 1, N m s/rad", _friction(hanging, moments[0] * m.g), None),
+        "c2": ("viscous friction of joint 2, N m s/rad", _friction(tip, moments[1] * m.g), None),
+        "J1": ("inertia of the inner rod about its centre of mass, kg m^2", _inertia(mass["m1"], m.L1), None),
+        "J2": ("inertia of the outer rod about its centre of mass, kg m^2", _inertia(mass["m2"], L2), None),
+    }
 
 
 def new_rig(measures: RigMeasures, file: Path) -> Path:
@@ -156,12 +172,21 @@ def new_rig(measures: RigMeasures, file: Path) -> Path:
     Raises:
         ConfigError: a rig file cannot contain these values, or the file exists already or cannot be written.
     """
+    refuse_rig_file(file)
+    write_text(file, draft_rig(measures), ConfigError)
+    return file
+
+
+def refuse_rig_file(file: Path) -> None:
+    """Check that a rig file can be written.
+
+    Raises:
+        ConfigError: another suffix than `.toml`, or the file exists already.
+    """
     if file.suffix != ".toml":
         raise ConfigError(f"{file}: give the file a name that ends in .toml")
     if file.exists():
         raise ConfigError(f"{file}: exists already; choose another name")
-    write_text(file, draft_rig(measures), ConfigError)
-    return file
 
 
 def _mass(measure: Measure) -> Bounds:
@@ -180,64 +205,6 @@ def _inertia(mass: Bounds, length: float) -> Bounds:
 def _friction(inertia: float, stiffness: float) -> Bounds:
     lower, guess, upper = (2 * z * math.sqrt(inertia * stiffness) for z in DRAFT.damping)
     return lower, guess, upper
-
-
-def _head(m: RigMeasures) -> str:
-    arm = f"L0 = {toml_number(m.L0, 9)}  # length of the arm, m\n" if m.L0 is not None else ""
-    if m.L0 is not None and m.L0_std:
-        arm += f"L0_std = {toml_number(m.L0_std)}  # standard uncertainty of L0, m: identify fits L0 of a moving arm\n"
-    std = (
-        f"L1_std = {toml_number(m.L1_std)}  # standard uncertainty of L1, m: a diagnosis fits L1\n" if m.L1_std else ""
-    )
-    outer = f"L2 = {toml_number(m.L2, 9)}  # length of the outer rod, m\n" if m.L2 else ""
-    return f"""# SI units; angles are absolute, 0 = upright, pi = hanging. Every key: docs/rig-file.md
-# Bounds are derived from a uniform rod and are wide: narrow those that you know better.
-# A weighed part has `measured` and `std` instead of bounds; one of them determines the scale of all masses.
-
-[rig]
-name = {toml_text(m.name)}
-{arm}L1 = {toml_number(m.L1, 9)}  # {"distance between the two joints" if m.L2 else "length of the rod"}, m
-{std}{outer}g = {toml_number(m.g, 9)}
-"""
-
-
-def _tail(m: RigMeasures) -> str:
-    rods = f"[rods]\nmounted = {toml_text(m.mounted)}\nelbow = {toml_text(m.elbow)}\n\n" if _turn_as_one(m) else ""
-    rezeroed = "rezeroed = true" if m.rezeroed else "# rezeroed = true        "
-    prescribed = '\ninner = "prescribed"  # the encoder of joint 1 gives its motion' if m.inner == "prescribed" else ""
-    geared = f"geared = {list(m.geared)}" if m.geared else "# geared = [1, 2]        "
-    joints = f"{'[joints]' if m.geared or prescribed else '# [joints]'}{prescribed}\n{geared}"
-    counts = [m.arm_counts_per_rev or m.counts_per_rev, m.counts_per_rev, m.counts_per_rev]
-    simulated = "  # a simulated device; replace it by the link of yours" if m.url.startswith("sim:") else ""
-    return f"""[encoders]
-counts_per_rev = {counts}  # arm, inner rod, outer rod
-joint2 = {toml_text(m.joint2)}  # encoder of the outer rod: relative to the inner rod, or absolute
-# zero_counts = [0, 0, 0]  # readings with the rods hanging
-# direction = [1, 1, 1]    # -1 for an encoder that counts backwards
-# noise_counts = 0.5       # standard deviation of a reading at rest
-{rezeroed}  # encoders of joints 1 and 2 are zeroed before each recording
-
-{joints}  # joints with a geared motor
-
-{rods}# Angles before a release, rad: high poses give large swings and contain most information.
-{_poses(m)}
-[link]
-url = {toml_text(m.url)}{simulated}
-rate_hz = 1000
-"""
-
-
-def _turn_as_one(m: RigMeasures) -> bool:
-    return (m.mounted, m.elbow) != ("both", "free")
-
-
-def _poses(m: RigMeasures) -> str:
-    """Text of three poses: those of the publication, or poses for rods that turn as one body."""
-    poses = DRAFT.poses_as_one if _turn_as_one(m) else DRAFT.poses
-    return "\n".join(
-        f"[poses.X{number}]\ntheta1 = {theta1!r}\n" + (f"theta2 = {theta2!r}\n" if m.m2 else "")
-        for number, (theta1, theta2) in enumerate(poses, start=1)
-    )
 
 
 @dataclass(frozen=True, slots=True)

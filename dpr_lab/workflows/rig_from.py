@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.whole_file import write_text
-from dpr_lab.workflows.rig_drive import MotorMeasures, about, arm_table, motor_table
-from dpr_lab.workflows.rig_file import DRAFT
-from dpr_lab.workflows.rig_toml import Bounds, parameter_table, toml_number, toml_text
+from dpr_lab.workflows.rig_drive import MotorMeasures
+from dpr_lab.workflows.rig_file import DRAFT, refuse_rig_file
+from dpr_lab.workflows.rig_toml import Bounds, about, rendered
 
 if TYPE_CHECKING:
     from dpr_lab.simulator_models.chain import ChainArm, JointTerm, ModelChain
@@ -58,10 +58,7 @@ def rig_from_model(
     from dpr_lab.simulator_models import read_model
     from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
-    if file.suffix != ".toml":
-        raise ConfigError(f"{file}: give the file a name that ends in .toml")
-    if file.exists():
-        raise ConfigError(f"{file}: exists already; choose another name")
+    refuse_rig_file(file)
     read = read_model(model)
     try:
         chain = double_pendulum(read, joints, g)
@@ -165,42 +162,29 @@ def _text(
     bounds = _bounds(chain, values, notes)
     counts = list(Encoders().counts_per_rev)
     zeros = _zeros(chain, counts[0], notes)
-    geometry = [f"{key} = {toml_number(values[key], 12)}" for key in ("L0", "L1", "L2", "g") if key in values]
-    parameters = [
-        parameter_table(key, words, bounds[key], digits=12) for key, words in MEANING.items() if key in bounds
-    ]
-    rods = '[rods]\nmounted = "inner"\n\n' if len(chain.rods) == 1 else ""
     missing = 2 - len(chain.rods)
     directions = [chain.arm.direction if chain.arm else 1, *(rod.direction for rod in chain.rods), *missing * [1]]
     notes += _reversed(chain)
-    geared = [j for j, rod in enumerate(chain.rods, 1) if rod.joint.name in driven or rod.joint.armature]
-    joints = f"[joints]\ngeared = {geared}\n\n" if geared else ""
-    arm = _arm(chain.arm, driven, bounds) if chain.arm else ""
-    poses = "\n".join(
-        f"[poses.X{number}]\ntheta1 = {theta1!r}\ntheta2 = {theta2!r}\n"
-        for number, (theta1, theta2) in enumerate(DRAFT.poses_as_one if missing else DRAFT.poses, start=1)
-    )
-    head = [
-        f"# From the {source}. SI units; angles are absolute, 0 = upright, pi = hanging.",
-        "# Bounds: docs/rig-file.md",
-    ]
-    head += [_comment(f"effect, not in this file: {term}") for term in chain.terms]
-    head += [_comment(f"note: {note}") for note in notes]
-    return "\n".join(
-        [
-            *head,
-            "",
-            f"[rig]\nname = {toml_text(name)}",
-            *geometry,
-            "",
-            *parameters,
-            f"[encoders]  # of angles in the joints of the model\ncounts_per_rev = {counts}",
-            'joint2 = "relative"',
-            f"zero_counts = {[*zeros, *missing * [0]]}",
-            f"direction = {directions}\n",
-            f"{rods}{joints}{arm}{poses}",
-            '[link]\nurl = "sim://"  # a simulated device; replace it by the link of yours\nrate_hz = 1000\n',
-        ]
+    motor = _motor(chain.arm, driven) if chain.arm else None
+    return rendered(
+        "rig_from.toml",
+        source=source,
+        terms=chain.terms,
+        notes=notes,
+        name=name,
+        values=values,
+        meanings=MEANING,
+        bounds=bounds,
+        digits=12,
+        counts=counts,
+        zeros=[*zeros, *missing * [0]],
+        directions=directions,
+        single=bool(missing),
+        geared=[j for j, rod in enumerate(chain.rods, 1) if rod.joint.name in driven or rod.joint.armature],
+        arm_mode="driven" if motor else "free" if chain.arm else "clamped",
+        arm_bounds={key: about(value) for key, value in _arm_values(chain.arm, bounds).items()} if chain.arm else {},
+        motor=motor,
+        poses=DRAFT.poses_as_one if missing else DRAFT.poses,
     )
 
 
@@ -241,15 +225,9 @@ def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
     return {key: value for key, value in values.items() if key == "A" or value > 0}
 
 
-def _arm(arm: "ChainArm", driven: dict[str, float], bounds: dict[str, Bounds]) -> str:
-    table, joint = {key: about(value) for key, value in _arm_values(arm, bounds).items()}, arm.joint
-    if joint.name not in driven:
-        return arm_table("free", table, digits=12)
-    gear = abs(driven[joint.name])
-    motor = MotorMeasures("torque", gear=gear if gear > 0 and math.isfinite(gear) else 1.0)
-    return arm_table("driven", table, digits=12) + motor_table(motor, digits=12)
-
-
-def _comment(text: str) -> str:
-    """A line of a TOML comment; characters that TOML does not allow in it are replaced."""
-    return "# " + "".join(c if c.isprintable() else " " for c in text)
+def _motor(arm: "ChainArm", driven: dict[str, float]) -> MotorMeasures | None:
+    """Motor of the arm, from the gears of the driven joints; None without one."""
+    if arm.joint.name not in driven:
+        return None
+    gear = abs(driven[arm.joint.name])
+    return MotorMeasures("torque", gear=gear if gear > 0 and math.isfinite(gear) else 1.0)

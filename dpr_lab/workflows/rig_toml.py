@@ -1,6 +1,11 @@
-"""Values of a rig file as TOML."""
+"""Rig files rendered by Jinja2 from the templates of this package."""
 
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 Bounds = tuple[float, float, float]
 """Lower bound, nominal value and upper bound."""
@@ -14,33 +19,71 @@ class Measure:
     std: float | None = None
 
 
-def toml_number(value: float, digits: int = 4) -> str:
+@dataclass(frozen=True, slots=True)
+class DriveBounds:
+    """Bounds for values that were not measured."""
+
+    inertia: tuple[float, float, float] = (1.0, 2.0, 30.0)
+    """Lower bound, nominal value and upper bound of the arm's inertia, in units of m L0^2 of the rods at its end."""
+    factor: float = 3.0
+    """Ratio between the bounds and the nominal value of a quantity from a data sheet or a model."""
+
+
+BOUNDS = DriveBounds()
+
+
+def about(value: float) -> Bounds:
+    """Bounds and nominal value for a value from a data sheet or a model."""
+    return value / BOUNDS.factor, value, BOUNDS.factor * value
+
+
+def rendered(template: str, **values: Any) -> str:
+    """Text of a rig file.
+
+    Args:
+        template: name of a file in the folder `templates`
+        values: variables of the template
+    """
+    return _environment().get_template(template).render(values)
+
+
+@cache
+def _environment() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # not needed by other jobs
+
+    environment = Environment(
+        loader=PackageLoader("dpr_lab.workflows"),
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters |= {"number": _number, "text": _text, "comment": _comment, "keys": _keys, "around": about}
+    return environment
+
+
+def _number(value: float, digits: int = 4) -> str:
     """Number in TOML with `digits` significant digits."""
     return repr(float(f"{value:.{digits}g}"))
 
 
-def toml_text(value: str) -> str:
+def _text(value: str) -> str:
     """String in TOML."""
     return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def parameter_table(name: str, meaning: str, bounds: Bounds, std: float | None = None, digits: int = 4) -> str:
-    """Table in `[parameters]`.
+def _comment(text: object) -> str:
+    """Text of a TOML comment; characters that TOML does not allow in it are replaced."""
+    return "".join(c if c.isprintable() else " " for c in str(text))
+
+
+def _keys(bounds: Bounds, std: float | None = None, digits: int = 4) -> list[str]:
+    """Keys with the nominal value and either its bounds or the measured value with its standard uncertainty.
 
     `digits` is the number of significant digits of the nominal value.
     """
-    return "\n".join([f"[parameters.{name}]  # {meaning}", *_keys(bounds, std, digits), ""])
-
-
-def inline_table(bounds: Bounds, std: float | None = None, digits: int = 4) -> str:
-    """Inline table of the values, as in `[arm]` and `[motor]`."""
-    return "{" + ", ".join(_keys(bounds, std, digits)) + "}"
-
-
-def _keys(bounds: Bounds, std: float | None, digits: int) -> list[str]:
-    """Lines with the nominal value and either its bounds or the measured value with its standard uncertainty."""
     lower, guess, upper = bounds
-    nominal = f"nominal = {toml_number(guess, digits)}"
+    nominal = f"nominal = {_number(guess, digits)}"
     if std is None:
-        return [nominal, f"lower = {toml_number(lower)}", f"upper = {toml_number(upper)}"]
-    return [nominal, f"measured = {toml_number(guess, 9)}", f"std = {toml_number(std)}"]
+        return [nominal, f"lower = {_number(lower)}", f"upper = {_number(upper)}"]
+    return [nominal, f"measured = {_number(guess, 9)}", f"std = {_number(std)}"]
