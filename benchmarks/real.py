@@ -156,9 +156,9 @@ def _one_rod(folder: Path) -> Iterator[RealRig]:
     cart, counts = _drafted("pendule_pi", 0.4, 0.1, 4096), replace(HANGING, unit="counts")
     packets = [import_csv(file, cart, counts) for file in sorted((folder / "pendule_pi").glob("*.csv"))]
     known = "francofusco/pendule_pi, BSD-3-Clause. One rod on a cart that is assumed to be fixed. Counts of an"
-    known += " incremental encoder at 200 Hz, in packets of 5 s. The rig file says 4096 counts per turn. The rod swings"
-    known += " about -3 counts in packets 0 to 4, and after a whole turn about 3997 counts in packets 6 to 9: the"
-    known += " encoder has 4000, which is a scale error of -2.34 %."
+    known += " incremental encoder at 200 Hz, in packets of 5 s. The rig file states 4096 counts per turn. The hanging"
+    known += " rod reads -3 counts in packets 0 to 4, and 3997 counts after a whole turn in packets 6 to 9. The encoder"
+    known += " therefore has 4000 counts per turn, and the rig file has a scale error of -2.34 %."
     yield RealRig("Pendule-Pi, one rod", known, cart, packets)
     rotary = _drafted("rotary", 0.124, 0.01225, 16384)
     swings = [import_csv(file, rotary, HANGING) for file in sorted((folder / "rotary_pendulum").glob("*.csv"))]

@@ -12,15 +12,16 @@ PAGE = Path(__file__).with_suffix(".md")
 HEAD = """# The effect library
 
 The effects that `dpr-lab diagnose` can name, each with its symptom at the rig and a bench check that confirms it.
-Effects that a free swing cannot distinguish, or hardly, are listed as "indistinguishable from"; the bench check
-distinguishes them. Each effect is defined in one file in `dpr_lab/effects`; an amplitude of zero switches it off.
-Numbers of equations are those of [theory.md](theory.md). `dpr-lab effects show NAME` prints one effect. This page is
-written by `docs/effects.py`.
+Effects that a free swing hardly distinguishes are listed as "indistinguishable from"; the bench check separates them.
+Each effect is defined in one file in `dpr_lab/effects`; an amplitude of zero switches it off. Numbers of equations are
+those of [theory.md](theory.md). `dpr-lab effects show NAME` prints one effect. This page is written by
+`docs/effects.py`.
 
-No fit gives an amplitude beyond its limit, which follows from the best known values of the rig file: gravity torques,
-inertias, lengths, counts per turn. A third of the limit is the standard deviation of a normal prior about zero. An
-amplitude that recordings cannot distinguish from the ratios, the zeros or the initial states is not fitted; the
-diagnosis lists it in `absorbed`. An effect with an amplitude at its limit has another cause and is not named.
+Each amplitude has a limit, which no fit exceeds. It follows from the measured or nominal values of the rig file:
+gravity torques, inertias, lengths, counts per turn. The amplitude has a normal prior with mean zero and a third of the
+limit as its standard deviation. An amplitude that recordings cannot distinguish from the ratios, the zeros or the
+initial states is not fitted; the diagnosis lists it in `absorbed`. An effect with an amplitude at its limit is not
+named, because the true cause is another one.
 
 | site | effects |
 |---|---|

@@ -45,7 +45,7 @@ class Part:
     parent: int
     """Index of the parent part; -1 for the world."""
     joint: ModelJoint | None
-    """Joint that connects the part to its parent; None if it is fixed to it."""
+    """Joint that connects the part to its parent; None if the part is fixed to the parent."""
     mass: float
     """Mass, kg."""
     centroid: Vector

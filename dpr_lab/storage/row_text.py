@@ -24,8 +24,8 @@ class TextSettings:
     decimals: tuple[int, ...] = (3, 6, 9, 11)
     """Numbers of decimals to try, in this order. The first that reproduces every number of a column exactly is used."""
     largest: int = 1 << 53
-    """Maximum value of the digits of a number, read as one integer. Smaller integers are exact as floats, so only the
-    division by a power of ten is rounded."""
+    """Limit of the integer that the digits of a number form without the decimal point. Integers below it are exact as
+    floats, so that only the division by a power of ten is rounded."""
 
 
 SETTINGS = TextSettings()

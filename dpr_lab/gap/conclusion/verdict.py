@@ -184,7 +184,8 @@ def _unexplained(state: Transferred) -> str:
         )
     if not posteriors:
         return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
-    closest, verb = _classes(posteriors), "explain" if len(posteriors) > 1 else "explains"
+    closest, several = _classes(posteriors), len(posteriors) > 1
+    verb = "explain" if several else "explains"
     if share >= VERDICT.partly_share:
         alone = transferred.basis == "one release"
         doubt = "not in the quarters that were not fitted" if alone else "not in other recordings"
@@ -194,7 +195,8 @@ def _unexplained(state: Transferred) -> str:
             f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
             f" recordings, but {doubt}. {how_far(transferred)}"
         )
-    return f"Unexplained: the closest candidates ({closest}) {verb} only {percent(share)} of the excess chi-square."
+    candidate = "candidates" if several else "candidate"
+    return f"Unexplained: the closest {candidate}, {closest}, {verb} only {percent(share)} of the excess chi-square."
 
 
 def _in_noise(ratio: float) -> str:

@@ -92,7 +92,7 @@ class DriftRun(BaseModel):
     name: str
     """Name of the run."""
     group: str
-    """Name of its group."""
+    """Name of the group that contains the run."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,8 @@ class CounterSettings:
     """Counts per unit of the time column: 1 if the column is the counter itself, 1e3 or 1e6 if it is a counter of
     milli- or microseconds converted to larger units."""
     slack: float = 0.01
-    """Maximum difference between the drop at a wrap and the width of the counter, relative to the width. They differ by
-    one step from row to row."""
+    """Maximum difference between the drop at a wrap and the width of the counter, relative to the width. The difference
+    is up to one interval between rows."""
     first: float = 1.5
     """Maximum value after a wrap, in steps from row to row."""
     reach: int = 6

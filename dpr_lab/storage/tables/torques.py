@@ -162,7 +162,7 @@ class OtherTorques:
 def other_torques(
     torques: Array | None, pair: tuple[str, str], scale: Mapping[str, float], ignored: tuple[str, Array] | None
 ) -> Iterator[OtherTorques]:
-    """Other interpretations of the torques: other signs, other units, exchanged joints, or torques that are ignored.
+    """Yield other interpretations of the torques: other signs or units, exchanged joints, or torques that were ignored.
 
     Args:
         torques: (n, 2) as interpreted, N m; None for a free swing
