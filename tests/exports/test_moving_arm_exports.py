@@ -16,7 +16,9 @@ from dpr_lab.dynamics.segments import segments
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports import FORMATS
 from dpr_lab.exports.fmu import fmu
+from dpr_lab.exports.moving_arm.bodies import arm_bodies
 from dpr_lab.exports.moving_arm.ensemble import sampled_arm_models
+from dpr_lab.exports.moving_arm.python_module import arm_module_text
 from dpr_lab.exports.programs import Replay
 from dpr_lab.fitting.estimate import whole_of
 from dpr_lab.identification.model import EstimatedValue, RigFacts
@@ -112,6 +114,24 @@ def test_an_arm_of_unknown_inertia_is_not_exported_as_a_body():
     with pytest.raises(ConfigError, match="do not determine the inertia of the arm"):
         FORMATS["mjcf"].written(model, rig)
     assert "simulate" in str(FORMATS["python"].written(model, rig))
+
+
+def test_an_arm_without_an_input_has_the_gain_zero():
+    rig, model = model_of()
+    module: dict[str, Any] = {}
+    exec(arm_module_text(model.model_copy(update={"input": None}), rig, {}, {}), module)
+    assert (module["INPUT"], module["GAIN"]) == (None, 0.0)
+    np.testing.assert_array_equal(module["derivative"](START, 5.0), module["derivative"](START, 0.0))
+
+
+def test_the_length_of_rod_2_is_that_of_the_rig_file_or_of_a_uniform_rod():
+    rig, model = model_of()
+    geometry = [rig.rig.model_copy(update={"L2": length}) for length in (None, 0.3)]
+    unknown, known = (rig.model_copy(update={"rig": one}) for one in geometry)
+    (_, uniform), (_, stated) = (arm_bodies(model, of_rig, {}).rods for of_rig in (unknown, known))
+    first_moment = model.sizes["d"] / rig.L1
+    assert uniform.length == pytest.approx(2 * first_moment / uniform.mass)
+    assert stated.length == 0.3
 
 
 @pytest.mark.long
