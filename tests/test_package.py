@@ -39,10 +39,12 @@ for package in (dpr_lab, firmware_protocol, sim_device):
             import_module(module.name)
 from sim_device.firmware.c_firmware import load
 from sim_device.plant.config import load_plant
+from dpr_lab.cli.app import app
 load()
 load_plant("paper")
+app(["rig", "show", "paper"], standalone_mode=False)
 """
-"""Loads every module, the C sources and the plants; prints where the packages are."""
+"""Loads every module, the C sources, the plants and a rig; prints where the packages are, and the rig."""
 
 
 @pytest.fixture
@@ -65,8 +67,9 @@ def installed(built: Path, tmp_path: Path) -> tuple[Path, Callable[..., str]]:
 
 def test_the_wheel_works_in_an_empty_environment(installed: tuple[Path, Callable[..., str]]) -> None:
     place, run = installed
-    assert run("-c", EVERYTHING).count(str(place)) == 3
-    assert "[rig]" in run("-m", "dpr_lab", "rig", "show", "paper")
+    shown = run("-c", EVERYTHING)
+    assert shown.count(str(place)) == 3
+    assert "[rig]" in shown
     builtin = place / "dpr_lab" / "builtin"
     assert {"effects.md", "rig-file.md"} <= {file.name for file in builtin.iterdir()}
     printed = json.loads(run("-m", "dpr_lab", "schema", "model"))

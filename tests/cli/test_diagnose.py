@@ -50,7 +50,8 @@ def worn(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
 @pytest.fixture(scope="module")
 def told(worn: list[Path], tmp_path_factory: pytest.TempPathFactory, cli) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("page")
-    done = cli("diagnose", *worn, "--rig", "paper", "--out", out, "--json")
+    library = "coulomb_joint1,coulomb_joint2,stribeck_joint1,spring_joint1,encoder_offset_joint1,latency_joint2"
+    done = cli("diagnose", *worn, "--rig", "paper", "--library", library, "--out", out, "--json")
     assert done.code == 0, done.err
     return done.json
 

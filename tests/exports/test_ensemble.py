@@ -64,8 +64,8 @@ def test_samples_have_the_covariance_of_the_posterior_and_frictions_are_not_nega
     assert drawn[:, 2].mean() == pytest.approx(1e-3 + 0.055 * STD[2], abs=0.05 * STD[2])  # truncated at -2 std
     assert drawn[:, :2].std(axis=0) == pytest.approx(STD[:2], rel=0.05)
     assert np.corrcoef(drawn[:, :2].T)[0, 1] == pytest.approx(0.8, abs=0.03)
-    again = values(sampled_models(model, [component(model)], 1500, 1))
-    assert np.array_equal(drawn, again)
+    once, again = (values(sampled_models(model, [component(model)], 20, 1)) for _ in range(2))
+    assert np.array_equal(once, again)
     wide = values(sampled_models(model, widened([component(model)], 2.0), 1500, 1))
     assert wide[:, 0].std() == pytest.approx(2 * STD[0], rel=0.05)
 
