@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 A simulated device. It speaks the same protocol as the board, over a pseudo terminal (serial, or CAN in SLCAN) or over
-TCP on this machine, and is ready once it prints one line of JSON with the URL to connect to."""
+TCP on this machine. It is ready once it prints one line of JSON with the URL to connect to."""
 
 EXAMPLE = """\
 example:
