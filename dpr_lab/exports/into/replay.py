@@ -10,7 +10,7 @@ Recordings of a moving arm are replayed in segments of 1 s. The recorded input o
 import runpy
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -25,12 +25,12 @@ from dpr_lab.exports.mjcf import CALLBACK
 from dpr_lab.exports.moving_arm.replay import arm_replays
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.replay import release
+from dpr_lab.exports.xml import rendered
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models import read_model
-from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 from dpr_lab.simulator_models.double_pendulum import double_pendulum
 from dpr_lab.simulator_models.mjcf import compile_mjcf
 
@@ -135,7 +135,7 @@ class Simulation:
         names = tuple(f"joint{number}" for number in range(1 - moving, 1 + len(chain.rods)))
         zero = np.array([*([0.0] if moving else []), np.pi, 0.0])[: len(parts)]
         return cls(
-            _compiled(_on_arm(chain) if moving else _scene(_rods(chain), chain.gravity)),
+            _compiled(rendered("chain.xml", chain=chain, arm=chain.arm if moving else None, pi=np.pi)),
             names,
             zero,
             np.ones(len(parts)),
@@ -200,51 +200,3 @@ def _compiled(text: str) -> Any:
     except ModuleNotFoundError as missing:
         raise ConfigError("replaying the file needs MuJoCo: pip install 'dpr-lab[exports]'") from missing
     return mujoco.MjModel.from_xml_string(text)
-
-
-def _on_arm(chain: ModelChain) -> str:
-    """MJCF text of an arm that turns about the vertical and carries the rods; its inertia includes the rotor."""
-    arm = chain.arm
-    assert arm is not None
-    joint = _joint(0, replace(arm, joint=replace(arm.joint, armature=0.0)), 0.0, "0 0 1")
-    inertia = f'<inertial pos="0 0 0" mass="1" diaginertia="{arm.inertia!r} {arm.inertia!r} {arm.inertia!r}"/>'
-    turned = "0 0 1.5707963267948966"  # in the frame of the rods, the axis points to the arm
-    rods = f'<body pos="{arm.length!r} 0 0" euler="{turned}">{_rods(chain)}</body>'
-    return _scene(f"<body>{joint}{inertia}{rods}</body>", chain.gravity)
-
-
-def _scene(bodies: str, gravity: float) -> str:
-    return (
-        f'<mujoco><compiler angle="radian" balanceinertia="true"/><option gravity="0 0 {-gravity!r}"'
-        f' integrator="RK4"/><worldbody>{bodies}</worldbody></mujoco>'
-    )
-
-
-def _rods(chain: ModelChain) -> str:
-    """MJCF text of the rods.
-
-    The rods turn about y, with x across and z along the upright rod.
-    """
-    length, inner = chain.rods[0].length or 0.0, ""
-    for number, rod in reversed(list(enumerate(chain.rods, 1))):
-        inertial = (
-            f'<inertial pos="{float(rod.offset)!r} 0 {float(rod.centroid)!r}" mass="{float(rod.mass)!r}"'
-            f' diaginertia="{float(rod.inertia)!r} {float(rod.inertia)!r} 1e-9"/>'
-        )
-        joint = _joint(number, rod, np.pi if number == 1 else 0.0, "0 1 0")
-        place = f'pos="0 0 {length!r}"' if number == 2 else ""
-        inner = f"<body {place}>{joint}{inertial}{inner}</body>"
-        if number == 2 and chain.elbow_mass > 0:
-            at_elbow = f'<inertial pos="0 0 0" mass="{chain.elbow_mass!r}" diaginertia="1e-9 1e-9 1e-9"/>'
-            inner += f"<body {place}>{at_elbow}</body>"
-    return inner
-
-
-def _joint(number: int, part: ChainRod | ChainArm, hanging: float, axis: str) -> str:
-    """MJCF text of the joint of a part; `hanging` is its angle with the rods hanging, rad."""
-    joint = part.joint
-    return (
-        f'<joint name="joint{number}" axis="{axis}" damping="{joint.damping!r}" frictionloss="{joint.friction!r}"'
-        f' armature="{joint.armature!r}" stiffness="{joint.stiffness!r}"'
-        f' springref="{float(hanging + part.direction * (joint.rest - part.hanging))!r}"/>'
-    )
