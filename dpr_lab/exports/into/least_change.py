@@ -11,8 +11,10 @@ factor s / b (1 + x_j), where x_j is the error of the torque constant of joint j
 parameters, and s is one of x_i / u_i, b and b / (1 + x_j).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -36,6 +38,7 @@ from dpr_lab.exports.into.in_file import (
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import compare_run
 from dpr_lab.identification.model import Model, ParameterValue
+from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ModelChain
@@ -76,27 +79,59 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     effects = {name: values for name, values in effects.items() if name not in gears}
     effects |= _changed_gears(gears, factor, diagnosis)
     effects |= unseen(diagnosis, chain, effects, (0, 1))
-    file = {name: {key: 0.0 for key in values} | in_file(chain, name) for name, values in effects.items()}
-    effects = felt(effects, file, lambda of_effects: _error(_with(model, chain, base, of_effects), runs, rig))
-    least = _with(model, chain, base, effects)
-    causes: list[tuple[list[ModelCause], Model]] = [
-        (rows, _with(model, chain, base, {**effects, name: file[name]}))
-        for name in effects
-        if (rows := effect_rows(chain, name, effects[name], file[name]))
-    ]
+    uncorrected: list[tuple[list[ModelCause], Array]] = []
     for number, terms in enumerate(BODY_TERMS):
         places = [BASE.index(term) for term in terms]
         if np.any(base[places] != of_file[places]):
-            rows = body_rows(chain, base, of_file, number, longer)
-            causes.append((rows, _with(model, chain, _replaced(base, of_file, places), effects)))
+            uncorrected.append((body_rows(chain, base, of_file, number, longer), _replaced(base, of_file, places)))
         damping = 4 + number
         if base[damping] != of_file[damping]:
             row = cause(chain, number, "damping", of_file[damping], base[damping], "N m s/rad")
-            causes.append(([row], _with(model, chain, _replaced(base, of_file, [damping]), effects)))
-    nothing = _with(model, chain, _base_of(chain, 0.0), {name: file[name] for name in effects})
-    errors = [(rows, _error(without, runs, rig)) for rows, without in causes]
-    rows = ranked(errors, _error(least, runs, rig), _error(nothing, runs, rig))
-    return LeastChange(least, rows, tuple(name for name in effects if not words_of({name: effects[name]})))
+            uncorrected.append(([row], _replaced(base, of_file, [damping])))
+
+    def error(tried: Model) -> float:
+        return float(np.mean([np.mean(compare_run(run, rig, tried).segment_rms_rad ** 2) for run in runs]))
+
+    numbers = base, _base_of(chain, 0.0)
+    return ranked_change(chain, partial(_with, model, chain), error, numbers, effects, uncorrected)
+
+
+Numbers = TypeVar("Numbers")
+ModelKind = TypeVar("ModelKind", Model, MovingArmModel)
+
+
+def ranked_change(
+    chain: ModelChain,
+    model_with: Callable[[Numbers, Effects], ModelKind],
+    error: Callable[[ModelKind], float],
+    numbers: tuple[Numbers, Numbers],
+    effects: Effects,
+    uncorrected: Sequence[tuple[list[ModelCause], Numbers]],
+) -> LeastChange:
+    """Smallest change with its causes, ranked by the growth of the error if the cause stays uncorrected.
+
+    Args:
+        chain: rods and arm of the file
+        model_with: function that returns the model with given numbers and effects
+        error: function that returns the mean square error of a model over segments, rad^2
+        numbers: corrected numbers, and those of the file
+        effects: identified sizes of effects by name
+        uncorrected: changed numbers of bodies and joints, each with the numbers in which they have their old values
+    """
+    corrected, of_file = numbers
+    file = {name: {key: 0.0 for key in sizes} | in_file(chain, name) for name, sizes in effects.items()}
+    effects = felt(effects, file, lambda tried: error(model_with(corrected, tried)))
+    least = model_with(corrected, effects)
+    causes: list[tuple[list[ModelCause], ModelKind]] = [
+        (rows, model_with(corrected, {**effects, name: file[name]}))
+        for name, sizes in effects.items()
+        if (rows := effect_rows(chain, name, sizes, file[name]))
+    ]
+    causes += [(rows, model_with(without, effects)) for rows, without in uncorrected]
+    nothing = model_with(of_file, {name: file[name] for name in effects})
+    errors = [(rows, error(without)) for rows, without in causes]
+    unnamed = tuple(name for name, sizes in effects.items() if not words_of({name: sizes}))
+    return LeastChange(least, ranked(errors, error(least), error(nothing)), unnamed)
 
 
 def _base_of(chain: ModelChain, longer: float) -> Array:
@@ -236,7 +271,3 @@ def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, 
         second = d / (rod.mass * length)
         values.append((second, b - rod.mass * second**2))
     return values
-
-
-def _error(model: Model, runs: Sequence[Run], rig: Rig) -> float:
-    return float(np.mean([np.mean(compare_run(run, rig, model).segment_rms_rad ** 2) for run in runs]))

@@ -9,6 +9,7 @@ changes.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -16,21 +17,16 @@ from dpr_lab.dynamics.base import BASE, GAINS, base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.effect import ARM
 from dpr_lab.errors import RunError
-from dpr_lab.exports.bodies import words_of
 from dpr_lab.exports.into.in_file import (
     CHANGE,
     Effects,
     ModelCause,
     as_in_file,
     cause,
-    effect_rows,
-    felt,
-    in_file,
-    ranked,
     scaled,
     unseen,
 )
-from dpr_lab.exports.into.least_change import BODY_TERMS, LeastChange, body_rows, with_own_numbers
+from dpr_lab.exports.into.least_change import BODY_TERMS, LeastChange, body_rows, ranked_change, with_own_numbers
 from dpr_lab.exports.moving_arm.corrected import with_swing
 from dpr_lab.exports.moving_arm.replay import follow_with_arm
 from dpr_lab.gap.result.diagnosis import Diagnosis
@@ -57,14 +53,6 @@ class RankSettings:
 RANK = RankSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """Numbers of the file that change together, because of one cause."""
-
-    parameters: tuple[str, ...]
-    rows: list[ModelCause]
-
-
 def least_change_of_arm(
     diagnosis: Diagnosis, model: MovingArmModel, rig: Rig, chain: ModelChain, runs: Sequence[Run]
 ) -> LeastChange:
@@ -84,20 +72,10 @@ def least_change_of_arm(
     factor = values[model.scale] / model.absolute[model.scale].value
     effects = {n: as_in_file(diagnosis, chain, n, scaled(n, v, factor)) for n, v in model.effects.items()}
     effects |= unseen(diagnosis, chain, effects, (ARM, *range(len(chain.rods))))
-    file = {name: {key: 0.0 for key in sizes} | in_file(chain, name) for name, sizes in effects.items()}
-    effects = felt(effects, file, lambda of_effects: _error(_with(model, values, of_effects), runs, rig))
-    least = _with(model, values, effects)
-    causes = [
-        (group.rows, _with(model, dict(values) | {name: of_file[name] for name in group.parameters}, effects))
-        for group in _changed(chain, chain.arm, values, of_file)
-    ]
-    for name, sizes in effects.items():
-        if rows := effect_rows(chain, name, sizes, file[name]):
-            causes.append((rows, _with(model, values, {**effects, name: file[name]})))
-    nothing = _with(model, of_file, {name: file[name] for name in effects})
-    errors = [(rows, _error(without, runs, rig)) for rows, without in causes]
-    rows = ranked(errors, _error(least, runs, rig), _error(nothing, runs, rig))
-    return LeastChange(least, rows, tuple(name for name in effects if not words_of({name: effects[name]})))
+    uncorrected = list(_changed(chain, chain.arm, values, of_file))
+    return ranked_change(
+        chain, partial(_with, model), lambda tried: _error(tried, runs, rig), (values, of_file), effects, uncorrected
+    )
 
 
 def _of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
@@ -158,12 +136,14 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
     return tolerances
 
 
-def _changed(chain: ModelChain, arm: ChainArm, values: Values, of_file: Values) -> Iterator[_Group]:
-    """Groups of numbers that differ from the file."""
+def _changed(
+    chain: ModelChain, arm: ChainArm, values: Values, of_file: Values
+) -> Iterator[tuple[list[ModelCause], Values]]:
+    """Numbers that differ from the file because of one cause, and the values in which they do not."""
     base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
         if any(values[name] != of_file[name] for name in terms):
-            yield _Group(terms, body_rows(chain, base, old, number, 0.0))
+            yield body_rows(chain, base, old, number, 0.0), {**values, **{name: of_file[name] for name in terms}}
     gear = (arm.gear or 1.0) / of_file["gain"]
     of_rods = _carried(chain) * values["L0"] ** 2, _carried(chain) * of_file["L0"] ** 2
     numbers = [
@@ -176,7 +156,7 @@ def _changed(chain: ModelChain, arm: ChainArm, values: Values, of_file: Values) 
     for name, joint, quantity, unit_factor, (after, before), unit in numbers:
         if values[name] != of_file[name]:
             ends = unit_factor * of_file[name] - before, unit_factor * values[name] - after
-            yield _Group((name,), [cause(chain, joint, quantity, *ends, unit)])
+            yield [cause(chain, joint, quantity, *ends, unit)], {**values, name: of_file[name]}
 
 
 def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmModel:
