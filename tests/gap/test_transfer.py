@@ -14,6 +14,8 @@ from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.conclusion import verdict
 from dpr_lab.gap.conclusion.verdict import how_far
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.thresholds import small_effects
+from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
@@ -109,8 +111,22 @@ def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
     probabilities: tuple[float, ...], named: list[str]
 ) -> None:
     causes = [EffectPosterior(name, (name,), (), p) for name, p in zip("abc", probabilities, strict=False)]
-    state = Mock(selection=Mock(expected=frozenset()), posteriors=causes, transfer=Mock(withdrawn=()))
+    selection = Mock(expected=frozenset(), base=Mock(residuals=Mock(excess=1.0, uncertainty=0.0)), path=())
+    state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
     assert [cause.name for cause in verdict._causes_named(state)] == named
+
+
+def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> None:
+    base, large, both = (Mock(residuals=Mock(excess=excess, uncertainty=0.0)) for excess in (1000.0, 8.0, 4.0))
+    selection = Mock(expected=frozenset(), base=base, path=[("a", large), ("b", both)])
+    causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
+    state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
+    assert [cause.name for cause in verdict._causes_named(state)] == ["a"]
+
+
+def test_small_effects_explain_less_than_a_hundredth_of_the_gap_together() -> None:
+    models = [Mock(residuals=Mock(excess=excess, uncertainty=0.0)) for excess in (1000.0, 200.0, 17.0, 12.0, 8.0)]
+    assert small_effects(models[0], list(zip("abcd", models[1:], strict=True))) == {"c", "d"}
 
 
 def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
@@ -137,6 +153,16 @@ def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left
     tested = Transfer("one release", True, quarters, 1.0, (), {}, {}, {}, (), (), (), None)
     (judged,) = tested.judged([EffectPosterior("base_vibration", ("base_vibration",), (), 0.98)])
     assert judged.probability == pytest.approx(probability)
+
+
+@pytest.mark.parametrize(("basis", "probability"), [("one release", 0.85), ("releases left out", 0.49)])
+def test_a_failed_test_of_a_single_release_is_weak_evidence(basis: Basis, probability: float) -> None:
+    closed, failed = GapReduction(0.6, (0.2, 0.8)), ("coulomb_joint1",)
+    alone = basis == "one release"
+    withdrawn, unproven = ((), failed) if alone else (failed, ())
+    tested = Transfer(basis, True, closed, 1.0, (), {}, {}, {}, withdrawn, unproven, (), None)
+    (judged,) = tested.judged([EffectPosterior("coulomb_joint1", failed, (), 0.98)])
+    assert judged.probability == pytest.approx(probability, abs=0.005)
 
 
 @pytest.mark.slow

@@ -93,10 +93,7 @@ class Calibration:
     unseen: float = 0.5
     """Probability of "no gap" if most effects are undetectable in the recordings."""
     least_listed: float = 1e-9
-    """Minimum probability of a listed alternative.
-
-    Smaller probabilities contain no information, and their order would depend on the order of the library.
-    """
+    """Minimum probability of a listed alternative; the order of smaller ones would be that of the library."""
     alternatives: int = 5
     """Maximum number of alternatives of each named effect."""
     hidden: float = 0.5
@@ -217,10 +214,7 @@ def _class_members(
 def _alternatives(
     selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
 ) -> list[Alternative]:
-    """Best alternatives to the named effect, by increasing cost.
-
-    Alternatives of equal cost are in alphabetical order.
-    """
+    """Best alternatives to the named effect, by increasing cost and, at equal cost, in alphabetical order."""
     alternatives = (
         Alternative(other, (other,), test.cosine(named, score), _cost(selection, without, score))
         for other, score in others.items()
@@ -281,6 +275,9 @@ def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> fl
 def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
     """Whether two effects with the same signature fit equally well, by their fits or by their linear scores.
 
+    At the fit without the named effect, the remaining effects may imitate it and hide that both effects are equal. An
+    effect that the named one absorbs at the selected fit therefore has the same signature.
+
     A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
     the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect
     explains beyond this form less than remains unexplained: the cause of the remainder can imitate the difference.
@@ -289,13 +286,15 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
     is_form = other.effect.name in score.effect.nested
     if is_form and adds_less_than_remains(selection.chosen, fitted):
         return True
+    absorbed = not other.absorbed and selection.final_test.absorbs(other.effect, score.effect)
     alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
-    if not alike or score.effect.name in other.effect.nested:
+    if not (alike or absorbed) or score.effect.name in other.effect.nested:
         return False
     margin = indifference(selection.base, selection.chosen)
     if fitted is not None:
         return fitted.cost - selection.chosen.cost < margin
-    return not is_form and score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)
+    as_good = score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)
+    return not is_form and (as_good or absorbed)
 
 
 def _adds_nothing(selection: Selection, without: Hypothesis, richer: str, sizes: Mapping[str, float | None]) -> bool:

@@ -4,7 +4,8 @@ from collections.abc import Collection, Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES
-from dpr_lab.gap.result.causes import NamedFamily
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, small_effects
+from dpr_lab.gap.result.causes import PROBABLE, NamedFamily
 from dpr_lab.gap.result.diagnosis import Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Advised
@@ -18,6 +19,7 @@ def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) 
         return []
     return [
         *_restrictions(state, kind),
+        *_small_effects(state, kind),
         *component_notes(named_families, state.recordings.rig.joints.geared),
         *_varying_sizes(state),
         *_lone_recording(state),
@@ -32,6 +34,16 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
         yield f"Effects that do not carry over to held-out data: {listed(withdrawn)}."
     if oversized := state.transfer.oversized:
         yield f"Effects of a size that no rig has; another cause must have a similar signature: {listed(oversized)}."
+
+
+def _small_effects(state: Advised, kind: Verdict) -> Iterator[str]:
+    """Sentence on the effects that the verdict omits because they explain little of the gap."""
+    of_any_probability = small_effects(state.selection.base, state.selection.path)
+    likely = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
+    small = [name for name in likely if name in of_any_probability]
+    if small and kind in ("named", "partly_explained"):
+        least = percent(THRESHOLDS.small)
+        yield f"Small effects, together less than {least} of the excess chi-square: {listed(small)}."
 
 
 def component_notes(named_families: Sequence[NamedFamily], geared: Collection[int]) -> Iterator[str]:

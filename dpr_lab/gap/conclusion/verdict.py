@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, small_effects
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
@@ -226,12 +226,15 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
 def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
     """Causes that the sentence names: effects that carry over to held-out data and are not only expected of the rig.
 
-    Less probable effects are named only if no other effect is named. The table of the causes lists them.
+    Less probable effects are named only if no other effect is named. The table of the causes lists them, and the small
+    effects.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
     likely = [cause for cause in carrying if cause.probability >= VERDICT.rather]
-    return likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
+    small = small_effects(state.selection.base, state.selection.path)
+    large = [cause for cause in likely if cause.name not in small]
+    return large or likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
 
 
 def _no_gap(base: Hypothesis) -> str:

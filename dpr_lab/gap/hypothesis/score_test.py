@@ -73,6 +73,13 @@ class ScoreTest:
         """Best score of one effect; None if the effect was not tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
+    def absorbs(self, effect: Effect, by: Effect) -> bool:
+        """Whether the only amplitude of an effect is indistinguishable from the only amplitude of a fitted effect."""
+        score = self.of(effect.name)
+        if score is None or len(effect.parameters) > 1:
+            return False
+        return [parameter.name for parameter in by.parameters] == list(score.absorbed.values())
+
     def prior_of(self, columns: Sequence[int]) -> RigPrior:
         """Prior of some columns, which must include all columns of the fit."""
         rows = columns if len(self.prior.A) else ()  # no prior without a rig file

@@ -1,5 +1,6 @@
 """Significance of a reduction of the cost: compared with noise, chance, and the error of an inexact form."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -209,6 +210,18 @@ def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bo
     if simpler is None or at_noise_floor(richer):
         return False
     return excess(simpler) - excess(richer) < excess(richer)
+
+
+def small_effects(base: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
+    """Effects that together explain less than `THRESHOLDS.small` of the gap beyond the larger effects.
+
+    Args:
+        base: the bare model
+        path: names of the effects, largest first, each with the set that contains it and the larger ones
+    """
+    before = [base, *(model for _, model in path)]
+    least = THRESHOLDS.small * excess(base) + excess(before[-1])
+    return frozenset(name for (name, _), smaller in zip(path, before, strict=False) if excess(smaller) < least)
 
 
 def significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:

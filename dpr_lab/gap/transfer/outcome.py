@@ -31,6 +31,11 @@ class TransferSettings:
     """
     unproven: float = 0.5
     """Factor on the probability of an effect that does not carry over, so that the probability is at most one half."""
+    weakly_tested: float = 0.87
+    """Factor as `unproven` for a single release, which has only its own quarters and its own free run as a test.
+
+    It is the share of right names among those that failed such a test (decision 61).
+    """
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size; another cause is then more probable."""
     worse: float = 1.1
@@ -110,11 +115,17 @@ class Transfer:
     """The only fitted recording with a remainder; None if there is none."""
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """Probabilities of the effects, reduced for effects that fail a test."""
-        doubtful = {*self.withdrawn, *self.unproven}
-        if self.worse_free_run or self.lone or not self.tested or self.closed.estimate < 0.0:
+        """Probabilities of the effects, reduced for effects that fail a test.
+
+        The tests of a single release have little power: its quarters are few and differ in amplitude. A failed test is
+        then weak evidence against an effect, unless all effects together increase the gap of the quarters.
+        """
+        doubtful, increased = {*self.withdrawn, *self.unproven}, self.closed.estimate < 0.0
+        if self.worse_free_run or self.lone or not self.tested or increased:
             doubtful |= {posterior.name for posterior in posteriors}
-        factors = dict.fromkeys(doubtful, TRANSFER.unproven) | dict.fromkeys(self.oversized, TRANSFER.oversized)
+        weakly = self.basis == "one release" and not increased
+        factor = TRANSFER.weakly_tested if weakly else TRANSFER.unproven
+        factors = dict.fromkeys(doubtful, factor) | dict.fromkeys(self.oversized, TRANSFER.oversized)
         return tuple(
             replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
             for posterior in posteriors
