@@ -67,7 +67,7 @@ _SOURCE = (
     " ch. 3; rotation as in Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013)."
 )
 _BENCH_CHECK = (
-    "Tape a light card to the {rod} rod and repeat: the drag of that rod increases several times. Thickness"
+    "Tape a light card to the {rod} rod and repeat: its drag increases by a factor of several. Thickness"
     " and width of the rods, measured with a calliper, give the ratio of their drags."
 )
 
@@ -108,7 +108,9 @@ AIR_DRAG_BOTH = Effect(
     quantities=(
         BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
     ),
-    symptom="As air drag of the outer rod; a large swing of the inner rod alone is damped too.",
+    symptom=(
+        "The symptom is that of air drag of the outer rod; in addition, a large swing of the inner rod alone is damped."
+    ),
     bench_check=_BENCH_CHECK.format(rod="inner"),
     source=_SOURCE,
 )
@@ -132,7 +134,8 @@ AIR_DRAG_JOINT0 = Effect(
         " high speeds quickly and low speeds slowly."
     ),
     bench_check=(
-        "Tape a light card to the arm and repeat: the drag increases several times. Or remove the rods and turn the arm"
+        "Tape a light card to the arm and repeat: the drag increases by a factor of several. Or remove the rods and"
+        " turn the arm"
         " at two constant inputs: with drag, the speed increases by a smaller factor than the input."
     ),
     source=_SOURCE,

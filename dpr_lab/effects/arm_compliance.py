@@ -35,7 +35,7 @@ ARM_COMPLIANCE = Effect(
     name="arm_compliance",
     words="arm compliance",
     equation=(
-        "the three-coordinate equation of `dpr_lab.dynamics.arm` with theta0 on a spring: A = L0^2 / coupling (inertia"
+        "equation of three coordinates (`dpr_lab.dynamics.arm`), with theta0 on a spring: A = L0^2 / coupling (inertia"
         " of the arm with all masses at its tip), k0 = A (2 pi f)^2, c0 = 2 zeta A 2 pi f; the arm is held"
         " before the release"
     ),

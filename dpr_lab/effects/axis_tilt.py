@@ -49,7 +49,7 @@ AXIS_TILT_JOINT0 = Effect(
     quantities=(
         BenchQuantity("tilt of the arm's axis", "sqrt(x^2 + y^2)", ("along_rad", "across_rad"), "from the vertical"),
     ),
-    symptom="Without an input the arm drifts to the same angle from any start, where the rods are lowest.",
+    symptom="Without an input the arm drifts from any start to the same angle, at which the rods are lowest.",
     bench_check=(
         "Put a spirit level on the arm and rotate the arm by a full turn: the tilt appears in opposite"
         " directions. Without a motor, the arm comes to rest where the rods are lowest."

@@ -108,7 +108,7 @@ def _of_encoder(joint: int, stage: StageName, bench_check: str) -> Effect:
         remedy=_tightened,
         quantities=(BenchQuantity("backlash of the encoder", "x", ("play_rad",)),),
         symptom=(
-            f"The reading of joint {joint} stands still for a moment at each turning point, so that its curve has flat"
+            f"The reading of joint {joint} is constant for a short time at each turning point, so its curve has flat"
             " tops."
         ),
         bench_check=bench_check,
@@ -150,8 +150,8 @@ BACKLASH_JOINT0 = Effect(
     remedy=_tightened,
     quantities=(BenchQuantity("backlash of the gear", "x", ("play_rad",), definition="as an angle of the arm"),),
     symptom=(
-        "After each reversal of the motor the arm follows late, with a small impact; the encoder at the motor moves"
-        " first."
+        "After each reversal of the motor, the encoder at the motor moves first; the arm follows later, with a small"
+        " impact."
     ),
     bench_check=(
         "Hold the arm and turn the motor's shaft by hand to either side: the encoder counts through the backlash."

@@ -18,7 +18,7 @@ def tilted(motion: Motion, base: BaseParameters, tilt_rad: float) -> Terms:
 BASE_TILT = Effect(
     name="base_tilt",
     words="base tilt",
-    equation="e1 sin(theta1 + tilt), e2 sin(theta2 + tilt) in place of e1 sin(theta1), e2 sin(theta2)",
+    equation="e1 sin(theta1 + tilt), e2 sin(theta2 + tilt) instead of e1 sin(theta1), e2 sin(theta2)",
     parameters=(EffectParameter("tilt_rad", "rad", 5e-3),),
     remedy=lambda params, rig, joint: (
         f"level the base, which tilts by {1e3 * abs(params['tilt_rad']):.3g} mrad, or tilt gravity in the simulator"

@@ -29,7 +29,7 @@ CLOCK_RATE = Effect(
             "rate error of the device's clock", "x", ("excess",), definition="device time over true time, minus 1"
         ),
     ),
-    symptom="All periods are longer, or shorter, than those timed with a stopwatch, by the same factor.",
+    symptom="All periods differ by the same factor from those measured with a stopwatch.",
     bench_check=(
         "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows the rate"
         " error). A crystal has an error of at most 0.01 %: a larger error indicates a wrong length L1 (or gravity)."

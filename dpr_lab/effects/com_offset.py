@@ -73,8 +73,8 @@ COM_OFFSET_LINK2 = Effect(
     twins=("encoder_offset_joint2",),
     quantities=(BenchQuantity("offset of the centre of mass across the outer rod", "y", ("offset_m",)),),
     symptom=(
-        "The outer rod rests away from the vertical although its encoder is zeroed correctly; turned over, it rests"
-        " on the other side."
+        "The outer rod rests away from the vertical although its encoder is zeroed correctly; if the rod is turned"
+        " over, it rests on the other side."
     ),
     bench_check="Lay the outer rod on a knife edge along its axis: an offset centre of mass tips it to that side.",
     source=_SOURCE,

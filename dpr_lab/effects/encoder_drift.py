@@ -40,12 +40,12 @@ ENCODER_DRIFT = pair(
         BenchQuantity("rate of the zero", "r", ("rate_rad_per_s",)),
     ),
     symptom=(
-        "The middle of the swing moves steadily to one side, and the rods seem to hang at another angle at the end of"
-        " a recording than at its beginning."
+        "The centre of the swing moves steadily to one side. The angle of the hanging rods seems to differ between"
+        " the beginning and the end of a recording."
     ),
     bench_check=(
-        "Let the rods hang at rest after a recording and read encoder {j} for a minute: its zero moves, although"
-        " nothing else does."
+        "Let the rods hang at rest after a recording and read encoder {j} for a minute: the reading changes although"
+        " the rods do not move."
     ),
     source="Temperature drift and slip in data sheets of potentiometers and shaft encoders.",
 )

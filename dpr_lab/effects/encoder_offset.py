@@ -39,10 +39,7 @@ ENCODER_OFFSET_JOINT1 = Effect(
     quantities=(
         BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
     ),
-    symptom=(
-        "The reading of encoder 1 is not that of a hanging rod while the rods hang at rest; swings to both sides"
-        " differ."
-    ),
+    symptom="While the rods hang at rest, encoder 1 does not read the hanging angle; swings to both sides differ.",
     bench_check=(
         "Read encoder 1 with the rods at rest, turn the base by 180 degrees and read it again: half the sum is the zero"
         " error; a tilt of the base changes sign and cancels."
@@ -67,7 +64,9 @@ ENCODER_OFFSET_JOINT2 = Effect(
     quantities=(
         BenchQuantity("zero error of the encoder", "x", ("offset_rad",), definition="angle read minus true angle"),
     ),
-    symptom="The reading of encoder 2 is not zero while the rods hang at rest, by the same amount in every recording.",
+    symptom=(
+        "While the rods hang at rest, the reading of encoder 2 is not zero; its value is the same in every recording."
+    ),
     bench_check=(
         "Remove the outer rod and turn it by 180 degrees about its long axis: the zero of the encoder does"
         " not change, an offset of the centre of mass changes its side."

@@ -56,7 +56,7 @@ ENCODER_SCALE = pair(
         BenchQuantity("scale error of the encoder", "x", ("excess",), definition="angle read over true angle, minus 1"),
     ),
     symptom=(
-        "After whole turns, rod {j} hangs at a reading that is not a whole number of turns; large angles are too"
+        "After whole turns, the reading of the hanging rod {j} is not a whole number of turns; all angles are too"
         " large or too small by the same factor."
     ),
     bench_check="Turn rod {j} by hand through ten whole turns to the same mark: the counts give the scale.",

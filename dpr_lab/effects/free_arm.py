@@ -15,7 +15,7 @@ FREE_ARM = Effect(
     name="free_arm",
     words="moving arm",
     equation=(
-        "the three-coordinate equation of `dpr_lab.dynamics.arm` with A = J0 + (m1 + m2 + mb) L0^2 and viscous friction"
+        "equation of three coordinates (`dpr_lab.dynamics.arm`) with A = J0 + (m1 + m2 + mb) L0^2 and viscous friction"
         " c0, to which the back-EMF of a voltage drive adds ke kt gear^2 / R"
     ),
     parameters=(

@@ -69,8 +69,8 @@ FRICTION_CURVE = pair(
         BenchQuantity("rise of the friction torque from 0 to 0.3 rad/s", "rise_1", ("rise1_Nm",)),
     ),
     symptom=(
-        "No constant and proportional friction fits large and small swings together: the loss at joint {j} depends"
-        " on the speed in another way, or differs between the directions."
+        "The sum of constant and viscous friction does not fit large and small swings together: the loss at joint"
+        " {j} is another function of the speed, or differs between the directions."
     ),
     bench_check=(
         "Drive joint {j} at constant speeds with a falling weight, or compare the decay of swings of"
@@ -86,8 +86,8 @@ FRICTION_CURVE_JOINT0 = at_arm(
     FRICTION_CURVE[0],
     twins=("stribeck_joint0", "air_drag_joint0"),
     symptom=(
-        "The torque that keeps the arm at a constant speed is not a constant plus a part proportional to the speed,"
-        " or differs between the directions."
+        "The torque that keeps the arm at a constant speed is not a linear function of the speed, or differs between"
+        " the directions."
     ),
     bench_check="Remove the rods and drive the arm at constant speeds: the torque at each speed is the curve.",
 )

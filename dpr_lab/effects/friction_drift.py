@@ -29,12 +29,12 @@ FRICTION_DRIFT = pair(
     stage="torque",
     quantities=(BenchQuantity("drift rate of the viscous friction coefficient", "r", ("rate_Nm_per_rad",)),),
     symptom=(
-        "Swings late in a recording are damped more, or less, than earlier ones of the same amplitude, for example"
-        " while the grease warms up."
+        "Late swings of a recording are damped more, or less, than earlier swings of the same amplitude, for example"
+        " because the grease warms up."
     ),
     bench_check=(
-        "After the last release, let the rods hang for ten minutes and repeat the first one: with a drift of friction"
-        " at joint {j}, the two recordings differ by more than their scatter."
+        "After the last release, let the rods hang for ten minutes and repeat the first release: if the friction of"
+        " joint {j} drifts, the two recordings differ by more than their scatter."
     ),
     source="Viscosity of lubricants against temperature: Stachowiak & Batchelor (2013), Engineering Tribology, ch. 2.",
 )

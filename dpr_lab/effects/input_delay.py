@@ -19,7 +19,9 @@ INPUT_DELAY = Effect(
     stage="input",
     kernel=later,
     quantities=(BenchQuantity("delay of the input", "x", ("delay_s",)),),
-    symptom="Every response to a step of the input begins earlier or later than simulated, by the same time.",
+    symptom=(
+        "Every response to a step of the input begins earlier or later than in the simulation, always by the same time."
+    ),
     bench_check=(
         "Command a torque step on a hanging rod at rest and log its encoder at the highest rate: the rod starts to"
         " move a delay after the step."

@@ -32,7 +32,10 @@ LATENCY_JOINT2 = Effect(
         "Swap the two encoder cables at the board and repeat: a delay of the electronics changes its sign; or"
         " latch both counters on one edge."
     ),
-    source="Polled buses read one encoder after the other; a common delay of both is not visible in a free swing.",
+    source=(
+        "Polled buses read one encoder after the other; a delay that both encoders share is not visible in a free"
+        " swing."
+    ),
 )
 
 

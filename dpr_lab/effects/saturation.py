@@ -23,7 +23,7 @@ SATURATION_JOINT0 = Effect(
     kernel=clipped,
     joints=(ARM,),
     nested=("torque_scale_joint0",),
-    quantities=(BenchQuantity("share of the excess torque that is missing", "x", ("share",)),),
+    quantities=(BenchQuantity("missing share of the torque above the limit", "x", ("share",)),),
     symptom="At large inputs the arm accelerates less than commanded; at small inputs it follows.",
     bench_check=(
         "Measure the motor's current or voltage at the largest command: with saturation it is smaller than"

@@ -85,8 +85,8 @@ SPRING = pair(
         BenchQuantity("constant torque of the spring", "C", ("constant_Nm",)),
     ),
     symptom=(
-        "The rest angle of rod {j} or its period differs from that of gravity alone, and may depend on the number"
-        " of whole turns that wind up the cable."
+        "The rest angle or the period of rod {j} differs from the value for gravity alone, and may depend on the"
+        " number of whole turns that wind up the cable."
     ),
     bench_check="Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles).",
     source="Elastic restoring torque with Duffing's cubic term, e.g. Nayfeh & Mook (1979), Nonlinear Oscillations.",

@@ -30,8 +30,8 @@ TORQUE_RIPPLE = pair(
         BenchQuantity("peak torque ripple", "A", ("cos_share", "sin_share"), definition="as a share of the torque"),
     ),
     symptom=(
-        "Under a constant torque the acceleration varies with the angle of joint {j} at even spacing; without"
-        " torque it does not."
+        "Under a constant torque the acceleration varies periodically with the angle of joint {j}; without torque it"
+        " does not."
     ),
     bench_check=(
         "Turn joint {j} slowly under a constant command against a spring scale: ripple varies with the"
@@ -47,7 +47,7 @@ TORQUE_RIPPLE_JOINT0 = at_arm(
     TORQUE_RIPPLE[0],
     equation="tau (1 + A cos(N q) + B sin(N q)) acts on the arm where its input is known, q its angle",
     symptom=(
-        "Under a constant input the arm's acceleration varies with its angle at even spacing; without an input it"
+        "Under a constant input the acceleration of the arm varies periodically with its angle; without an input it"
         " does not."
     ),
     bench_check=(

@@ -34,8 +34,8 @@ _JOINT1, _JOINT2 = pair(
     symptom="The residual of joint {j} is proportional to the torque of its drive, and vanishes in free swings.",
     bench_check=(
         "Hold the rod after joint {j} horizontal against a spring scale and command a torque: force times"
-        " lever arm is the torque of the drive. Or attach a known mass: the scale of all torques is then"
-        " known without the drives."
+        " lever arm is the torque of the drive. Or attach a known mass: it determines the scale of all torques"
+        " without the drives."
     ),
     source="Swevers, Verdonck & De Schutter (2007), Dynamic model identification for industrial robots, IEEE CSM 27.",
 )

@@ -25,10 +25,12 @@ VISCOUS_GROUND = Effect(
     quantities=(
         BenchQuantity("viscous friction coefficient of the outer rod relative to the ground", "c", ("friction_Nms",)),
     ),
-    symptom="The outer rod loses energy by its absolute speed, also while joint 2 does not turn.",
+    symptom=(
+        "The energy loss of the outer rod depends on its absolute speed, so it occurs even if joint 2 does not turn."
+    ),
     bench_check=(
-        "Tape a light card to the outer rod: air drag increases several times, joint friction does not. A"
+        "Tape a light card to the outer rod: air drag increases by a factor of several, joint friction does not. A"
         " release from upright covers the speeds at which linear and quadratic drag differ."
     ),
-    source="Stokes' law for slow flow; used by mistake for friction of joint 2 in many models.",
+    source="Stokes' law for slow flow; many models use it by mistake for the friction of joint 2.",
 )

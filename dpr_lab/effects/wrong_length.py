@@ -27,7 +27,8 @@ WRONG_LENGTH = Effect(
     corrects="L1",
     universal=True,
     remedy=lambda params, rig, joint: (
-        f"measure L1 again, look up g, and correct the wrong one in the rig file: these recordings determine only their"
+        "measure L1 again, look up g, and correct the wrong value in the rig file: these recordings determine only"
+        " their"
         f" ratio, L1 = {rig.L1 + params['added_m']:.5g} m with g = {rig.g:.5g} m/s^2, or"
         f" g = {rig.g * rig.L1 / (rig.L1 + params['added_m']):.5g} m/s^2 with L1 = {rig.L1:.5g} m"
     ),

@@ -147,7 +147,7 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
         parts = "; ".join(f"--start-s {t[i] - origin:.5g} --duration-s {t[j - 1] - t[i]:.5g}" for i, j in swings)
         raise RunError(
             f"{name}: the recording contains {len(swings)} swings, between which the rods are held. Import each as a"
-            f" separate run: {parts}. If nobody held the rods, use --keep-rest"
+            f" separate run: {parts}. If the rods were not held, use --keep-rest"
         )
     ((first, stop),) = swings
     rest = next((begin for begin, end in held if end == first), first)
@@ -181,7 +181,7 @@ def rest_fault(motion: RodMotion, part: FreePart) -> str:
         return "too short"
     noise = np.sqrt(np.mean(np.diff(rods, axis=0) ** 2, axis=0) / 2)
     if not noise.all():
-        return "its readings do not change, so they do not show their noise"
+        return "its readings are constant, so they do not show the noise"
     line = np.vander(t - t.mean(), 2)
     spread = np.std(rods - line @ np.linalg.lstsq(line, rods, rcond=None)[0], axis=0)
     return "" if (spread <= HELD.restless * noise).all() else "the rods moved in it"

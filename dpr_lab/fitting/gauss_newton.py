@@ -36,8 +36,8 @@ class StopReason(Enum):
     NO_DESCENT = "no step of any length or damping reduces the cost"
     LOST = "the model can follow no segment from these initial states"
     MAXIMUM_ITERATIONS = "the maximum number of iterations was reached"
-    PRELIMINARY = "the residual far exceeds the noise, and the cost decreases by a small part of it"
-    BEATEN = "another fit is better, and the predicted reduction does not reach it"
+    PRELIMINARY = "the residual far exceeds the noise, and a step reduces the cost by a small share only"
+    BEATEN = "another fit of the same set is better, and the predicted reduction is not sufficient to reach it"
 
 
 @dataclass(frozen=True, slots=True)
