@@ -100,8 +100,8 @@ def _reason(plugin: Plugin, error: Exception) -> str:
     module = sys.modules.get(plugin.module)
     if module is not None and getattr(module.__spec__, "_initializing", False):
         return (
-            f"it was imported before the table of {plugin.group}: import the package of the table first, and put the"
-            " rows of each table into a module of their own"
+            f"it was imported before the table of {plugin.group}: import the package of the table first, and use a"
+            " separate module for the rows of each table"
         )
     if isinstance(error, ImportError) and "partially initialized" in str(error):
         root = plugin.module.partition(".")[0]
@@ -112,7 +112,7 @@ def _reason(plugin: Plugin, error: Exception) -> str:
         )
         return (
             f"{Path(frame.f_code.co_filename).name}, line {line} imports a module that needs the table of"
-            f" {plugin.group}, which is being made: import as the template package does, and put the rows of each table"
-            " into a module of their own"
+            f" {plugin.group}, which is not complete yet: import as the template package does, and use a separate"
+            " module for the rows of each table"
         )
     return f"{type(error).__name__}: {error}"

@@ -40,7 +40,7 @@ class Preview:
     notes: tuple[str, ...]
     """Notes on the conversion of the table."""
     questions: tuple[TableQuestion, ...]
-    """Doubts about the interpretation."""
+    """Warnings about the interpretation."""
     torques: dict[str, tuple[str, str]]
     """Columns of joints 1 and 2 for each kind of known torques, `measured` first. The kind is empty if the columns do
     not state it."""
@@ -101,7 +101,7 @@ class Preview:
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Command-line options that resolve the doubts with certainty."""
+        """Command-line options that certainly resolve the warnings."""
         return tuple(word for question in self.questions for word in question.mend)
 
     def to_json(self) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Interpretation of a table: columns, units, zeros, release, and doubts.
+"""Interpretation of a table: columns, units, zeros, release, and warnings.
 
 Nothing is resampled: uneven steps and gaps are kept. Rows without a value and rows with the same time as the previous
 row are removed, counted and reported. Times change only where they wrap, or in `dpr_lab.storage.tables.time_stamps`.
@@ -84,7 +84,7 @@ class Understood:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and doubts, as they are stored with a run."""
+        """Notes and warnings, as they are stored with a run."""
         return (*self.notes, *(question.sentence for question in self.questions))
 
     @property
@@ -182,7 +182,7 @@ def _ignored(
 def _understood(
     read: _Rows, notes: list[str], rig: Rig, kind: str, driving: Mapping[str, tuple[str, str]]
 ) -> Understood:
-    """Convert the kept rows to angles, find the part in which the rods are free, and collect the doubts."""
+    """Convert the kept rows to angles, find the part in which the rods are free, and collect the warnings."""
     path, options, time = read.path, read.options, read.t[read.kept]
     check_spacing(path, time - time[0])
     theta, counts = angles(read.values, options, rig, path)
