@@ -93,6 +93,7 @@ def test_broken_plugins_are_named_and_skipped(announce: Announce) -> None:
     assert "right" not in reasons
 
 
+@pytest.mark.slow
 def test_a_plugin_that_fails_at_work_is_named_with_file_and_line(announce: Announce, tmp_path: Path) -> None:
     site = announce(
         "own_reader",

@@ -215,6 +215,7 @@ def enumerate_runs(errors: tuple[float, ...]) -> list[tuple[str, float]]:
     return [(f"X{number}", error) for number, error in enumerate(errors, 1)]
 
 
+@pytest.mark.slow
 def test_free_run_errors_grow_with_the_horizon(recorded: Callable[..., list], found: Diagnosis, paper: Rig) -> None:
     runs = recorded({"coulomb_joint1": {"torque_Nm": TORQUE_NM}})
     short, long = (free_run_errors(runs, paper, found, horizon) for horizon in (0.6, 2.0))

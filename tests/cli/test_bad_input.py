@@ -179,6 +179,7 @@ def test_a_wrong_table_is_refused_with_a_sentence(tmp_path: Path, cli, text: str
     assert not list(tmp_path.rglob("*.mcap"))
 
 
+@pytest.mark.slow
 def test_a_doubled_row_is_left_out_and_reported(tmp_path: Path, cli) -> None:
     lines = GOOD.splitlines(keepends=True)
     done = imported(cli, tmp_path, "".join([*lines[:50], lines[49], *lines[50:]]))
@@ -187,6 +188,7 @@ def test_a_doubled_row_is_left_out_and_reported(tmp_path: Path, cli) -> None:
     assert "1" in done.err
 
 
+@pytest.mark.slow
 def test_a_table_that_begins_before_its_zero_is_remarked_on(tmp_path: Path, cli) -> None:
     header, *rows = GOOD.splitlines()
     early = [f"{-0.005 * k},{3.1 + 0.1 * np.cos(k / 30)},{3.2 + 0.15 * np.cos(k / 30)}" for k in range(40, 0, -1)]

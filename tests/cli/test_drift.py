@@ -56,6 +56,7 @@ def test_the_command_reports_what_changed_between_two_days(days: list[Path], tmp
     assert (same.code, "all 6 runs are of one session" in same.err) == (3, True)
 
 
+@pytest.mark.slow
 def test_a_rig_that_stays_as_it_is_ends_with_0(days: list[Path], cli) -> None:
     renamed = [file.rename(file.with_name(f"calm_{file.name}")) for file in days[:6]]
     for k, file in enumerate(renamed):

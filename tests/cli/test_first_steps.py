@@ -88,6 +88,7 @@ def test_help_names_every_search(cli) -> None:
         assert objective_words(name) in said
 
 
+@pytest.mark.slow
 def test_built_in_rigs_are_listed_and_shown(cli, on_terminal, tmp_path: Path) -> None:
     listed = cli("rig", "list", "--json")
     assert [rig["name"] for rig in listed.json] == built_in_rigs() == ["driven_double", "furuta", "multiarm", "paper"]

@@ -52,6 +52,7 @@ def test_from_the_rig_file_alone(cli, tmp_path: Path) -> None:
     assert len(rows) == 501
 
 
+@pytest.mark.slow
 def test_other_rods_a_mass_and_the_arm_are_in_a_rig_file_of_their_own(tmp_path: Path) -> None:
     rig = tmp_path / "own.toml"
     paper = load_rig("driven_double")
@@ -91,6 +92,7 @@ def test_other_rods_a_mass_and_the_arm_are_in_a_rig_file_of_their_own(tmp_path: 
     assert set(load_rig(tmp_path / "rig.toml").poses) == {"P1", "X2"}
 
 
+@pytest.mark.slow
 def test_a_rig_file_whose_tables_cannot_be_replaced_is_refused(tmp_path: Path) -> None:
     paper = load_rig("paper")
     assert paper.path is not None
@@ -105,6 +107,7 @@ def test_a_rig_file_whose_tables_cannot_be_replaced_is_refused(tmp_path: Path) -
         planned_rigs({"P1": clamped}, own, tmp_path / "rig.toml")
 
 
+@pytest.mark.slow
 def test_the_tables_name_what_to_record(cli, tmp_path: Path) -> None:
     limits = tmp_path / "limits.toml"
     limits.write_text("[recording]\nshortest_s = 5.0\nlongest_s = 5.0")

@@ -147,6 +147,7 @@ def test_what_no_rig_file_may_hold(cli, tmp_path: Path, words: tuple[str, ...], 
     assert "Traceback" not in done.err
 
 
+@pytest.mark.slow
 def test_missing_values_are_prompted_for_on_a_terminal(tmp_path: Path) -> None:
     answers = {
         "Name of the rig": "asked",

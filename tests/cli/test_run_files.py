@@ -35,6 +35,7 @@ def test_many_runs_are_verified_at_once(runs: list[Path], damaged: Path, tmp_pat
     assert f"{tmp_path}: is a folder: give the runs in it" in cli("run", "verify", tmp_path).err
 
 
+@pytest.mark.slow
 def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], damaged: Path, cli) -> None:
     for command in ("verify", "info"):
         one, many = cli("run", command, runs[0], "--json"), cli("run", command, *runs, "--json")

@@ -59,6 +59,7 @@ def test_drift_says_which_torques_drove_the_runs(driven: list[Path], tmp_path: P
     assert "driven by their commanded torques" in (tmp_path / "drift" / "drift.html").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formats", [("python",), pytest.param(("mjcf", "fmu"), marks=pytest.mark.long)])
 def test_an_exported_model_is_replayed_under_the_torques(driven: list[Path], tmp_path: Path, formats) -> None:
     made = identify(IdentifyRequest(tuple(driven), "paper", tmp_path / "model.json"))

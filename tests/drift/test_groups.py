@@ -45,6 +45,7 @@ def test_imported_tables_without_a_date_are_not_grouped_by_the_day_of_the_import
         watch_drift(DriftRequest(tuple(files), "paper"))
 
 
+@pytest.mark.slow
 def test_imported_tables_with_dates_are_grouped_by_these(paper: Rig, tables: list[Path], tmp_path: Path) -> None:
     files = [tmp_path / f"{table.stem}.mcap" for table in tables]
     for table, file, day in zip(tables, files, ("2026-03-02", "2026-03-01T23:30"), strict=True):

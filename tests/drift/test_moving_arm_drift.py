@@ -52,6 +52,7 @@ def test_runs_of_two_modes_are_not_compared():
         estimate_each_arm([replace(first, arm_mode="free", arm_input=None), *others], rig)
 
 
+@pytest.mark.slow
 def test_effects_of_a_diagnosis_are_compared_too():
     rng, rig = np.random.default_rng(2), rig_with("driven", "torque")
     runs = runs_of(rig, 0.02, rng, "monday")[:2] + runs_of(rig, 0.026, rng, "friday")[:2]

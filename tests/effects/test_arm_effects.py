@@ -59,6 +59,7 @@ def held_torque():
 each_effect = pytest.mark.parametrize("effect", OF_ARM.values(), ids=OF_ARM)
 
 
+@pytest.mark.slow
 def test_lanes_with_a_moving_arm_agree_with_the_equation_of_the_whole_rig():
     p = [*BASE[:6], INERTIA, VISCOUS, 0.0, 0.0, 1.0, CONSTANTS.L0]
     before, mean = held_torque()

@@ -241,6 +241,7 @@ def test_presliding_solves_dahl_s_equation():
     assert deflected(0.4, 0.0, length) == pytest.approx(0.4, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_presliding_swing_agrees_with_dop853():
     force, length = 2e-3, 0.05
     a, b, d, e1, _, _ = BASE

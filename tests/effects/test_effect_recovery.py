@@ -98,6 +98,7 @@ def unit(effect):
     return {param_index(effect.name, p.name): p.typical for p in effect.amplitudes}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", thinned([name for name, e in OF_FREE_SWINGS.items() if not e.absorbed_by], 6))
 def test_found_again_within_its_interval(name):
     effect = EFFECTS[name]

@@ -41,6 +41,7 @@ def test_exponential_and_tangent_are_exact_to_a_few_units_in_the_last_place(own,
             assert off(own(x), exact(mpmath.mpf(x))) < ULPS
 
 
+@pytest.mark.slow
 def test_sine_and_cosine_err_by_less_than_the_last_place_of_one():
     angles = np.concatenate([SIZES, RNG.uniform(-1e5, 1e5, 3000), np.pi / 4 * np.arange(-40, 41)])
     for x in angles:

@@ -79,6 +79,7 @@ def test_edges_have_no_rounding_error_and_no_missing_rows(swing: Array, tmp_path
     np.testing.assert_array_equal(screened.screened.t, run.t)
 
 
+@pytest.mark.slow
 def test_turning_points_of_a_fine_encoder_are_kept(tmp_path: Path):
     t = np.arange(0.0, 5.0, CLOCK_S)
     read = STEP / 8 * np.rint(angle(t) / STEP * 8)
@@ -98,6 +99,7 @@ def test_half_swings_of_a_fine_encoder_are_no_bursts_of_rows():
     assert not note
 
 
+@pytest.mark.slow
 def test_a_run_file_keeps_the_edges(swing: Array, tmp_path: Path):
     rig = rod()
     run = imported(swing, rig, tmp_path)
@@ -107,6 +109,7 @@ def test_a_run_file_keeps_the_edges(swing: Array, tmp_path: Path):
     np.testing.assert_allclose(stored.theta, run.theta, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_of_two_encoders_only_the_one_that_counts_is_at_an_edge(paper: Rig, tmp_path: Path):
     t = np.arange(0.0, 5.0, CLOCK_S)
     inner, outer = angle(t), 0.9 * np.sin(11.0 * t + 1.0)

@@ -71,6 +71,7 @@ def test_sdf_has_the_elements_of_its_specification(paper: Rig, bent: dict):
     assert about == pytest.approx(z["J1"] + z["m1"] * z["l1"] ** 2 + z["mb"] * paper.rig.L1**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["tilted", "bent and wound"])
 def test_sdf_in_drake_agrees_with_dpr_lab(paper: Rig, case: str):
     """Drake reads SDFormat with the format's own library; gravity of the world and dry friction it leaves to others."""

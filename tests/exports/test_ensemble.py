@@ -101,6 +101,7 @@ def test_ratios_of_an_identification_scatter_if_its_recordings_differ(model: Mod
     assert wider.predictive[3, 3] == pytest.approx(own.predictive[3, 3] + scatter.between[3, 3])
 
 
+@pytest.mark.slow
 def test_causes_are_drawn_by_their_probability(model: Model) -> None:
     two = [component(model, 0.7), component(model, 0.3, viscous_ground_link2={"friction_Nms": 1e-4})]
     sets = [tuple(member.effects) for member in sampled_models(model, two, 1000, 2)]
@@ -145,6 +146,7 @@ def test_a_scale_that_the_recordings_determine_is_drawn_with_the_ratios(model: M
     assert (frictions - 1e-3) / std[2] == pytest.approx(steps, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [5, 18, 19, 50])
 def test_the_band_of_few_models_covers_what_it_says(count: int) -> None:
     rng = np.random.default_rng(count)
@@ -201,6 +203,7 @@ def test_a_recording_that_a_hand_shakes_all_the_time_is_refused() -> None:
         predictive_band(model, [model], replace(run, theta=shaken, counts=None), rig, 0)
 
 
+@pytest.mark.slow
 def test_a_band_starts_when_the_hand_has_let_go() -> None:
     """A wide band from the readings of a held rod covers everything."""
     run, rig, model = released(2.5, 0.5)

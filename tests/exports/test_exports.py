@@ -92,6 +92,7 @@ def test_text_from_a_file_stays_data(tampered: tuple[str, str], plain, paper: Ri
     assert [element.tag for element in root.iter()] == plain[mjcf]
 
 
+@pytest.mark.slow
 def test_every_format_is_written(paper: Rig, tmp_path: Path):
     model = model_of(paper, {})
     for made in FORMATS.values():

@@ -71,6 +71,7 @@ def test_the_changed_file_has_the_numbers_of_the_rig_and_keeps_all_others(
         assert b'drawn > weighed: "keep" me' in patched.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_a_replay_of_one_rod_on_an_arm_shows_both_files(suffix: str, tmp_path: Path) -> None:
     needs(suffix)

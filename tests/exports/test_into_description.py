@@ -173,6 +173,7 @@ def test_effects_that_the_format_does_not_hold_are_listed(file: Path, name: str)
     assert (b"<spring_stiffness>0.05</spring_stiffness>" in patched.text) is (name == "sdf")
 
 
+@pytest.mark.slow
 @each_format
 def test_a_replay_shows_both_files(file: Path, name: str) -> None:
     pytest.importorskip("mujoco")

@@ -101,6 +101,7 @@ def model_like(truth: str, rig: Rig, folder: Path, gain: float) -> MovingArmMode
     ).with_arm_effects()  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planted", PLANTED)
 def test_the_changed_file_swings_as_the_rig_does(planted: str, tmp_path: Path) -> None:
     file, rig, truth = files(tmp_path, planted)

@@ -56,6 +56,7 @@ def replay_of(lab: np.ndarray) -> Replay:
     return Replay("", T, lab, lab, 0.0, np.array(X0), np.zeros(2), np.zeros((1, 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_smooth_effects_agree_with_dpr_lab(tmp_path: Path, name: str) -> None:
     path, rig = start(tmp_path, name)
@@ -82,6 +83,7 @@ def test_friction_at_rest_is_simulated_by_the_engine_and_the_rest_of_the_curve_b
     assert np.abs(swing - lab).max() < min(2e-3, 0.1 * np.abs(alone - lab).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_the_replay_runs_the_module_with_the_file(tmp_path: Path, name: str) -> None:
     path, rig = start(tmp_path, name)

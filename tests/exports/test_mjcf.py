@@ -44,12 +44,14 @@ def error(names: dict, want: np.ndarray, step: float | None = None) -> float:
     return float(np.abs(names["simulate"](X0, T[: len(want)], kind=Swing) - want)[:, :2].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", thinned(SMOOTH, 7), ids="+".join)
 def test_smooth_effects_in_mujoco_agree_with_dpr_lab(paper: Rig, tmp_path: Path, effects):
     chosen = chosen_of(effects)
     assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, T, 2.5e-4)) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", thinned(ABRUPT, 5), ids="+".join)
 def test_friction_at_rest_is_mujoco_s_own_and_softer(paper: Rig, tmp_path: Path, effects):
     chosen = chosen_of(effects)
@@ -71,6 +73,7 @@ def test_several_effects_at_once(paper: Rig, tmp_path: Path, effects):
     assert error(engine(paper, chosen, tmp_path), lab_states(paper, chosen, T, 2.5e-4)) < 1e-3
 
 
+@pytest.mark.slow
 def test_encoders_are_read_in_mujoco_too(paper: Rig, tmp_path: Path):
     chosen = chosen_of(("encoder_offset_joint1", "encoder_scale_joint2", "latency_joint2", "backlash_joint2"))
     names, t = engine(paper, chosen, tmp_path), np.arange(0.03, 2.0, 0.01)

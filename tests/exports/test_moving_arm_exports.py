@@ -92,6 +92,7 @@ def test_an_fmu_agrees_with_dpr_lab_under_its_input(name, tmp_path):
     assert np.abs(replayed(name, rig, model, tmp_path, START) - lab(rig, model, START)).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_dry_friction_of_the_arm_is_frictionloss_of_its_hinge(tmp_path):
     rig, model = model_of(f0=0.05)
     away = np.abs(replayed("mjcf", rig, model, tmp_path, START) - lab(rig, model, START)).max()
@@ -99,6 +100,7 @@ def test_dry_friction_of_the_arm_is_frictionloss_of_its_hinge(tmp_path):
     assert away < 0.05 * without
 
 
+@pytest.mark.slow
 def test_the_motor_takes_the_input_in_its_own_unit(tmp_path):
     rig, model = model_of(kind="voltage")
     replayed("mjcf", rig, model, tmp_path, START)
@@ -209,6 +211,7 @@ def engine_readings(rig, model, start, t):
     return predict(whole_of(unknown), params, engine_constants(model, rig), cut, [begin], arm=True)[:, [2, 0, 1]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rods", "effects"), covered(("both", "inner"), SETS))
 @pytest.mark.parametrize(("name", "near"), [("python", 5e-5), ("mjcf", 2e-3)])
 def test_effects_of_arm_and_drive_are_in_the_program(name, near, effects, rods, tmp_path):

@@ -23,6 +23,7 @@ def names(effects) -> str:
     return "+".join(effects)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", thinned(IN_THE_RODS, 6), ids=names)
 def test_the_module_agrees_with_dpr_lab(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
@@ -31,6 +32,7 @@ def test_the_module_agrees_with_dpr_lab(paper: Rig, tmp_path: Path, effects):
     assert module["simulate"](X0, t) == pytest.approx(lab_states(paper, chosen, t), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", thinned(IN_ENCODERS, 3), ids=names)
 def test_readings_of_the_module_agree_with_dpr_lab(paper: Rig, tmp_path: Path, effects):
     chosen = {name: values for effect in effects for name, values in typical(effect).items()}
@@ -82,6 +84,7 @@ def test_torques_of_one_s_own_drive_the_joints(paper: Rig, tmp_path: Path):
     assert held[-1] == pytest.approx(x0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_module_needs_numpy_alone(paper: Rig, tmp_path: Path):
     chosen = {name: values for effect in EFFECTS for name, values in typical(effect).items()}
     (tmp_path / "corrected_model.py").write_text(python_module(model_of(paper, chosen), paper), encoding="utf-8")

@@ -5,6 +5,7 @@ import pytest
 from tests.extension.conftest import Copy
 
 
+@pytest.mark.slow
 def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/transports/loopback.py",
@@ -50,6 +51,7 @@ def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
     assert said == "loop://here [b'abc']\n"
 
 
+@pytest.mark.slow
 def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/search/random_search.py",
@@ -107,6 +109,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
     assert said == "21 True\n"
 
 
+@pytest.mark.slow
 def test_a_command_is_a_file_and_a_row(copy: Copy) -> None:
     copy.add(
         "dpr_lab/cli/weigh.py",

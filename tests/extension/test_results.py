@@ -2,8 +2,12 @@
 
 import json
 
+import pytest
+
 from tests.a_diagnosis import made
 from tests.extension.conftest import Copy
+
+pytestmark = pytest.mark.slow
 
 
 def test_an_export_format_is_a_file_and_a_row(copy: Copy) -> None:

@@ -38,6 +38,7 @@ def test_injected_rate_and_offset_are_recovered(ppm: float, rng: np.random.Gener
     assert fit.offset_std < 200e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [10, 30, 120])
 def test_stated_intervals_hold_as_often_as_they_say(n: int, rng: np.random.Generator):
     trials = np.array([misses(fit_clock(record(rng, 42.0, 7.0, n), RATE_HZ), 42.0, 7.0) for _ in range(200)])

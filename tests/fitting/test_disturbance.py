@@ -19,6 +19,7 @@ from sim_device.trials.driven import DriveFault, driven_runs
 from tests.closed_loop import ClosedLoop
 
 
+@pytest.mark.slow
 def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> None:
     rng, offsets = np.random.default_rng(1), np.array([0, 9, 16])
     steps, out, weight = rng.normal(size=(16, 4, 2)), rng.normal(size=(16, 2, 4)), rng.uniform(0.5, 2.0, (16, 2))

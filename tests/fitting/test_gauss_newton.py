@@ -128,6 +128,7 @@ def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean
     assert model.predicted <= 1 + 2 * GaussNewton().tries  # a damping of 1e-3 is another step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4])
 def test_a_swing_from_near_the_upright_does_not_end_a_fit_above_its_minimum(bare, seed):
     """Where the initial state compensates for the friction, both have to change in proportion."""
@@ -281,6 +282,7 @@ def test_a_parameter_that_one_run_alone_determines_keeps_its_prior_without_this_
     assert np.isfinite(left_out_chi2(known, fold)).all()
 
 
+@pytest.mark.slow
 def test_the_score_test_predicts_the_reduction_of_the_fit(recorded, bare, tested):
     problem, base = bare(recorded({"base_tilt": {"tilt_rad": 5e-4}}))
     (item,) = tested(problem, base.fit, [EFFECTS["base_tilt"]]).ranking

@@ -102,6 +102,7 @@ def test_a_prior_holds_what_the_recordings_do_not_show(wrong_rig: tuple) -> None
     assert not np.allclose(free_of_prior, problem.prior.mean[:5], rtol=0.1)
 
 
+@pytest.mark.slow
 def test_cogging_of_order_one_is_gravity_on_one_rod(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scan, "arc", lambda angle: 4 * np.pi)  # as if the rod had turned twice
     rig = load_rig("paper").with_rods("inner")

@@ -22,6 +22,7 @@ WHOLE_S = 2.0  # no initial state but that of the release, so that the arm's pas
 COUPLING = 1e-4  # small enough to be linear
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [4.0, 12.0])
 def test_the_response_of_a_compliant_arm_agrees_with_the_whole_rig(recorded, screened, paper: Rig, frequency: float):
     problem, initial = screened(recorded({}, duration=WHOLE_S)).cut(2 * WHOLE_S)
@@ -51,6 +52,7 @@ def test_a_driven_arm_turns_as_far_as_the_fitted_gain_says(screened):
     assert turned == pytest.approx(problem.predict(estimate)[:, 2], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(recorded, bare):
     truth = {"arm_compliance": {"coupling_per_kg": 0.06, "frequency_hz": 7.2, "damping_ratio": 0.08}}
     problem, base = bare(recorded(truth))
@@ -59,6 +61,7 @@ def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(record
     assert dict(found[0])[param_index("arm_compliance", "frequency_hz")] == pytest.approx(7.2, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_scan_does_not_lose_the_order_that_is_nearly_gravity(recorded, bare, monkeypatch):
     monkeypatch.setattr(scan, "arc", lambda angle: 4 * np.pi)  # as if the rods had turned twice
     problem, base = bare(recorded({"com_offset_link1": {"offset_m": 2e-3}}))

@@ -18,6 +18,7 @@ REMEMBERING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", REMEMBERING)
 def test_derivatives_with_respect_to_initial_states_agree_with_wider_differences(recorded, bare, effect):
     truth = {effect: REMEMBERING[effect]}

@@ -30,6 +30,7 @@ edits = st.lists(st.tuples(st.floats(0, 1), st.integers(0, 40), instead), min_si
 """Where, how many bytes go, what comes instead."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 @settings(max_examples=60)
 @given(data=st.data())

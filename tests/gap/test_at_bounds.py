@@ -37,6 +37,7 @@ def fitted(measured: Array) -> tuple[Any, Fit]:
     return cast(Any, problem), fit
 
 
+@pytest.mark.slow
 def test_intervals_cover_where_the_noise_moved_a_value_to_its_bound():
     rng, true = np.random.default_rng(1), np.array([3.0, 0.5, 0.5])
     covered, at_bound = np.zeros(3), 0

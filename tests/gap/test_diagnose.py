@@ -129,6 +129,7 @@ def test_the_residual_map_shows_the_joint_and_its_speed(recorded, paper: Rig):
     assert "braking most at low speed" in found.where_sentence
 
 
+@pytest.mark.slow
 def test_detectable_size_is_five_standard_deviations_of_its_own_fit(recorded, bare, tested):
     problem, base = bare(recorded({}, duration=2.0))
     least = detectable(base, tested(problem, base.fit, (EFFECTS["base_tilt"],)))["base_tilt"]["tilt_rad"]
@@ -151,6 +152,7 @@ def test_detectable_size_is_five_standard_deviations_of_repeated_fits(recorded, 
     assert found == pytest.approx(5 * np.sqrt(np.mean(np.square(sizes))), rel=0.7)
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_visible_at_no_size_has_no_detectable_size(recorded, bare, tested):
     problem, base = bare(recorded({}, duration=3.0))
     after = {"counts": 3.0, "joint": 1.0, "run": 0.0, "time_s": 60.0}  # past the end of the recording

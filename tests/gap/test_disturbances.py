@@ -47,11 +47,13 @@ def test_each_kick_is_found_within_a_few_samples(tmp_path):
     assert disturbances(rig, runs) == [("first", pytest.approx(at, abs=0.02)) for at, _ in KICKS]
 
 
+@pytest.mark.slow
 def test_a_kick_where_a_segment_begins_is_found_too(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=[(4.5, 1.5)]))
     assert disturbances(rig, runs) == [("first", pytest.approx(4.5, abs=0.02))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("since", "until"), [(3.2, 4.3), pytest.param(5.1, 5.6, marks=pytest.mark.long)])
 def test_a_push_in_the_middle_is_left_out_from_its_first_to_its_last_reading(tmp_path, since, until):
     push = Rod(W2, 0.02, 0.1, 0.01, torque=lambda now: 4.0 * (since < now < until))
@@ -66,12 +68,14 @@ def test_a_push_in_the_middle_is_left_out_from_its_first_to_its_last_reading(tmp
     assert bare.residuals.noise_ratio < 2.0
 
 
+@pytest.mark.slow
 def test_a_hand_that_pushes_at_the_beginning_is_left_out(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, push=(0.3, -60.0)))
     (found,) = disturbances(rig, runs)
     assert found == ("first", pytest.approx(0.0, abs=0.04))
 
 
+@pytest.mark.slow
 def test_a_hand_that_still_brakes_at_the_beginning_is_left_out(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, push=(0.12, 15.0)))
     screened = Recordings(tuple(record(run, rig) for run in runs), rig)
@@ -80,6 +84,7 @@ def test_a_hand_that_still_brakes_at_the_beginning_is_left_out(tmp_path):
     assert cleaned.records[1].t[0] < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [0, 4])
 def test_rows_in_which_a_hand_still_holds_the_rod_are_left_out_at_a_low_rate(tmp_path, rows):
     rng, t = np.random.default_rng(5), np.arange(0.0, 8.0, 0.05)
@@ -93,6 +98,7 @@ def test_rows_in_which_a_hand_still_holds_the_rod_are_left_out_at_a_low_rate(tmp
     assert bool(disturbances(rig, [run])) == (rows > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("since", "until", "acceleration"), [(0.53, 0.58, 30.0), (0.63, 0.98, 7.0)])
 def test_a_push_soon_after_the_release_is_left_out_to_its_end(tmp_path, since, until, acceleration):
     rng, t = np.random.default_rng(0), np.arange(0.0, 3.0, 0.005)
@@ -113,6 +119,7 @@ def filmed(folder: Path, rod: Rod) -> tuple[Rig, list[Run]]:
     return rig, [table(folder, "film", rig, {"t_s": t, "theta1_rad": angle})]
 
 
+@pytest.mark.slow
 def test_a_hand_is_found_in_a_film_too(tmp_path):
     rig, runs = filmed(tmp_path, Rod(14.6, 0.06, 0.0, 0.0, push=(0.25, 30.0)))
     screened = Recordings(tuple(record(run, rig) for run in runs), rig)
@@ -126,11 +133,13 @@ def test_a_film_of_a_rod_that_is_let_go_is_kept_whole(tmp_path, rod):
     assert disturbances(rig, runs) == []
 
 
+@pytest.mark.slow
 def test_friction_and_drag_alone_disturb_nothing(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.05, 0.4, 0.05))
     assert disturbances(rig, runs) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", thinned(range(3), 3))
 def test_effects_of_two_rods_are_no_disturbance(seed):
     rig, runs, _ = background(seed)

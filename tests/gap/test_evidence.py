@@ -49,6 +49,7 @@ def test_error_stays_within_its_uncertainty_until_something_is_missing(looked_at
         assert len(curves) == len(budget.runs) == 2
 
 
+@pytest.mark.slow
 def test_residuals_of_a_clean_rig_are_white_and_effects_excluded(looked_at: Any):
     recordings, problem, model = looked_at({})
     look = residual_look(problem, {"before": model, "after": model})
@@ -63,6 +64,7 @@ def test_residuals_of_a_clean_rig_are_white_and_effects_excluded(looked_at: Any)
     assert dry.confidence > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["detent_joint1", "stribeck_joint2", "base_vibration"])
 def test_an_absent_effect_of_unknown_shape_has_an_interval_over_all_shapes(looked_at: Any, name: str):
     recordings, problem, model = looked_at({})
@@ -76,6 +78,7 @@ def test_an_absent_effect_of_unknown_shape_has_an_interval_over_all_shapes(looke
         assert max(-low, high) < 6 * max(p.typical for p in EFFECTS[name].amplitudes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "sizes"),
     [
@@ -91,6 +94,7 @@ def test_the_interval_over_all_shapes_contains_an_effect_in_its_own_shape(looked
         assert low <= sizes.get(parameter.name, 0.0) <= high
 
 
+@pytest.mark.slow
 def test_a_vibration_is_tested_in_the_beginning_of_long_recordings(looked_at: Any, monkeypatch: pytest.MonkeyPatch):
     """All frequencies of a long recording are too many; the interval from its beginning is wider."""
     sizes = {"cos_m_per_s2": 0.02, "frequency_hz": 11.37}
@@ -107,6 +111,7 @@ def test_a_vibration_is_tested_in_the_beginning_of_long_recordings(looked_at: An
         assert lower <= sizes.get(name, 0.0) <= upper
 
 
+@pytest.mark.slow
 def test_the_map_of_coverage_contains_every_second(looked_at: Any):
     recordings, _, _ = looked_at({})
     maps = coverage(recordings, recordings.only(recordings.records[:1]))

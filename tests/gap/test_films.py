@@ -69,6 +69,7 @@ def test_friction_is_found_behind_the_errors_of_a_tracker(tmp_path: Path) -> Non
     assert [effect.name for effect in diagnosis.effects] == ["coulomb_joint2"]
 
 
+@pytest.mark.slow
 def test_angles_of_points_do_not_depend_on_counts_per_turn(tmp_path: Path) -> None:
     """In a small swing a wrong scale of an encoder would resemble a wrong length."""
     rig, run = filmed(1, tmp_path)

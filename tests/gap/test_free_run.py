@@ -55,6 +55,7 @@ def test_a_recording_in_pieces_too_short_is_refused(paper: Rig) -> None:
         record(run, paper)
 
 
+@pytest.mark.slow
 def test_the_expected_error_is_that_of_the_noise_of_the_first_readings(paper: Rig) -> None:
     _, _, model = fit_bare_model(Recordings((swing(paper, 100.0),), paper), nominal_ratios(paper))
     squares = []

@@ -52,6 +52,7 @@ def shifted(run: Run, joint: int, size: float, since: float, until: float = np.i
     return replace(run, theta=theta)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("joint", "since", "kept"), [(0, 1.3, (1.3, 4.0)), (1, 2.72, (0.0, 2.72))])
 def test_of_a_reading_that_steps_and_stays_the_longer_part_is_kept(joint, since, kept):
     rig, (first, second) = two_rods()
@@ -65,6 +66,7 @@ def test_of_a_reading_that_steps_and_stays_the_longer_part_is_kept(joint, since,
     assert damage(other) == []
 
 
+@pytest.mark.slow
 def test_of_a_reading_that_returns_only_the_part_in_between_is_left_out():
     rig, (first, second) = two_rods()
     one, _ = cleaned(rig, [shifted(first, 0, -0.02, 1.5, 2.1), second])
@@ -74,6 +76,7 @@ def test_of_a_reading_that_returns_only_the_part_in_between_is_left_out():
     assert ((one.t > 2.2) & (one.t < 3.9)).any()
 
 
+@pytest.mark.slow
 def test_counts_that_are_missed_for_a_while_are_not_fitted(tmp_path):
     rng = np.random.default_rng(0)
     t, rig = np.arange(0.0, 6.0, 0.005), one_rod(1.5 * 9.81 / W2, 0.1, 4096, rng)
@@ -88,6 +91,7 @@ def test_counts_that_are_missed_for_a_while_are_not_fitted(tmp_path):
     assert not ((one.t > 2.01) & (one.t < 2.59)).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.02, 0.1])
 def test_a_kick_that_lasts_is_no_step_of_a_reading(tmp_path, length):
     rng = np.random.default_rng(1)

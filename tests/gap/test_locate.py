@@ -6,6 +6,7 @@ from dpr_lab.gap.where.locate import locate
 from tests import one_rod
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "said"),
     [
@@ -20,6 +21,7 @@ def test_the_map_by_load_says_whether_load_matters(recorded, bare, effects, said
     assert f", {said}, could explain " in sentence
 
 
+@pytest.mark.slow
 def test_a_rod_that_is_not_mounted_has_no_map(bare, tmp_path: Path) -> None:
     rig, runs = one_rod.recorded(one_rod.Rod(dry=0.02, duration=5.0), 1, tmp_path)
     places = locate(*bare(runs, rig))

@@ -28,6 +28,7 @@ def scores(paper: Rig, seed: int, *released: tuple[str, str]) -> ScoreTest:
     return score_test(problem, bare.fit, library, Recorded((False,) * len(runs), list))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_recordings_of_the_inner_rod_alone_distinguish_twins(paper: Rig, seed: int) -> None:
     calm = scores(paper, seed, ("both", "X1"))

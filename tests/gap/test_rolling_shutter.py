@@ -53,6 +53,7 @@ def double_rig() -> Rig:
     return parse_rig(draft_rig(RigMeasures("film", 0.3, 0.2, Measure(0.1), Measure(0.1))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lines", "line"),
     [("horizontal", lambda p: -DELAY * p[:, 1]), ("vertical", lambda p: DELAY * p[:, 0])],

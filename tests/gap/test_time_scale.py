@@ -35,6 +35,7 @@ def one_rod():
     return rig, runs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", thinned([4.0, 8.0], 2))
 def test_slow_motion_of_one_rod_is_doubted_with_its_factor_and_the_check_that_decides(one_rod, factor):
     rig, runs = one_rod

@@ -39,6 +39,7 @@ def dry(recorded: Recorded) -> list[Run]:
     return recorded(DRY, duration=5.0)
 
 
+@pytest.mark.slow
 def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], paper: Rig):
     found = diagnose(dry[:1], paper, library=LIBRARY)
     assert found.basis == "one release"

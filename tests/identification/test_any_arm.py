@@ -27,6 +27,7 @@ def pendulum() -> tuple[Run, dpr.Rig]:
     return run, rig
 
 
+@pytest.mark.slow
 def test_one_function_identifies_loads_and_compares_a_moving_arm(pendulum, tmp_path):
     run, rig = pendulum
     model = dpr.identify(run, rig)

@@ -249,6 +249,7 @@ def test_passive_rods_and_known_torques_let_no_energy_in(swings, driven, paper: 
         assert energy_rise([preprocess(run, paper) for run in runs], paper) < 0.05
 
 
+@pytest.mark.slow
 def test_a_film_of_rods_in_good_bearings_lets_no_energy_in(paper: Rig, tmp_path: Path) -> None:
     """100 frames a second of short rods, the pivot marked wrongly: the errors exceed the energy lost to friction."""
     p = {"a": 13.1, "b": 1.0, "d": 1.38, "e1": 1390.0, "e2": 1.38 * 9.81 / 0.0917, "c2": 0.2}
@@ -345,6 +346,7 @@ def test_a_rod_alone_has_no_interpretation_of_joint_2(paper: Rig):
     )
 
 
+@pytest.mark.slow
 def test_a_rod_whose_zero_is_opposite_is_not_called_slow(tmp_path: Path) -> None:
     measures = RigMeasures("one rod", 0.3, 0.3, Measure(0.1), Measure(0.1), counts_per_rev=2400)
     rig = parse_rig(draft_rig(measures)).with_rods("inner")

@@ -305,6 +305,7 @@ def test_a_prescribed_run_of_one_rod_on_a_rig_with_a_motor_is_identified(tmp_pat
     assert done.model.ratios["c1/a"].value == pytest.approx(c1 / a, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_clamped_run_of_one_rod_on_a_rig_with_a_motor_gives_its_own_ratios_only(tmp_path):
     rig_file = tmp_path / "rig.toml"
     built_in = load_rig("furuta").path

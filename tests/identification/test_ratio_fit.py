@@ -76,6 +76,7 @@ def fitted(rig: Rig, start: NDArray, runs, states, length: float, **options) -> 
     return fit_ratios(problem, rods_estimate(unknown, initial), **options)
 
 
+@pytest.mark.slow
 def test_ratios_are_recovered_from_a_start_ten_percent_off(paper: Rig, rng: np.random.Generator) -> None:
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     runs, states = record(paper, rng)
@@ -89,6 +90,7 @@ def test_ratios_are_recovered_from_a_start_ten_percent_off(paper: Rig, rng: np.r
     assert np.all(uncertainty(merged).std < uncertainty(short).std)
 
 
+@pytest.mark.slow
 def test_gaps_cost_information_and_nothing_else(paper: Rig, rng: np.random.Generator) -> None:
     true = ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g))
     runs, states = record(paper, rng, keep=lambda t: ((t * 10).astype(int) % 3 != 1) | (t < 0.1))
@@ -143,6 +145,7 @@ def test_a_release_with_a_known_added_mass_makes_the_scale_visible(paper: Rig, r
     assert uncertainty(fit).std[5] < 0.01 * true[5]
 
 
+@pytest.mark.slow
 def test_friction_is_never_negative_and_says_so(paper: Rig, rng: np.random.Generator) -> None:
     base = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
     base[4] = -0.2 * base[4]

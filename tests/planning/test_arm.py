@@ -26,6 +26,7 @@ def parameter(value: float) -> Parameter:
     return Parameter(nominal=value, lower=0.5 * value, upper=2.0 * value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("both", [True, False])
 def test_a_planned_swing_of_rods_and_arm_agrees_with_another_engine(both: bool) -> None:
     plant = drawn_plant(np.random.default_rng(5), both, "", 1.0, 0.05)

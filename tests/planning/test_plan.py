@@ -33,6 +33,7 @@ def limits(**tables: object) -> PlanLimits:
     return PlanLimits.model_validate({**SHORT, **tables})
 
 
+@pytest.mark.slow
 def test_a_first_plan_shows_more_than_the_poses_of_the_rig_file(paper: Rig) -> None:
     made = plan(paper, limits=limits())
     assert made.state == "first"
@@ -70,6 +71,7 @@ def test_minutes_in_which_no_further_release_fits_lengthen_the_releases(paper: R
     assert made.minutes == pytest.approx(1.8)
 
 
+@pytest.mark.slow
 def test_it_keeps_the_budget_and_the_reachable_poses(paper: Rig) -> None:
     reach = limits(poses={"theta1_rad": [2.5, 3.0], "theta2_rad": [2.0, 3.5], "elbow_rad": [-0.5, 0.5]})
     made = plan(paper, limits=reach, budget_min=1.3)
@@ -269,6 +271,7 @@ def test_wrong_limits_are_refused_with_key_and_value(paper: Rig, tmp_path: Path,
     assert words in str(refused.value)
 
 
+@pytest.mark.slow
 def test_a_latch_with_a_single_pose_is_planned(paper: Rig, tmp_path: Path) -> None:
     path = tmp_path / "limits.toml"
     path.write_text("[poses]\ntheta1_rad = [1.6, 1.6001]\ntheta2_rad = [1.0, 1.0001]\n[recording]\nlongest_s = 10.0")
@@ -295,6 +298,7 @@ def test_drives_that_can_do_nothing_are_refused(paper: Rig) -> None:
         plan(paper, limits=still)
 
 
+@pytest.mark.slow
 def test_limits_that_the_rig_must_keep_are_forecast(paper: Rig) -> None:
     def amplitude(size: float) -> dict[str, object]:
         return {"torque_Nm": {"max": size, "unit": "N m"}}

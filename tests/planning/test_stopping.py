@@ -189,6 +189,7 @@ def test_inseparable_causes_count_as_one() -> None:
     assert not decided(remainder, {"coulomb_joint1", "stribeck_joint1"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("probability", "listed"), [(0.947, True), (0.96, False)])
 def test_a_cause_just_below_a_decision_gets_its_bench_check(paper: Rig, probability: float, listed: bool) -> None:
     known = known_before(paper)
@@ -200,6 +201,7 @@ def test_a_cause_just_below_a_decision_gets_its_bench_check(paper: Rig, probabil
     assert [pair.causes for pair in stuck] == [("encoder_offset_joint1", "base_tilt")] * listed
 
 
+@pytest.mark.slow
 def test_a_plan_forecasts_a_decision_up_to_causes_that_no_release_separates(paper: Rig) -> None:
     pair = ("encoder_offset_joint1", "base_tilt")
     class_of = {"name": pair[0], "members": list(pair), "odds": dict.fromkeys(pair, 0.5)}

@@ -104,6 +104,7 @@ def test_the_evolution_has_a_logarithmic_cost_and_both_fitnesses(model):
     assert population.get_xlabel() == "generation"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("best_cost", thinned([None, [], [0.0], [3.0, 0.0]], 2))
 def test_a_search_without_a_usable_history_is_still_drawn(best_cost, model, tmp_path):
     whole, history = model(), {} if best_cost is None else {"best_cost": best_cost}
@@ -156,6 +157,7 @@ def test_a_run_may_have_any_name(model, comparison, tmp_path):
     save_figures(model(), [comparison(name, samples=200) for name in names], tmp_path)
 
 
+@pytest.mark.slow
 def test_nothing_to_compare_gives_pictures_that_say_so(model, tmp_path):
     assert [text.get_text() for text in response_figure([]).texts] == ["No run was compared."]
     assert [text.get_text() for text in error_figure([]).texts] == ["No run was compared."]
@@ -187,6 +189,7 @@ def test_the_users_matplotlib_settings_neither_matter_nor_change(model, comparis
     assert image.imread(paths["error"]).shape[1] >= 1200
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_made_is_named(model, tmp_path):
     (tmp_path / "taken").write_text("a file")
 

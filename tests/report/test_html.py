@@ -52,6 +52,7 @@ def one(model, comparison, tmp_path_factory):
     return source, Page(source), folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [1, pytest.param(6, marks=pytest.mark.long)])
 def test_the_report_is_well_formed_and_complete(runs, report, comparison):
     source, page = report([comparison(f"run number {i}", held_out=i > 3) for i in range(runs)])
@@ -129,6 +130,7 @@ def test_text_from_files_cannot_become_markup(report, model, comparison):
     assert page.text.count('<script>alert("1")</script> & $title \\udcff') >= 3
 
 
+@pytest.mark.slow
 def test_failed_checks_come_first(report):
     _, page = report(failures=["the fit did not converge"])
 

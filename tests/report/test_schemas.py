@@ -21,6 +21,7 @@ WRITTEN = {
 }
 
 
+@pytest.mark.slow
 def test_schemas_in_the_docs_agree_with_the_types() -> None:
     generated = runpy.run_path(str(ROOT / "docs/schemas.py"))["files"]()
     stored = {file.name: file.read_text(encoding="utf-8") for file in FOLDER.iterdir()}

@@ -103,6 +103,7 @@ def test_plain_ga_keeps_its_elite():
         assert (after.cost[:3] <= before.cost[:3]).all()
 
 
+@pytest.mark.slow
 def test_searches_leave_numpys_global_generator_alone():
     np.random.seed(1)
     expected = np.random.random(3)

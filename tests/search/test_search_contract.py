@@ -147,6 +147,7 @@ def test_one_free_gene_is_enough(algorithm):
     assert last.best[1] == pytest.approx(2.3456, abs=1e-3)
 
 
+@pytest.mark.slow
 @every_algorithm
 def test_beats_random_search_with_the_same_evaluations(algorithm):
     generations = algorithm.run(bowl, BOX, algorithm.settings(), np.random.default_rng(1))
@@ -186,6 +187,7 @@ def test_goes_on_while_it_improves(algorithm):
     assert slow == [False] * (len(slow) - 1) + [True]
 
 
+@pytest.mark.slow
 @by_turns(["aggregate", "optimum", "worse"], [("sum", 0.5, 0), ("max", 0.5, 1e-3), ("min", 0.2, 3)])
 def test_aggregate_decides_between_poses(algorithm, aggregate, optimum, worse):
     def objective(z):  # the first pose likes 0.2, the second 0.8 and is worse; the mean of both is best at 0.5

@@ -73,6 +73,7 @@ def test_the_rest_before_the_release_is_rest(bench, paper):
     assert np.abs(rest[:1000].mean(axis=0) - rest[1000:].mean(axis=0)).max() < 0.1
 
 
+@pytest.mark.slow
 def test_counts_do_not_depend_on_how_often_the_board_is_served(bench):
     finely, coarsely = bench.direct(step_s=0.0013), bench.direct(step_s=0.09)
     swings = []

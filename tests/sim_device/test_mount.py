@@ -19,6 +19,7 @@ def on_mount(paper, **mount):
     return plant_of(plant.model_copy(update={"mount": MountConfig(**mount) if mount else None}), paper)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stiffness", "frequency_hz", "damping"), [(1e5, 15.0, 0.05), (2e5, 40.0, 0.02)])
 def test_the_rods_follow_an_engine_that_couples_them_to_the_mount(paper, stiffness, frequency_hz, damping):
     theta = np.array([0.0, *paper.poses["X1"].theta[1:]])

@@ -31,6 +31,7 @@ def independent(config: PlantConfig, rig, start: np.ndarray) -> np.ndarray:
     return swing(rods, [start[1], start[2], 0.0, 0.0], T, error=1e-13)[:, :2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "dry"])
 @pytest.mark.parametrize("start", thinned([rods_at(np.pi, 0.1), rods_at(0.1, 0.1), rods_at(0.1, np.pi)], 3))
 def test_a_swing_is_that_of_an_independent_integrator(paper, name, start):

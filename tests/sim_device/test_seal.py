@@ -98,6 +98,7 @@ def test_a_plant_held_in_memory_is_revealed_on_request_and_never_written(tmp_pat
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_kept_plant_is_the_one_that_was_drawn(told, device: Path, tmp_path: Path) -> None:
     base, rig = weighed(load_plant("paper", 9), load_rig("paper"), SPREAD.scales_step)
     drawn = draw_plant(parse_request("single:clear:coulomb_joint1"), base, rig)

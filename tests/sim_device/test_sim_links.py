@@ -34,6 +34,7 @@ def test_another_seed_gives_other_counts(bench):
     assert not np.array_equal(swing_counts(bench.direct(seed=7)), swing_counts(bench.direct(seed=8)))
 
 
+@pytest.mark.slow
 def test_counts_do_not_depend_on_the_clock(bench):
     realtime = swing_counts(bench.host(link="pty", clock="realtime"), pose=3, rest=50)
     assert np.array_equal(realtime, swing_counts(bench.host(link="pty", clock="fast"), pose=3))
@@ -129,6 +130,7 @@ def test_a_slow_host_loses_frames_in_real_time_and_none_when_the_device_waits():
         link.close()
 
 
+@pytest.mark.slow
 def test_dropped_samples_are_reported(bench):
     host = bench.host(link="pty", clock="realtime")
     host.do(Hold())

@@ -106,6 +106,7 @@ def test_columns_of_different_length_are_named(tmp_path: Path, suffix: str) -> N
         read(file)
 
 
+@pytest.mark.slow
 def test_a_matlab_file_takes_the_memory_of_its_numbers(tmp_path: Path) -> None:
     rows, columns = 100_000, 20
     t = np.arange(rows) / 1000

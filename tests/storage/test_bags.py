@@ -12,6 +12,7 @@ from dpr_lab.storage.export import export
 from tests.storage.swing_files import BAGS, RIG, ROWS, THETA1, THETA2, T, is_the_swing, read, text, write_mcap
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", BAGS)
 def test_joint_states_of_a_bag(tmp_path: Path, suffix: str) -> None:
     joints = ("elbow", "gripper", "shoulder")
@@ -57,6 +58,7 @@ def test_a_run_is_recognised_without_the_library_of_ros(tmp_path: Path, monkeypa
         read(tmp_path / "run.mcap")
 
 
+@pytest.mark.slow
 def test_a_run_is_exported_as_joint_states_and_comes_back(tmp_path: Path) -> None:
     run = import_csv(text(tmp_path / "a.csv", ROWS, head="t,theta1,theta2\n"), RIG, out=tmp_path / "run.mcap")
     bag = export(run, tmp_path / "b.mcap")

@@ -155,6 +155,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="kill -9")
 def test_a_killed_writer_loses_at_most_its_last_chunk(tmp_path):
     path = tmp_path / "killed.mcap"
@@ -307,6 +308,7 @@ def flooded(path, kinds=("INDEX",), times=2000):
     return path
 
 
+@pytest.mark.slow
 def test_a_flood_of_events_is_counted_and_costs_no_sample(tmp_path):
     path = flooded(tmp_path / "flood.mcap", ("INDEX", "LEASE_LOST"))
     run = assert_only_true_samples(path)

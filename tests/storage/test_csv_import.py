@@ -153,6 +153,7 @@ def test_a_table_of_hanging_zero_taken_for_upright_is_noticed(tmp_path):
     assert not read(file, zero="hanging").notes
 
 
+@pytest.mark.slow
 def test_wrapped_angles_are_unwrapped_and_reported(tmp_path):
     theta2 = np.pi + 9 * T * 4
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, (theta2 + np.pi) % (2 * np.pi) - np.pi)
@@ -161,6 +162,7 @@ def test_wrapped_angles_are_unwrapped_and_reported(tmp_path):
     assert run.notes[0] == "theta2: wrapped by the logger, unwrapped"
 
 
+@pytest.mark.slow
 def test_uneven_times_doubled_rows_gaps_and_nan_survive_to_the_file(tmp_path):
     t = np.cumsum(np.random.default_rng(0).uniform(0.004, 0.0055, 200)) + 1234.5
     t[150:] += 0.5

@@ -68,6 +68,7 @@ def test_an_import_and_a_recovery_that_fail_leave_nothing(tmp_path: Path, paper,
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> None:
     (run, *_) = recorded({}, duration=0.2)
     for suffix in EXPORTERS:

@@ -115,6 +115,7 @@ def test_an_exported_run_with_a_driven_arm_is_imported_again(tmp_path, rig_file,
     assert np.allclose(again.theta, run.theta)
 
 
+@pytest.mark.slow
 def test_an_override_and_what_it_lacks(rig_file, table):
     rig = load_rig(rig_file)
     assert import_csv(table, rig, ImportOptions(arm="clamped")).arm_mode == "clamped"

@@ -66,6 +66,7 @@ def test_files_and_what_is_not_there_are_left_to_their_readers(tmp_path: Path) -
         assert regular(path) == path
 
 
+@pytest.mark.slow
 def test_nested_groups_and_thousands_of_data_sets_are_refused(tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "deep.h5", "w") as file:
@@ -90,6 +91,7 @@ def test_a_group_that_holds_itself_is_read_once(tmp_path: Path) -> None:
     assert read_any(tmp_path / "a.h5").names == ("t", "theta1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["mat", "npz", "parquet", "h5"])
 def test_compressed_zeros_are_refused_before_they_fill_the_memory(suffix: str, tmp_path: Path) -> None:
     zeros, path = np.zeros(8_000_000), tmp_path / f"a.{suffix}"

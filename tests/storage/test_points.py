@@ -36,6 +36,7 @@ def test_points_of_tracker(tmp_path: Path) -> None:
         read(file, zero="hanging")
 
 
+@pytest.mark.slow
 def test_points_of_deeplabcut_and_their_noise(tmp_path: Path) -> None:
     points = pixels(up=-1.0, noise=0.5)
     certain = np.ones(N)
@@ -74,6 +75,7 @@ def test_the_scatter_of_the_lengths_is_the_noise_of_the_run(tmp_path: Path, alik
         assert rest_correlation(run, rods, 2) == pytest.approx(alike**2, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_tilted_camera_is_no_noise(tmp_path: Path) -> None:
     _, elbow, tip = pixels(noise=0.5)
     seen = [PIVOT + (points - PIVOT) * (1, np.cos(0.15)) for points in (elbow, tip)]

@@ -42,6 +42,7 @@ def test_a_right_table_is_not_questioned(
     assert [note for note in understood.notes if not note.startswith("driven by")] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "mend"),
     [
@@ -131,6 +132,7 @@ def test_another_pose_than_the_one_named_leads_to_the_reading_that_starts_there(
         import_csv(tmp_path / "a.csv", rig, ImportOptions(**{**RIGHT, "pose": "side", **options}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["side", "elbow"])
 def test_another_zero_is_questioned_with_the_offset_that_corrects_it(name: str, tmp_path: Path) -> None:
     file = tmp_path / "a.csv"
@@ -169,11 +171,13 @@ def test_a_zero_that_is_off_is_questioned_without_a_named_pose(
     assert [float(words.get(axis, 0.0)) for axis in AXES] == pytest.approx([-one for one in added], abs=1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["side", "elbow", "low"])
 def test_a_sample_table_is_not_questioned_without_a_named_pose(name: str) -> None:
     assert preview(SAMPLES / f"{name}.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).questions == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factors", "mend"),
     [
@@ -192,6 +196,7 @@ def test_a_scale_that_is_off_is_questioned_without_a_named_pose(
     assert " ".join(preview(tmp_path / "a.csv", load_rig(SAMPLES / "bench.toml"), ImportOptions(**RIGHT)).mend) == mend
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "rig"), [("side", "paper"), ("elbow", "multiarm"), ("low", "paper")])
 def test_the_file_of_another_rig_is_questioned(name: str, rig: str) -> None:
     questions = preview(SAMPLES / f"{name}.csv", load_rig(rig), ImportOptions(**RIGHT)).questions
@@ -283,6 +288,7 @@ def test_a_clamped_elbow_is_read_at_the_scale_of_joint_1(
     assert [question.mend for question in asked] == ([mend] if mend else [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("base", ["free", "degrees", "counts", "driven"])
 def test_a_held_start_is_cut_at_the_release_and_kept_as_rest(
     base: str, tables: dict[str, MutatedTable], paper: Rig, tmp_path: Path

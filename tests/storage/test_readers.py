@@ -28,6 +28,7 @@ from tests.storage.swing_files import (
 )
 
 
+@pytest.mark.slow
 def test_text_tables_of_any_form_are_read(tmp_path: Path) -> None:
     assert is_the_swing(read(text(tmp_path / "a.tsv", ROWS, "\t", "time [s]\tq1 (rad)\tq2 (rad)\n")))
     assert is_the_swing(read(text(tmp_path / "b.txt", ROWS, " ")))
@@ -41,6 +42,7 @@ def test_text_tables_of_any_form_are_read(tmp_path: Path) -> None:
     assert run.notes[0] == "columns without names are interpreted as t, theta1, theta2"
 
 
+@pytest.mark.slow
 def test_records_of_a_logger_are_a_table_however_they_are_nested(tmp_path: Path) -> None:
     samples = [{"t": t, "rod": {"theta1": a, "theta2": b}, "on": True, "mode": "free"} for t, a, b in ROWS.tolist()]
     document = {"motor": "none", "gains": [1.0, 2.0], "log": {"entries": samples}}
@@ -101,6 +103,7 @@ def test_files_that_are_not_tables_are_refused(tmp_path: Path) -> None:
     assert any("outliers removed: 1" in note or "without a value" in note for note in read(long).notes)
 
 
+@pytest.mark.slow
 def test_scale_offset_and_wrap(tmp_path: Path) -> None:
     turned = np.column_stack([T, 90 - np.degrees(THETA1), (np.degrees(THETA2) * 2) % 360])
     file = text(tmp_path / "a.csv", turned, head="t,theta1,theta2\n")

@@ -95,6 +95,7 @@ def test_evenly_spaced_rows_with_rounded_times_are_counted(one: Rig, tmp_path: P
         import_csv(table(tmp_path, "t,theta1", np.round(t, 1)[lost], swing[lost]), one, ImportOptions(zero="hanging"))
 
 
+@pytest.mark.slow
 def test_the_torque_of_the_only_joint_needs_no_number(one: Rig, paper: Rig, tmp_path: Path) -> None:
     torque = 0.01 * np.sin(9 * T)
     run = import_csv(table(tmp_path, "t,theta1,torque_mNm", T, SWING, 1e3 * torque), one, ImportOptions(zero="hanging"))

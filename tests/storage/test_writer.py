@@ -220,6 +220,7 @@ def test_memory_stays_flat_and_every_chunk_is_in_the_index(tmp_path):
     assert grown < 100_000  # bytes; mcap's list of chunks takes 600 each, so 0.6 MB
 
 
+@pytest.mark.slow
 def test_a_full_disk_says_so_and_keeps_the_file(tmp_path):
     program = textwrap.dedent(
         """

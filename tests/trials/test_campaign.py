@@ -116,6 +116,7 @@ def test_kinds_come_in_turn_and_seeds_one_after_the_other() -> None:
     assert json.loads(json.dumps(cases)) == cases
 
 
+@pytest.mark.slow
 def test_processes_give_results_and_errors() -> None:
     cases = [{"number": number} for number in range(4)]
     assert sorted(case["number"] for case, result in on_this_machine(dict, cases, 2) if result == case) == [0, 1, 2, 3]
@@ -188,6 +189,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "outcomes",
     [
