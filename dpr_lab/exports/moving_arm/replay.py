@@ -105,7 +105,7 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
 
 
 def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
-    """Segments of a recording with the initial states of a model; errors are those of `follow_with_arm`."""
+    """Segments of a recording with the initial states of a model. Raises the errors of `follow_with_arm`."""
     followed = follow_with_arm(run, rig, model, ARM_REPLAY.segment_s)
     to_rods = rig.encoders.joint_angles.to_rods
     swings = []

@@ -20,7 +20,7 @@ TERMS = {
     "share of the excess": "share of the excess chi-square that a torque or reading error at this place explains",
     "cosine similarity": "cosine of the angle between the signatures of two effects: 1 = indistinguishable,"
     " 0 = unrelated",
-    "how to distinguish": "recommended check that distinguishes the effects; 'these recordings' if none is needed",
+    "how to distinguish": "recommended check that distinguishes the effects, or 'these recordings' if none is needed",
     "Bayes factor": "ratio by which the result of a check changes the odds of a cause",
     "minimum detectable size": "smallest size that would be visible in these recordings",
     "confidence": "probability that an effect of this size or larger would have been detected",
