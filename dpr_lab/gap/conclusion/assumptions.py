@@ -89,19 +89,21 @@ def _arm(state: Advised) -> str:
     rig, setups = state.recordings.rig, state.problem.segments.setups
     text = "The angle of the arm is measured; its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
-        return f"{text}; only friction, springs and the rods act on it."
+        return f"{text}. Only friction, springs and the rods act on it."
     kind = rig.motor.input if rig.motor else "torque"
     if DRIVE_GAIN.name in state.problem.always:
         return (
             f"{text}. The ratio of torque to {kind} is fitted too, because the rig file contains no measured motor"
             " constants."
         )
-    known = "the motor's constants of the rig file" if kind != "torque" else "that it is a torque in N m"
+    known = "The drive torque is given in N m"
+    if kind != "torque":
+        known = f"The drive torque follows from the {kind} and the motor constants of the rig file"
     if any(setup.torques and setup.torques.scaled for setup in setups):
-        return f"{text}; the torque of the {kind} is known from {known}, which fixes the scale of all torques."
+        return f"{text}. {known}. It fixes the scale of all torques."
     return (
-        f"{text}; the torque of the {kind} is known from {known}, and the scale of the rods from their measured"
-        " values. A contradiction between the two is therefore detectable."
+        f"{text}. {known}, and the scale of the rods follows from their measured values. A contradiction between the"
+        " two is detectable."
     )
 
 
@@ -111,9 +113,11 @@ def _torque_noise(state: Advised) -> list[str]:
         return []
     inner, outer = np.minimum(most, state.recordings.torque_noise_Nm)
     text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {inner:.2g} and {outer:.2g} N m"
-    differences = "by differences of the recorded torques"
-    likelier = f"; by maximum likelihood of the residuals, below {most[0]:.2g} and {most[1]:.2g} N m {differences}"
-    return [f"{text}{likelier if np.isfinite(state.recordings.torque_noise_Nm).all() else f', {differences}'}."]
+    differences = "differences of the recorded torques"
+    if not np.isfinite(state.recordings.torque_noise_Nm).all():
+        return [f"{text}, estimated from {differences}."]
+    bound = f"{most[0]:.2g} and {most[1]:.2g} N m"
+    return [f"{text}, estimated by maximum likelihood of the residuals. Upper bound from {differences}: {bound}."]
 
 
 def _zeros(state: Advised) -> list[str]:
