@@ -20,7 +20,7 @@ from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, reduction
-from dpr_lab.gap.transfer.outcome import Transfer
+from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
 from dpr_lab.gap.transfer.transfer import worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -156,13 +156,23 @@ def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left
     assert judged.probability == pytest.approx(probability)
 
 
-@pytest.mark.parametrize(("basis", "probability"), [("one release", 0.85), ("releases left out", 0.49)])
-def test_a_failed_test_of_a_single_release_is_weak_evidence(basis: Basis, probability: float) -> None:
-    closed, failed = GapReduction(0.6, (0.2, 0.8)), ("coulomb_joint1",)
-    alone = basis == "one release"
+@pytest.mark.parametrize(
+    ("basis", "tested", "worse", "probability"),
+    [
+        ("one release", True, None, 0.85),
+        ("one release", False, None, 0.85),
+        ("one release", True, WorseFreeRun(0.1, 0.2, 1.0), 0.49),
+        ("releases left out", True, None, 0.49),
+    ],
+    ids=["quarters", "too short for quarters", "worse free run", "several releases"],
+)
+def test_a_failed_test_of_quarters_is_weak_evidence(
+    basis: Basis, tested: bool, worse: WorseFreeRun | None, probability: float
+) -> None:
+    closed, failed, alone = GapReduction(0.6, (0.2, 0.8)), ("coulomb_joint1",), basis == "one release"
     withdrawn, unproven = ((), failed) if alone else (failed, ())
-    tested = Transfer(basis, True, closed, 1.0, (), {}, {}, {}, withdrawn, unproven, (), None)
-    (judged,) = tested.judged([EffectPosterior("coulomb_joint1", failed, (), 0.98)])
+    outcome = Transfer(basis, tested, closed, 1.0, (), {}, {}, {}, withdrawn, unproven, (), worse)
+    (judged,) = outcome.judged([EffectPosterior("coulomb_joint1", failed, (), 0.98)])
     assert judged.probability == pytest.approx(probability, abs=0.005)
 
 

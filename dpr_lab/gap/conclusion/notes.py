@@ -38,9 +38,9 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
 
 def _small_effects(state: Advised, kind: Verdict) -> Iterator[str]:
     """Sentence on the effects that the verdict omits because they explain little of the gap."""
-    of_any_probability = small_effects(state.selection.base, state.selection.path)
-    likely = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
-    small = [name for name in likely if name in of_any_probability]
+    of_model = small_effects(state.selection.base, state.selection.path)
+    listable = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
+    small = [name for name in listable if name in of_model and name not in state.transfer.withdrawn]
     if small and kind in ("named", "partly_explained"):
         least = percent(THRESHOLDS.small)
         yield f"Small effects, together less than {least} of the excess chi-square: {listed(small)}."

@@ -32,9 +32,9 @@ class TransferSettings:
     unproven: float = 0.5
     """Factor on the probability of an effect that does not carry over, so that the probability is at most one half."""
     weakly_tested: float = 0.87
-    """Factor as `unproven` for a single release, which has only its own quarters and its own free run as a test.
+    """Factor as `unproven` for an effect that fails the test on the quarters of a single release (decision 61).
 
-    It is the share of right names among those that failed such a test (decision 61).
+    It is the share of right names among those that failed this test.
     """
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size; another cause is then more probable."""
@@ -117,15 +117,16 @@ class Transfer:
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
         """Probabilities of the effects, reduced for effects that fail a test.
 
-        The tests of a single release have little power: its quarters are few and differ in amplitude. A failed test is
-        then weak evidence against an effect, unless all effects together increase the gap of the quarters.
+        The quarters of a single release are few and differ in amplitude. An effect that fails their test, or that
+        cannot be tested, is still probable, unless another test fails for all effects.
         """
-        doubtful, increased = {*self.withdrawn, *self.unproven}, self.closed.estimate < 0.0
-        if self.worse_free_run or self.lone or not self.tested or increased:
-            doubtful |= {posterior.name for posterior in posteriors}
-        weakly = self.basis == "one release" and not increased
-        factor = TRANSFER.weakly_tested if weakly else TRANSFER.unproven
-        factors = dict.fromkeys(doubtful, factor) | dict.fromkeys(self.oversized, TRANSFER.oversized)
+        untested, everything = not self.tested, {posterior.name for posterior in posteriors}
+        alone = self.basis == "one release"
+        weakly = everything if alone and untested else self.unproven
+        failed = self.worse_free_run or self.lone or self.closed.estimate < 0.0 or (untested and not alone)
+        factors = dict.fromkeys(weakly, TRANSFER.weakly_tested)
+        factors |= dict.fromkeys(everything if failed else self.withdrawn, TRANSFER.unproven)
+        factors |= dict.fromkeys(self.oversized, TRANSFER.oversized)
         return tuple(
             replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
             for posterior in posteriors
