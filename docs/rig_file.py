@@ -57,8 +57,8 @@ def section(name: str, field: FieldInfo) -> str:
     model = next(models_in(field.annotation))
     many = get_origin(field.annotation) is dict
     title = f"[{name}.NAME]" if many else f"[{name}]"
-    how = "needed to record" if name == "poses" else "nine tables, all needed" if many else ""
-    how = how or ("needed" if field.is_required() else "optional")
+    how = "required to record" if name == "poses" else "nine tables, all required for two rods" if many else ""
+    how = how or ("required" if field.is_required() else "optional")
     lines = [f"## `{title}`, {how}", "", as_prose(model.__doc__), ""]
     if name == "parameters":
         lines += [
@@ -94,7 +94,7 @@ def docstrings(model: type[BaseModel]) -> dict[str, str]:
 
 def row(name: str, field: FieldInfo, meaning: str) -> str:
     """One key of a table."""
-    default = "needed" if field.is_required() else "none" if field.default is None else f"`{shown(field.default)}`"
+    default = "required" if field.is_required() else "none" if field.default is None else f"`{shown(field.default)}`"
     may_be = "; ".join(dict.fromkeys(ranges(field.annotation, field.metadata)))
     return f"| `{name}` | {default} | {may_be} | {' '.join(meaning.split())} |"
 

@@ -62,7 +62,7 @@ def read_config(path: Path, model: type[Model]) -> Model:
     try:
         text = read_text(path, ConfigError, "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not text in UTF-8, byte {error.start}: save it with this encoding") from error
+        raise ConfigError(f"{path}: is not UTF-8 text (byte {error.start}): save it with this encoding") from error
     return parse_config(text, str(path), model)
 
 

@@ -185,7 +185,7 @@ class Setup:
     """Motion of the inner rod if joint 1 is prescribed; otherwise None. The torque of joint 1 is then that of
     `inner_torques`."""
     arm_moves: bool = False
-    """Whether the arm was free or driven, so that its angle is a reading and part of the state."""
+    """Whether the arm was free or driven; its angle is then measured and is part of the state."""
 
     @property
     def alone(self) -> bool:

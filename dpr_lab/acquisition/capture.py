@@ -64,7 +64,9 @@ class CaptureOptions:
             ValueError: a rate that is not a positive integer, or a time that is not positive and finite.
         """
         if self.rate_hz is not None and not (isinstance(self.rate_hz, int) and self.rate_hz > 0):
-            raise ValueError(f"rate_hz = {self.rate_hz!r}: must be a positive whole number, or None for the rig's")
+            raise ValueError(
+                f"rate_hz = {self.rate_hz!r}: must be a positive whole number, or None for the rate of the rig"
+            )
         for name in ("duration", "max_duration", "pose_timeout", "rest_timeout"):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} = {getattr(self, name)!r}: must be a positive, finite time in s")

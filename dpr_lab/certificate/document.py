@@ -216,7 +216,7 @@ def _text(path: Path, max_mb: int = 16) -> str:
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise RunError(f"{path}: is not a certificate: not text in UTF-8") from error
+        raise RunError(f"{path}: is not a certificate: not UTF-8 text") from error
 
 
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -104,7 +104,7 @@ class Program(Listing):
         self.commands = LazyCommands(COMMANDS)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; the reason of pydantic for a refused option is replaced by plain words."""
+        """Run the command; the error message of pydantic for an invalid option is replaced by a plain sentence."""
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:

@@ -158,8 +158,8 @@ EXPORT_NAMES = Choices("format", _exports, _export_words)
 REASON_NAMES = Choices("reason", _reasons)
 
 NO_RIG = (
-    "A rig file contains lengths and masses of the rig: `dpr-lab rig new` writes one, for a single rod with --rods"
-    " inner --l1 0.3 --m1 0.1; `dpr-lab rig list` names the built-in ones"
+    "A rig file contains lengths and masses of the rig. `dpr-lab rig new` writes one; for a single rod, add --rods"
+    " inner --l1 0.3 --m1 0.1. `dpr-lab rig list` names the built-in ones"
 )
 """Advice for a command without --rig."""
 

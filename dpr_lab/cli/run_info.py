@@ -70,16 +70,16 @@ PARTS = {
     "hanging_before": "distance from hanging before",
     "hanging_after": "distance from hanging after",
     "rate_ppm": "rate error by PING (ppm)",
-    "rate_ppm_std": "its standard deviation (ppm)",
+    "rate_ppm_std": "standard deviation of that rate error (ppm)",
     "rtt_min": "shortest round trip (s)",
     "n": "PING exchanges",
     "offset": "host time of tick 0 (s)",
     "offset_unix": "Unix time of tick 0 (s)",
-    "offset_std": "its standard deviation (s)",
+    "offset_std": "standard deviation of these times (s)",
     "period": "period of a tick (s)",
     "dpr_lab": "dpr-lab",
     "arrival_ppm": "rate error by the arrival of samples (ppm)",
-    "arrival_margin_ppm": "its error bound (ppm)",
+    "arrival_margin_ppm": "error bound of that rate error (ppm)",
 }
 """Name of a loss, a check, a clock figure or a program -> words in the table. Other names are printed without
 underscores."""

@@ -183,7 +183,7 @@ STRATEGY_COLUMNS = (
     "minutes",
     "decided",
     "correct when stopped",
-    "or too small to detect",
+    "correct or undetectable",
     "forecast error (if exact)",
 )
 """Columns of the table of strategies."""

@@ -26,8 +26,8 @@ def tui(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of runs, model, report and diagnosis; default: that of the last session. Another folder begins"
-            " without selected runs and results."
+            help="Folder of runs, model, report and diagnosis; default: that of the last session. In a new folder, no"
+            " runs and no results are selected."
         ),
     ] = None,
     allow_release: Annotated[

@@ -81,10 +81,11 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     constants = rig_constants(rig)
     lengths = (length, rig.L2 or 2 * z["l2"])
     masses, moments = (m1, m2), (moment1, moment2)
-    felt, inertias = (constants.m1, constants.m2), (a - (m2 + mb) * length**2, b)
+    offset_masses, inertias = (constants.m1, constants.m2), (a - (m2 + mb) * length**2, b)
     rods = tuple(
         rod_about_joint(
-            lengths[j], masses[j], moments[j], inertias[j], model.base[f"c{j + 1}"].value, felt[j],
+            lengths[j], masses[j], moments[j], inertias[j], model.base[f"c{j + 1}"].value,
+            offset_masses[j],
             words_of_joint(expressed, j),
         )
         for j in range(2)

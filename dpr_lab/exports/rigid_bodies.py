@@ -153,13 +153,20 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
 
 
 def rod_about_joint(
-    length: float, mass: float, moment: float, about_joint: float, damping: float, felt: float, words: Words
+    length: float, mass: float, moment: float, about_joint: float, damping: float, offset_mass: float, words: Words
 ) -> Rod:
-    """Rod with a given first moment, kg m, and inertia about its joint, kg m^2, before its centre of mass is offset.
+    """Rod with a given first moment and inertia about its joint, which apply before the centre of mass is offset.
 
-    `felt` is the mass, kg, to which the offset of the centre of mass refers.
+    Args:
+        length: length of the rod, m
+        mass: mass of the rod, kg
+        moment: first moment about the joint, kg m
+        about_joint: moment of inertia about the joint, kg m^2
+        damping: viscous friction of the joint, N m s/rad
+        offset_mass: mass to which the offset of the centre of mass refers, kg
+        words: parameters of the effects of this joint
     """
-    offset = felt * words.get("offset", 0.0) / mass
-    inertia = about_joint + felt * words.get("offset", 0.0) ** 2
+    offset = offset_mass * words.get("offset", 0.0) / mass
+    inertia = about_joint + offset_mass * words.get("offset", 0.0) ** 2
     centroid = moment / mass
     return Rod(length, mass, centroid, offset, inertia - mass * (centroid**2 + offset**2), damping, words)

@@ -119,9 +119,9 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """A segment extended by the part of the next one that it follows, and the remaining part.
+    """A segment extended by the part of the next one that its simulation predicts, and the remaining part.
 
-    None if this is too short.
+    None if the predicted part or the remaining part is too short.
     """
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)

@@ -156,7 +156,9 @@ def _rows(candidates: Array, run: Run, rig: Rig) -> Array:
 def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Array]:
     """Base parameters (n, 6) of one rod that moves like two rods with a clamped elbow, and its phase lead (n,), rad.
 
-    A = a + b + 2 d cos(delta) and E exp(i phi) = e1 + e2 exp(i delta), for theta1 + phi. The other rod is fixed.
+    The rod has the inertia A = a + b + 2 d cos(delta), the gravity moment E of E exp(i phi) = e1 + e2 exp(i delta), and
+    the angle theta1 + phi, where delta is the angle of the elbow and phi the phase lead. The second rod of the base
+    parameters is decoupled: its d, e2 and c2 are zero.
     """
     a, b, d, e1, c1, _ = bases.T
     pull = e1 + d * g / L1 * np.exp(1j * elbow)

@@ -16,9 +16,9 @@ from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 MAX_POWER = 16
-"""Exponent of the smooth power mean that replaces the largest E.
+"""Exponent p of the p-norm of the errors E of the poses, a smooth approximation of the largest E.
 
-For three poses the power mean exceeds the largest E by at most 7 %.
+For three poses the p-norm exceeds the largest E by at most 3^(1/p) - 1 = 7.1 %.
 """
 
 
@@ -92,7 +92,7 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
 def _smooth_cost(errors: Array, settings: MultistartSettings) -> Array:
     """(n,) smooth approximation of H for the local search.
 
-    A quasi-Newton method stalls at the kinks of the aggregate `max`. A power mean, which has no kinks, replaces it.
+    A quasi-Newton method stalls at the kinks of the aggregate `max`. A smooth p-norm of the errors replaces it.
     """
     combined = cost(errors, settings.aggregate)
     if settings.aggregate != "max":

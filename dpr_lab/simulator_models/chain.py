@@ -21,7 +21,7 @@ class ChainLimits:
     noticed: float = math.radians(0.01)
     """Maximum angle between parallel axes that is not noted, rad."""
     elbow: float = 1e-3
-    """Maximum distance from the axis of joint 2 of a part that contributes to mb, in lengths of the rod."""
+    """Distance of a part's centre of mass from the axis of joint 2, over L1, below which its mass belongs to mb."""
     offset: float = 1e-7
     """Maximum distance of the centre of mass from the line of the inner rod that is not noted, m."""
 

@@ -53,7 +53,7 @@ class XmlEdit:
         try:
             data.decode("utf-8")
         except UnicodeDecodeError as error:
-            raise ConfigError(f"{name}: is not in UTF-8, which is needed to change it") from error
+            raise ConfigError(f"{name}: is not encoded in UTF-8: save it with this encoding") from error
         self.data, self.changes = data, []
         self.tags: list[StartTag] = []
         self._new: dict[int, dict[str, str]] = {}
@@ -165,7 +165,7 @@ def _end_of_tag(data: bytes, first: int) -> int:
             quote = byte
         elif byte == ord(">"):
             return place + 1
-    raise ValueError("no end of tag")
+    raise ValueError("unterminated tag")
 
 
 def _with_attribute(tag: str, name: str, value: str) -> str:

@@ -66,7 +66,8 @@ class WriterSettings:
     """Minimum number of rows that are written as a block. Fewer rows are written one by one, like the samples of a
     device."""
     theta_digits: int = 7
-    """Decimals of an angle in rad: 1e-7 rad is a thousandth of a count. A reader uses the counts instead."""
+    """Number of decimals of an angle, rad. 1e-7 rad is a thousandth of a count at 65536 counts per turn. A reader
+    computes the angles from the counts."""
 
 
 SETTINGS = WriterSettings()

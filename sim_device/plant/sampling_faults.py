@@ -63,7 +63,7 @@ def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_
 def _in_cycle(every: int, first: int, count: int) -> NDArray[np.bool_]:
     """Whether each sample is the last one in a cycle of `every` samples: (count,).
 
-    No sample is if `every` is 0.
+    All values are False if `every` is 0.
     """
     if not every:
         return np.zeros(count, dtype=np.bool_)

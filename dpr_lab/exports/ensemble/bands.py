@@ -76,7 +76,7 @@ class PredictiveBand:
 
     @property
     def covered(self) -> float:
-        """Share of the readings inside the band; nan without a reading."""
+        """Share of the readings inside the band; nan if there are no readings."""
         inside = (self.measured >= self.low) & (self.measured <= self.high)
         return float(inside.sum()) / self.readings if self.readings else float("nan")
 

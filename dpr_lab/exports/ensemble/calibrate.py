@@ -84,7 +84,7 @@ def widened(components: Sequence[PosteriorComponent], factor: float) -> list[Pos
 
 
 def pooled(bands: Sequence[PredictiveBand]) -> float:
-    """Share of the readings of all bands that lie inside; nan without a reading."""
+    """Share of all readings that lie inside their bands; nan if there are no readings."""
     counts = [band.readings for band in bands]
     covered = sum(band.covered * count for band, count in zip(bands, counts, strict=True) if count)
     return covered / sum(counts) if sum(counts) else float("nan")

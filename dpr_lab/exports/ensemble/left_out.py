@@ -123,7 +123,7 @@ def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
 
 
 def _squared_errors(band: PredictiveBand) -> float:
-    """Mean squared error in standard deviations of the band: s of a recording; nan without a reading."""
+    """Mean squared error in standard deviations of the band: s of a recording; nan if there are no readings."""
     middle, half = (band.low + band.high) / 2, (band.high - band.low) / 2
     errors = (NORMAL_Q90 * (band.measured - middle) / half)[np.isfinite(band.measured)]
     return float(np.mean(errors**2)) if len(errors) else float("nan")

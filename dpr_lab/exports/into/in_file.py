@@ -60,7 +60,7 @@ TERMS = {
     "rotor_inertia": ("armature", "inertia_kgm2", "rotor inertia (armature)", "kg m^2"),
     "spring": ("stiffness", "stiffness_Nm_per_rad", "spring stiffness", "N m/rad"),
 }
-"""Kind of effect -> attribute of `ModelJoint`, parameter, words and unit."""
+"""Kind of effect -> attribute of `ModelJoint`, name of the parameter, description, and unit."""
 
 
 def hinge(chain: ModelChain, joint: int) -> ChainRod | ChainArm:
@@ -96,9 +96,9 @@ def in_file(chain: ModelChain, name: str) -> dict[str, float]:
 def unseen(
     diagnosis: Diagnosis, chain: ModelChain, named: Collection[str], joints: Collection[int]
 ) -> dict[str, dict[str, float]]:
-    """Effects in the file at some joints that are not named and are below the minimum detectable size.
+    """Effects of the given joints in the file that the diagnosis does not name and could not detect at this size.
 
-    They keep their values of the file.
+    The changed file keeps their values.
     """
     undetectable = {}
     for name in _at(joints):

@@ -197,7 +197,7 @@ def _same_gear(diagnosis: Diagnosis) -> float:
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """Base parameters (6,) that keep each centre of mass or inertia of the file which hardly differs."""
+    """Base parameters (6,) in which a centre of mass or inertia close to its value in the file keeps this value."""
     length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):

@@ -28,7 +28,7 @@ class DescriptionRules:
     gap: float = 3.0
     """chi2 per degree of freedom of the bare model above which other descriptions are tested.
 
-    Halved angles of a swing of 20 degrees leave 8.
+    For a swing of 20 degrees whose angles were imported at half their size, the value is 8.
     """
     as_good: float = 0.02
     """Maximum deficit of the share of the excess that another description explains, compared with the selected effects.

@@ -1,4 +1,4 @@
-"""Friction torque of a joint against its speed, with the uncertainty of the recordings.
+"""Friction torque of a joint against its speed, with the uncertainty that the recordings leave.
 
 The friction torque at the joint speed u is the sum of the viscous torque and of the torques of the named friction laws,
 

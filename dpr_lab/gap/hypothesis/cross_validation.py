@@ -69,7 +69,7 @@ def folds(problem: Problem) -> Integers:
 
 @dataclass(frozen=True, slots=True)
 class _Fold:
-    """Normal equations of one fold, in units of the prior."""
+    """Normal equations of one fold, for parameters divided by their prior standard deviations."""
 
     segments: Flags
     H: Array
@@ -78,7 +78,10 @@ class _Fold:
 
 
 class _Folds:
-    """Normal equations of a fit, for all segments and for each fold, in units of the prior."""
+    """Normal equations of a fit, for all segments and for each fold.
+
+    The parameters are divided by their prior standard deviations, so that the prior is a unit matrix.
+    """
 
     def __init__(self, fit: Fit, fold: Integers) -> None:
         free = _within_bounds(fit)

@@ -25,7 +25,7 @@ class LineSettings:
     harmonics: int = 5
     """Highest tested multiple of the frequency of the swing.
 
-    Friction, drag and errors of the readings cause few higher ones.
+    Friction, drag and errors of the readings cause only small components at higher multiples.
     """
     resolution: float = 0.5
     """Half width of a spectral line, in units of the inverse duration of the recording."""

@@ -206,7 +206,10 @@ def form_indifference(base: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Whether a richer form explains less beyond a simpler one than it leaves unexplained; False if none is fitted."""
+    """Whether the excess that a richer form removes beyond a simpler form is smaller than the excess that it leaves.
+
+    False if no simpler form is fitted, or if the richer form reaches the noise floor.
+    """
     if simpler is None or at_noise_floor(richer):
         return False
     return excess(simpler) - excess(richer) < excess(richer)

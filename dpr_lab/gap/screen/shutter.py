@@ -29,7 +29,7 @@ class Shutter:
     lines: str
     """Direction of the lines, a key of `NORMALS`."""
     delay: float
-    """Delay k, s/m: by this time per metre along their normal, lines are read later."""
+    """Delay k between lines per distance along their normal, s/m."""
 
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
         """Readings converted to the instants of the line of the pivot.

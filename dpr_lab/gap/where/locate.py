@@ -72,8 +72,8 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
 def _maps(problem: Problem) -> Iterator[tuple[int, str, "Map"]]:
     """Joint, name and function of every map.
 
-    Omitted are the load of an arm's joint, which is not known, joint 2 without an outer rod that turns, and torques of
-    a prescribed joint 1, which do not move it.
+    Three kinds of maps are omitted. Friction of an arm's joint by load: this load is not known. All maps of joint 2 if
+    no outer rod turns in it. Torques of a prescribed joint 1, because they do not move it.
     """
     setups = problem.segments.setups
     unknown = {

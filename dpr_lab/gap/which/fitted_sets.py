@@ -67,7 +67,7 @@ class Effort:
     nowhere: float = 0.99
     """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
     starts: int = 4
-    """Maximum number of shapes from which an effect with a high score is fitted."""
+    """Maximum number of initial shapes for the fits of an effect with a high score."""
     leading: float = 0.5
     """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
 

@@ -119,7 +119,7 @@ def _revised(sets: FittedSets, state: SearchState) -> SearchState:
         tested = run(moves, sets, after)
         if tested.current.cost - state.current.cost < indifference(sets.bare, state.current):
             return tested
-        undone = Decision(True, "after its tests, the other set explains less")
+        undone = Decision(True, "the criterion of the other set is higher after the moves that follow")
         state = tested.after(revision, Proposal(state.current), undone)
     return state
 

@@ -75,7 +75,7 @@ def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
 
 
 def _terms(run: Run, rig: Rig) -> Array | None:
-    """(intervals, 6 or 8) means of the energy terms of a, [b, d,] e1, A, k0 and f0; None if the speeds are unknown."""
+    """(intervals, 5 or 7) means of the energy terms of a, [b, d,] e1, A, k0 and f0; None if the speeds are unknown."""
     swing = run.swing
     motion = local_motion(swing.t, swing.theta, min(periods(rig)), ARM_ENERGY.motion)
     if motion is None:

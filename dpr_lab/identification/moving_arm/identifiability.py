@@ -265,9 +265,10 @@ def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[st
 
 
 def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    """(k, n) rows of the bounds, with the standard deviation of a uniform distribution.
+    """(k, n) information rows of the k parameters that are not measured, for relative parameter changes.
 
-    Without bounds, the distribution extends over a decade.
+    Bounds are replaced by the standard deviation of a uniform distribution between them. Without two positive bounds
+    the relative standard deviation is 1.
     """
     rows = [
         sizes[name] * 12**0.5 / (parameter.upper - parameter.lower)

@@ -19,9 +19,9 @@ class Gain:
     """Bits of each part of the objective, without weights."""
 
     causes: Mapping[tuple[str, str], float]
-    """Bits about each undecided pair of causes."""
+    """Undecided pair of causes -> expected bits on which of the two is right."""
     open_effects: float
-    """Bits about the effects that are not excluded."""
+    """Expected bits on the presence of the effects that are not excluded."""
     library: float
     ratios: float
     limits: float

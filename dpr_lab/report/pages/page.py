@@ -71,7 +71,7 @@ class Picture:
 
     @property
     def data(self) -> str:
-        """The file in base64."""
+        """Content of the file, encoded in base64."""
         return base64.b64encode(self.path.read_bytes()).decode("ascii")
 
 

@@ -95,8 +95,8 @@ class KnownInputs:
             raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
         if largest < least:
             raise RunError(
-                f"{path}: the input {name!r} never exceeds {largest:.2g}, too little for a drive: name its column"
-                " (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or use --arm free"
+                f"{path}: the input {name!r} never exceeds {largest:.2g}, too little for a drive: state the column of"
+                " the input (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or use --arm free"
             )
 
     def notes(self) -> list[str]:

@@ -18,13 +18,13 @@ class CounterSettings:
     """Counts per unit of the time column: 1 if the column is the counter itself, 1e3 or 1e6 if it is a counter of
     milli- or microseconds converted to larger units."""
     slack: float = 0.01
-    """Maximum difference between the drop at a wrap and the width of the counter, relative to the width. The difference
-    is up to one interval between rows."""
+    """Maximum difference between the decrease at a wrap and the width of the counter, relative to the width. The
+    difference is up to one interval between rows."""
     first: float = 1.5
     """Maximum value after a wrap, in steps from row to row."""
     reach: int = 6
-    """Number of rows before and after a drop of the time. The reading's steps in them are compared with its step across
-    the drop."""
+    """Number of rows before and after a decrease of the time column. The steps of the reading between these rows are
+    compared with its step across the decrease."""
     jump: float = 2.0
     """Maximum step of a reading across a wrap, relative to the largest other step nearby."""
 

@@ -187,7 +187,7 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
-    """Column of the angle if only one column apart from the time varies, and the time column of an unnamed table.
+    """Column of the angle if only one column apart from the time varies, and the time column if no column has a name.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.
@@ -339,9 +339,10 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
 
 
 def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
-    """Angles of the rods, or of arm and rods, in a table named by ROS, in the order of the columns.
+    """Axis -> name of its column, in a table whose columns have the names of a ROS joint state.
 
-    If the names of the joints contain numbers, these decide instead of the order.
+    The columns are assigned in their order: to the rods, or to the arm and the rods. Nothing is assigned if the names
+    of the joints contain numbers that identify the axes.
     """
     if {"theta0", "theta1"} & set(given):
         return {}

@@ -46,8 +46,8 @@ class QuestionSettings:
     """Maximum factor, without a warning, between an inertia over gravity and the nearest value that the rig file
     allows. It is below 1.05 for free swings of the correct rig, and 1.15 or more for other rigs of this repository."""
     torque_step: float = 0.08
-    """Maximum median change of a known torque between rows without a warning, relative to its range. The change is
-    0.012 for a sine of 1 Hz at 200 Hz, and 0.12 at 20 Hz."""
+    """Median change of a known torque from row to row, relative to its range, above which a warning is given. A sine of
+    1 Hz has a median change of 0.012 at 200 Hz, and 0.12 at 20 Hz."""
     idle: tuple[float, float] = (1.0, 0.75)
     """Two limits for known torques that may not act at all. The first is the residual of the torque balance, relative
     to gravity, above which they are doubted. A warning is then given if the residual without torques, divided by this

@@ -47,7 +47,7 @@ class StampSettings:
     misfit: float = 4.0
     """Minimum prediction error for which a stamp is doubted, in units of the usual size, in at least one column."""
     carries: tuple[float, ...] = (1.0, 60.0)
-    """Units of a clock that may be counted separately from their fraction, s."""
+    """Units, s, whose number and fraction may come from two counters, so that one of them may change a row too late."""
     carried_rows: int = 3
     """Maximum number of successive rows between the changes of the two counters."""
     carried_step: float = 10.0

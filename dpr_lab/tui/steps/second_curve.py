@@ -59,7 +59,7 @@ class SecondCurve(Guarded, Horizontal):
         self._offered: list[tuple[Content, int]] = []
 
     def compose(self) -> ComposeResult:
-        """Build list and field."""
+        """Build the list of curves and the input field for another model."""
         yield Select([("second curve: none", NOTHING)], value=NOTHING, allow_blank=False, id="beside", compact=True)
         hint = self._services.keys.fill("another model ({compare.edit})")
         yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)

@@ -21,7 +21,7 @@ def friction_figure(diagnosis: Diagnosis) -> Figure:
     friction = evidence_of(diagnosis).friction
     with style.house_style():
         if not friction:
-            return empty_figure("No joint moves in both directions.")
+            return empty_figure("No joint moves fast enough in both directions.")
         figure = new_figure(3.0)
         panels = figure.subplots(1, len(friction), squeeze=False)[0]
         for axes, (joint, curve) in zip(panels, friction.items(), strict=True):
@@ -64,7 +64,7 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
         sentences.append(
             f"Friction that depends on other quantities than the speed is not part of this curve: {listed(other)}."
         )
-    return sentences or ["No joint moves in both directions."]
+    return sentences or ["No joint moves fast enough in both directions."]
 
 
 def friction_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
