@@ -245,7 +245,7 @@ HEAD = "t,theta1,theta2\n"
         (HEAD.encode(), "no row of numbers"),
         (b"dear diary,\ntoday it swung\n", "no row of numbers"),
         (bytes(range(256)) * 9, "binary file"),
-        ("t,theta1\n".encode("utf-16"), "binary file"),
+        (b"t,theta1\n0,\x00\n", "binary file"),
         (f"{HEAD}0,1,2\n".encode(), "only 1 row remains"),
         (f"{HEAD}0,1,2\n0,1,2\n".encode(), "only 1 row remains"),
         (f"{HEAD}0,1,2\n1,1,2\n0.5,1,2\n2,1,2\n".encode(), "line 4: time decreases from 1 s to 0.5 s"),

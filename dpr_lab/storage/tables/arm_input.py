@@ -37,6 +37,8 @@ _CART = re.compile("(?:x|pos|position)?(?:cart|carriage|trolley|slider|carro)(?:
 _PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
 """Pattern of ambiguous names for the position of a cart: they may also denote angles or points. They are used only if
 no column has an unambiguous name."""
+_HEIGHT = re.compile("y([cm]?m|px|pixels?)?")
+"""Pattern of the height of a point. A cart moves horizontally, so that a column x next to it is of a tracked point."""
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
@@ -247,10 +249,13 @@ def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOp
     """
     if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
         return []
+    tracked = any(
+        _HEIGHT.fullmatch(bare(name)) and varies(column) for name, column in zip(table.names, table.values, strict=True)
+    )
     free = {
         name: match
         for name, column in zip(table.names, table.values, strict=True)
-        if name not in used.values() and varies(column)
+        if name not in used.values() and varies(column) and not (tracked and bare(name).startswith("x"))
         for pattern in (_CART, _PLACE)
         if (match := pattern.fullmatch(bare(name)))
     }

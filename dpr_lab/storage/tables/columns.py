@@ -11,7 +11,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.options import AXES
-from dpr_lab.storage.tables.table import Table
+from dpr_lab.storage.tables.table import ONLY_UNIT, Table
 
 TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -20,8 +20,8 @@ NO_ROD = "joint 2, without a rod"
 """Name of the substitute column for joint 2 of a rig with one rod."""
 
 _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps|tempo|tiempo)?({unit})?(?<=.)"
-_TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds", "us": "us|usec|microseconds"}
-_ANGLE_UNIT = r"(rad|radians?|deg|degrees?|gra(?:us|dos|di))"
+_TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
+_ANGLE_UNIT = r"(rad|radians?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
 _MEASURED = "(meas|measured|act|actual|exp|experimental?|obs|observed|real)"
 _ANGLE_NAME = (
@@ -35,15 +35,15 @@ _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 """Patterns of the angles of arm and rod in the notation of Quanser."""
 _ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
+_ONE_COUNT = re.compile("(enc|encoder|counts?|ticks?)(counts?|ticks?|val|value)?")
 _ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
 """Pattern of a position. It is the angle of the rod if no other column is an angle; otherwise it is the position of a
 cart."""
 _COORDINATE = re.compile("[xy]([cm]?m|px|pixels?)?")
 _SAID_TIME_UNIT = re.compile(r"(?<![a-z])(ms|us|s)(?![a-z])")
-_SAID_UNIT = re.compile(r"(?<![a-z])(rad|deg|counts)(ians|rees)?(?![a-z])|°|(?<![a-z])gra(us|dos|di)(?![a-z])")
-_ONLY_UNIT = re.compile(
-    r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I
+_SAID_UNIT = re.compile(
+    r"(?<![a-z])(rad|deg|counts)(ians|rees|r[eé]s)?(?![a-z])|°|(?<![a-z])gra(us|dos|di|den|d)(?![a-z])"
 )
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
@@ -137,7 +137,7 @@ def find_columns(
         RunError: a column that is missing, occurs twice, has another length or states another unit.
     """
     names = [*table.names, *table.other_lengths]
-    unit = unit or _said_unit(names, given)
+    unit = unit or ("counts" if _is_counted(table, given.get("theta1", "")) else _said_unit(names, given))
     time_unit = time_unit or _said_time_unit(names, given)
     named, notes = guess_columns(names, unit, time_unit) | dict(given), ()
     named = {quantity: name for quantity, name in named.items() if quantity in given or name not in given.values()}
@@ -164,14 +164,18 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
     guessed = [guess_columns(table.names, unit) for unit in ("rad", "counts")]
     if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
         return table, dict(given)
-    given, notes = dict(given), table.notes
+    clock = _clock(table, given) if timed else {}
+    given, notes = clock | dict(given), table.notes
     given |= {} if {"theta0", "theta1"} & set(given) else _on_arm(table.names)
     alone = [name for name in table.names if _ONE_ROD.fullmatch(bare(name))]
-    alone = [name for name in alone if not _PLACE.fullmatch(bare(name))] or alone
+    moving = {name for name, column in zip(table.names, table.values, strict=True) if varies(column)}
+    places = {name for name in alone if _PLACE.fullmatch(bare(name))}
+    letters = {name for name in alone if len(bare(name)) == 1}  # `Q` may be an input
+    for unlikely in (places, set(alone) - moving, letters):
+        alone = [name for name in alone if name not in unlikely] or alone
     if "theta1" not in given and not any("theta1" in guess for guess in guessed):
         if len(alone) != 1:
-            alone, clock = _only_varying(table, given, timed)
-            given = clock | given
+            alone = _only_varying(table, given)
             notes = (*notes, *(f"the only column that varies, {name}, is interpreted as theta1" for name in alone))
         given |= dict(zip(("theta1",), alone, strict=False))
     values = (*table.values, np.zeros(len(table.lines)))
@@ -186,32 +190,39 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
     return {quantity: matches[0] for quantity, matches in named.items()} if single else {}
 
 
-def _only_varying(table: Table, given: Mapping[str, str], timed: bool) -> tuple[list[str], dict[str, str]]:
-    """Column of the angle if only one column apart from the time varies, and the time column if no column has a name.
+def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
+    """The first column as time, if it increases like one and no column is named like a time or a counter of rows."""
+    if table.settled or "t" in given or any(map(is_time, table.names)) or counter(table):
+        return {}
+    unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
+    name, column = table.names[0], table.values[0]
+    timelike = _never_falls(column) if unnamed else runs(column)
+    return {"t": name} if timelike and len(table.names) > 1 and name not in given.values() else {}
+
+
+def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
+    """Column of the angle if only one column apart from the time varies.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.
     """
     if table.settled:
-        return [], {}
-    clock = {}
-    unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
-    if timed and "t" not in given and unnamed and _never_falls(table.values[0]):
-        clock = {"t": table.names[0]}
-    times = {*given.values(), *clock.values()}
+        return []
+    clock = given.get("t", "")
+    only_two = bool(clock) and len(table.names) == 2  # the angle of a rod that falls over also increases steadily
     varying = [
         name
         for name, column in zip(table.names, table.values, strict=True)
-        if name not in times and not is_time(name) and not runs(column) and varies(column)
+        if name not in given.values() and not is_time(name) and (only_two or not runs(column)) and varies(column)
     ]
-    if unnamed and len(varying) == 2 and clock:
-        varying = _without_speed(varying, table, clock["t"])
+    if len(varying) == 2 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
+        varying = _without_speed(varying, table, clock)
     if len(varying) == 1 and not clock and _COORDINATE.fullmatch(bare(varying[0])):
         raise RunError(
             f"{table.path}: {varying[0]!r} is the name of one coordinate of a point, and an angle requires two: export"
             f" the x and the y of the point; if the column is the angle of the rod, give --columns theta1={varying[0]}"
         )
-    return (varying, clock) if len(varying) == 1 else ([], {})
+    return varying if len(varying) == 1 else []
 
 
 def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
@@ -318,6 +329,12 @@ def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
     return "counts" if not {"theta1", "theta2"} & set(angles) and "theta1" in counted else "rad"
 
 
+def _is_counted(table: Table, name: str) -> bool:
+    """Whether a column without a number in its name, such as `encoder`, contains counts."""
+    counted = name in table.names and _ONE_COUNT.fullmatch(bare(name))
+    return bool(counted) and bool((np.mod(table.values[table.names.index(name)], 1.0) == 0.0).all())
+
+
 def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
     if "t" in given:
         stated = _SAID_TIME_UNIT.search(given["t"].lower())
@@ -375,7 +392,7 @@ def own_name(name: str) -> str:
     rest = name.partition(": ")[2].strip()
     if not rest and name.endswith("/position"):  # name in ROS: topic, joint, quantity
         return "/".join(name.split("/")[-2:])
-    return name if not rest or _ONLY_UNIT.fullmatch(rest) else rest
+    return name if not rest or ONLY_UNIT.fullmatch(rest) else rest
 
 
 def bare(name: str) -> str:

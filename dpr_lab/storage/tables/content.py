@@ -166,6 +166,8 @@ def _coding(path: Path, limits: TableLimits) -> str:
     Raises:
         RunError: it is empty or not text.
     """
+    if _is_utf16(path, limits):
+        return "utf-16"
     decoder, something, utf8 = codecs.getincrementaldecoder("utf-8-sig")(), False, True
     with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
         while block := file.read(limits.block_bytes):
@@ -177,6 +179,18 @@ def _coding(path: Path, limits: TableLimits) -> str:
     if not something:
         raise RunError(f"{path}: is empty")
     return "utf-8-sig" if utf8 else "latin-1"  # only the degree sign in a header can be affected
+
+
+def _is_utf16(path: Path, limits: TableLimits) -> bool:
+    """Whether a file begins with the mark of UTF-16, which spreadsheets write as "Unicode text", and can be decoded."""
+    decoder = codecs.getincrementaldecoder("utf-16")()
+    with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
+        block = file.read(limits.block_bytes)
+        valid = block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        while block and valid:
+            valid = _decodes(decoder, block)
+            block = file.read(limits.block_bytes)
+    return valid and _decodes(decoder, b"", final=True)
 
 
 def _no_text(path: Path, *, compressed: bool) -> str:

@@ -20,6 +20,18 @@ from dpr_lab.storage.tables.content import Content, Line, TableLimits
 
 DELIMITERS = (";", "\t", ",")  # The order matters: in a table with semicolons or tabs, a comma is the decimal sign.
 LIMITS = TableLimits()
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?"
+_VECTOR = re.compile(rf"([(\[])\s*({_NUMBER}(?:(?:\s*[,;]\s*|\s+){_NUMBER})+)\s*[)\]]", re.I)
+"""Pattern of several numbers in one field, such as the point "(1392, 685)" or the array [0.1 0.2]."""
+_MINUS = "\N{MINUS SIGN}"  # written by programs that set numbers for print
+_NEXT = "\x02"
+"""Separator of the numbers of a vector within its field. Files with control characters are refused."""
+_STAMP = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d+) -> ?")
+"""Pattern of the time that the serial monitor of Arduino writes before a line."""
+_LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_NUMBER})"
+_LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
+"""Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
+ONLY_UNIT = re.compile(r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I)
 _CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 
 
@@ -82,8 +94,9 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             head = list(islice(lines, LIMITS.looked_at))
             if not head:
                 raise RunError(f"{path}: contains no rows")
-            delimiter = _delimiter([line for _, line in head])
-            rows = ((number, _cells(path, line, delimiter)) for number, line in chain(head, lines))
+            labels = _labels([line for _, line in head])
+            delimiter = "," if labels else _delimiter([_joined(line) for _, line in head])
+            rows = ((number, _cells(path, line, delimiter, labels)) for number, line in chain(head, lines))
             early: list[list[str]] = []
             for begin in rows:
                 if _is_data(begin[1]):
@@ -94,7 +107,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             else:
                 raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
             early = [_trimmed(other, len(begin[1])) for other in early]
-            names = _names(early, content.comments, delimiter, len(begin[1]))
+            names = labels or _of_numbers(_names(early, content.comments, delimiter, len(begin[1])), begin[1])
             first = [begin, *islice(rows, LIMITS.looked_at - 1)]
             comma = delimiter != "," and any("," in cell for _, cells in first for cell in cells)
             columns = _Columns(path, len(names), comma)
@@ -103,7 +116,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             for number, text in content.blocks():
                 if not columns.take_block(number, text, delimiter):
                     columns.take(
-                        (line_number, _cells(path, line, delimiter))
+                        (line_number, _cells(path, line, delimiter, labels))
                         for line_number, line in content.lines_of(number, text)
                     )
             columns.finish()
@@ -139,7 +152,8 @@ class _Columns:
 
         Only the last row may be too short.
         """
-        for number, row in rows:
+        for number, cells in rows:
+            row = _numbers_of(cells)
             if self._short is not None or len(row) > len(self._values):
                 self._refuse(*(self._short or (number, len(row))))
             if len(row) < len(self._values):
@@ -190,6 +204,7 @@ class _Columns:
 
         A time such as `14:30:00.123`, `30:00.1`, or with a date before it, is converted to seconds.
         """
+        word = word.replace(_MINUS, "-")
         try:
             return float(word.replace(",", ".") if self._comma else word)
         except ValueError:
@@ -206,8 +221,23 @@ def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | No
     if not early:
         return _commented_header(comments, delimiter, width)
     wide = [row for row in early if len(row) == width] or _otherwise_separated(early, delimiter, width)
-    # Names of groups may precede the names of columns.
-    return next((row for row in wide if all(row)), (wide or early[-1:])[0])
+    # Names of groups may precede the names of columns, and units may follow them.
+    names = next((row for row in wide if all(row)), (wide or early[-1:])[0])
+    below = wide[wide.index(names) + 1 :] if names in wide else []
+    units = next((row for row in below if any(row) and all(not cell or ONLY_UNIT.fullmatch(cell) for cell in row)), ())
+    return [*map(_with_unit, names, units)] if units else names
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """Name of a column with the unit from the row below; unchanged if it contains the unit or if there is none."""
+    unit = unit.strip(" ()[]")
+    return name if not unit or unit.lower() in re.split(r"[\W_]+", name.lower()) else f"{name} ({unit})"
+
+
+def _labels(lines: list[str]) -> list[str]:
+    """Names of the columns if most lines have a name before each number, in the order of the first such line."""
+    labelled = [line for line in lines if _LABELLED.fullmatch(line)]
+    return [name for name, _ in re.findall(_LABEL, labelled[0], re.I)] if 2 * len(labelled) > len(lines) else []
 
 
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
@@ -215,6 +245,20 @@ def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: i
     lines = [(delimiter or " ").join(row) for row in early]
     split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
     return [names for names in split if len(names) == width]
+
+
+def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
+    """Name of each number, where a field of the first row contains several: a point, or the elements of an array."""
+    if len(names) != len(cells):  # refused with the first row
+        return list(names)
+    named: list[str] = []
+    for name, cell in zip(names, cells, strict=True):
+        size = len(_numbers_of([cell]))
+        point = cell[:1] == "(" and size <= len("xyz")
+        ends = [f"_{axis}" for axis in "xyz"[:size]] if point else [f"[{number}]" for number in range(size)]
+        stem, space, unit = name.strip().partition(" (")
+        named += [f"{stem}{end}{space}{unit}" for end in ends] if size > 1 else [name]
+    return named
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:
@@ -227,7 +271,24 @@ def _delimiter(lines: list[str]) -> str | None:
     return next((d for d in DELIMITERS if sum(d in line for line in lines) > len(lines) / 2), None)
 
 
-def _cells(path: Path, line: str, delimiter: str | None) -> list[str]:
+def _joined(line: str) -> str:
+    """A line in which the numbers of a vector are not separated by a delimiter."""
+    if "(" not in line and "[" not in line:
+        return line
+    return _VECTOR.sub(lambda match: match[1] + _NEXT.join(re.split(r"[\s,;]+", match[2])), line)
+
+
+def _numbers_of(cells: Sequence[str]) -> list[str]:
+    """Fields of a row, where a vector is replaced by its numbers."""
+    return [part for cell in cells for part in (cell.strip()[1:].split(_NEXT) if _NEXT in cell else (cell,))]
+
+
+def _cells(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) -> list[str]:
+    """Fields of a line; of a line with a name before each number, the numbers."""
+    if labels:
+        named = dict(re.findall(_LABEL, line, re.I)) if _LABELLED.fullmatch(line) else {}
+        return [named[name] for name in labels if name in named]
+    line = _STAMP.sub(rf"\1{delimiter or ' '}", _joined(line), count=1)
     if delimiter is None:
         return line.split()
     try:
@@ -238,6 +299,7 @@ def _cells(path: Path, line: str, delimiter: str | None) -> list[str]:
 
 def _is_data(row: list[str]) -> bool:
     """Whether a row contains numbers rather than names or units; an additional column of words is accepted."""
+    row = _numbers_of(row)
     numbers = sum(map(_is_number, row))
     empty = sum(cell.strip().lower() in NOT_A_VALUE for cell in row)
     return numbers > 0 and 2 * (numbers + empty) >= len(row)
@@ -245,7 +307,7 @@ def _is_data(row: list[str]) -> bool:
 
 def _is_number(cell: str) -> bool:
     try:
-        return bool(np.isfinite(float(cell.strip().replace(",", "."))))
+        return bool(np.isfinite(float(cell.strip().replace(",", ".").replace(_MINUS, "-"))))
     except ValueError:
         return False
 

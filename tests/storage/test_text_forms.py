@@ -1,0 +1,95 @@
+"""Forms of text tables that real loggers write: one swing, read with the same angles from each."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dpr_lab.errors import RunError
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.tables.preview import preview
+from dpr_lab.storage.tables.table import read_table
+from tests.storage.test_rod_alone import ONE_ROD
+
+T = np.arange(0, 1, 0.01)
+SWING = 1.2 * np.cos(6 * T)
+DEG = np.rad2deg(SWING)
+
+
+@pytest.fixture
+def one(tmp_path: Path) -> Rig:
+    file = tmp_path / "one.toml"
+    file.write_text(ONE_ROD)
+    return load_rig(file)
+
+
+def lines(form: str, values: np.ndarray = DEG) -> str:
+    return "".join(form.format(t=t, ms=round(1e3 * t), angle=angle) for t, angle in zip(T, values, strict=True))
+
+
+FORMS = {
+    "spreadsheet, Unicode text": ("Time (s)\tAngle (deg)\n" + lines("{t:.2f}\t{angle:.4f}\n")).encode("utf-16"),
+    "units in a row": "time,angle\ns,deg\n" + lines("{t:.2f},{angle:.4f}\n"),
+    "function of Arduino": "millis,angle_deg\n" + lines("{ms},{angle:.4f}\n"),
+    "plotter of Arduino": lines("t:{t:.2f},angle_deg:{angle:.4f}\n"),
+    "labels and blanks": "ready\n" + lines("time: {t:.2f} angle_deg: {angle:.4f}\n"),
+    "minus sign for print": "t,angle_deg\n" + lines("{t:.2f},{angle:.4f}\n").replace("-", "\N{MINUS SIGN}"),
+    "French unit": "Temps (s);Angle (degrés)\n" + lines("{t:.2f};{angle:.4f}\n"),
+    "German unit": "Zeit (s);Winkel (Grad)\n" + lines("{t:.2f};{angle:.4f}\n").replace(".", ","),
+    "names of no known language": "时间,角度\n" + lines("{t:.2f},{angle:.6f}\n", SWING),
+    "input with the letter of an angle": "time,angle,Q\n" + lines("{t:.2f},{angle:.6f},0\n", SWING),
+    "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_swing_is_read_without_options(tmp_path, one, form):
+    text = FORMS[form]
+    file = tmp_path / "swing.csv"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    run = import_csv(file, one, ImportOptions(zero="hanging"))
+    np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-3)
+    np.testing.assert_allclose(run.t, T, atol=1e-9)
+
+
+def test_a_time_before_each_line_is_read(tmp_path, one):
+    (tmp_path / "a.log").write_text(lines("14:03:{t:06.3f} -> {angle:.6f}\n", SWING))
+    run = import_csv(tmp_path / "a.log", one, ImportOptions(zero="hanging"))
+    np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-5)
+
+
+def test_a_point_in_one_column_is_read(tmp_path, one):
+    """A tracker in Python wrote tuples of pixels."""
+    x, y = (np.round(900 * part) for part in (np.sin(SWING), np.cos(SWING)))
+    rows = zip(x, y, T, strict=True)
+    text = "position (px),time,speed\n" + "".join(f'"({a:.0f}, {b:.0f})",{t:.2f},0.0\n' for a, b, t in rows)
+    (tmp_path / "a.csv").write_text(text)
+    run = import_csv(tmp_path / "a.csv", one)
+    np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=5e-3)
+
+
+def test_numbers_of_a_vector_have_names(tmp_path):
+    (tmp_path / "a.csv").write_text('t;"m1 (px)";q\n0,5;(3 -4.5);[1e-1, 2]\n1,5;(4 5);[1, 2]\n')
+    table = read_table(tmp_path / "a.csv")
+    assert table.names == ("t", "m1_x (px)", "m1_y (px)", "q[0]", "q[1]")
+    np.testing.assert_array_equal(np.column_stack(table.values)[0], [0.5, 3, -4.5, 0.1, 2])
+
+
+def test_a_fall_without_names_is_read(tmp_path, one):
+    (tmp_path / "a.csv").write_text("".join(f"{t:.2f}, {0.1 * np.cosh(3 * t):.6f}\n" for t in T[:60]))
+    run = import_csv(tmp_path / "a.csv", one)
+    np.testing.assert_allclose(run.theta[:, 1], 0.1 * np.cosh(3 * T[:60]), atol=1e-5)
+
+
+def test_coordinates_next_to_an_angle_are_no_cart(tmp_path, one):
+    text = "Time(s),X,Y,Angle(deg)\n" + lines("{t:.2f},{angle:.0f},{angle:.1f},{angle:.4f}\n")
+    (tmp_path / "a.csv").write_text(text)
+    notes = preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).notes
+    assert not any("cart" in note for note in notes)
+
+
+def test_a_row_that_lacks_a_label_is_refused(tmp_path, one):
+    (tmp_path / "a.csv").write_text(lines("t:{t:.2f},angle:{angle:.4f}\n") + "t:1.0\nt:1.01,angle:3\n")
+    with pytest.raises(RunError, match="line 101 has 1 fields"):
+        import_csv(tmp_path / "a.csv", one)
