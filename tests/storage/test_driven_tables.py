@@ -114,7 +114,7 @@ def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp
     free = import_csv(file, paper, parse_options("--torque none").options)
     assert free.torques is None
     assert "torques" not in preview(file, paper, ImportOptions(torque="none")).facts()
-    with pytest.raises(RunError, match="tau1_commanded_Nm and tau_cmd1 are the same torque"):
+    with pytest.raises(RunError, match="tau1_commanded_Nm and tau_cmd1 contain the same torque"):
         import_csv(table(tmp_path, "tau1_commanded_Nm,tau_cmd1,tau_cmd2", TAU, TAU[:, :1]), paper)
 
 
