@@ -39,6 +39,8 @@ FORMS = {
     "German unit": "Zeit (s);Winkel (Grad)\n" + lines("{t:.2f};{angle:.4f}\n").replace(".", ","),
     "names of no known language": "时间,角度\n" + lines("{t:.2f},{angle:.6f}\n", SWING),
     "input with the letter of an angle": "time,angle,Q\n" + lines("{t:.2f},{angle:.6f},0\n", SWING),
+    "columns twice": "t,theta (rad),,t,theta (rad)\n"
+    + "".join(f"{t:.2f},{angle:.6f},,{t:.2f},{angle:.6f}\n" for t, angle in zip(T, SWING, strict=True)),
     "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
 }
 

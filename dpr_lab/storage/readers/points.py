@@ -23,7 +23,7 @@ from dpr_lab.shown import percent
 from dpr_lab.storage.readers.circle import most_of_a_circle
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
 from dpr_lab.storage.tables.columns import bare, counter, is_time, numbers, own_name, runs, varies
-from dpr_lab.storage.tables.table import Table, read_table
+from dpr_lab.storage.tables.table import Table, read_table, without_copies
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
     if not tracked:
         if take:
             raise RunError(f"{path}: is a single table without parts: remove --take")
-        return table
+        return without_copies(table)
     return _angles(replace(table, kind=kind), tracked, take)
 
 

@@ -4,7 +4,7 @@ import csv
 import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import NoReturn
@@ -76,6 +76,18 @@ class Table:
                 f" the field empty if its value is missing; if another table begins there, split the file"
             )
         return self.values[place].copy()
+
+
+def without_copies(table: Table) -> Table:
+    """A table without columns that repeat the name and the values of an earlier column, as in some spreadsheets."""
+    columns = list(zip(table.names, table.values, strict=True))
+    places = [
+        place
+        for place, (name, values) in enumerate(columns)
+        if not any(name == other and np.array_equal(values, same, equal_nan=True) for other, same in columns[:place])
+    ]
+    names, values, strange = (tuple(part[k] for k in places) for part in (table.names, table.values, table.strange))
+    return table if len(places) == len(columns) else replace(table, names=names, values=values, strange=strange)
 
 
 def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
