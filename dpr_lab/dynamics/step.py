@@ -287,7 +287,7 @@ def _runge_kutta(
 
 @subroutine
 def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: Three) -> RigState:
-    """State at a stop: after the correction of the instant, with the joint that stops set to rest."""
+    """State at a stop: x moved by the time correction `later`, s, with zero speed of the joint that stops."""
     thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
     thetas, omegas = stopped(thetas, omegas, alphas, joint, later, directions[1] == 0.0)
     return RigState(thetas[0], thetas[1], thetas[2], omegas[0], omegas[1], omegas[2], x.internal)

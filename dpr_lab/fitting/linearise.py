@@ -54,7 +54,7 @@ class Linearisation:
     """
 
     residual: Array
-    """(segments, m) residual; inf if a segment cannot be followed."""
+    """(segments, m) residual; inf for a segment whose simulation fails."""
     e: Array
     """(segments, m) residual with the initial states projected out."""
     A: Array
@@ -68,7 +68,7 @@ class Linearisation:
 
     @property
     def chi2_by_segment(self) -> Array:
-        """(segments,) sum of squared residuals; inf if a segment cannot be followed."""
+        """(segments,) sum of squared residuals; inf for a segment whose simulation fails."""
         with np.errstate(over="ignore"):
             return np.sum(self.residual**2, axis=1)
 

@@ -192,7 +192,7 @@ class Problem:
         return slopes
 
     def chi2_by_segment(self, predicted: Array) -> Array:
-        """(segments,) sum of squared whitened residuals; inf if a segment cannot be followed."""
+        """(segments,) sum of squared whitened residuals; inf for a segment whose simulation fails."""
         with np.errstate(over="ignore", invalid="ignore"):
             if self.disturbance is not None:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)

@@ -98,7 +98,7 @@ def _fitted(ratio_fit: RatioFit, pieces: list[_Piece]) -> RatioFit:
 def _lengthened(ratio_fit: RatioFit, tolerance: float) -> list[_Piece] | None:
     """Segments of the next level; None if none changes.
 
-    The first segment of each pair is extended by the part of the second one that it follows.
+    The first segment of each pair is extended by the part of the second one that its simulation predicts.
     """
     run = ratio_fit.problem.segments.run
     pieces: list[_Piece] = []

@@ -139,7 +139,7 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
 def _changed(
     chain: ModelChain, arm: ChainArm, values: Values, of_file: Values
 ) -> Iterator[tuple[list[ModelCause], Values]]:
-    """Numbers that differ from the file because of one cause, and the values in which they do not."""
+    """Numbers that differ from the file because of one cause, and all values with the numbers of the file restored."""
     base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
         if any(values[name] != of_file[name] for name in terms):

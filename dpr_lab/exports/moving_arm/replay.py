@@ -49,7 +49,7 @@ class FollowedSegments:
     t: Array
     """(n,) instants of all segments in sequence, s since the release."""
     measured: Array
-    """(n, 3) readings of joints 0, 1 and 2, rad; nan without a reading."""
+    """(n, 3) readings of joints 0, 1 and 2, rad; nan where a reading is missing."""
     simulated: Array
     """(n, 3) simulated joint angles, rad."""
     offsets: Integers

@@ -16,7 +16,7 @@ from dpr_lab.planning.worth.goals import goal_bits
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Bits of each part of the objective, without weights."""
+    """Expected information of each part of the objective, bits, without weights."""
 
     causes: Mapping[tuple[str, str], float]
     """Undecided pair of causes -> expected bits on which of the two is right."""

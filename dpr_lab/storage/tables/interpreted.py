@@ -24,7 +24,7 @@ class QuestionSettings:
     """Minimum number of rows per period of the faster small oscillation, without a warning; large swings may be
     faster."""
     refused_rows_a_period: float = 2.0
-    """Minimum number of rows per period, below which the table is refused: the swing cannot be followed."""
+    """Minimum number of rows per period, below which the table is refused: the samples do not resolve the swing."""
     still_share: float = 0.002
     """Maximum excursion of a rod, relative to that of the other rod, for which its column counts as constant. Coupled
     rods always move together."""
