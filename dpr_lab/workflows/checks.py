@@ -22,6 +22,17 @@ def refuse_file(out: Path) -> None:
     _refuse_unwritable(out)
 
 
+def refuse_own_folder(out: Path, original: Path) -> None:
+    """Check that results, with a changed copy of a file, can be written to a folder that is not the file's own.
+
+    Raises:
+        ConfigError: it is the folder of the file, or `refuse_file`.
+    """
+    refuse_file(out)
+    if (out / original.name).resolve() == original.resolve():
+        raise ConfigError(f"{out}: is the folder of {original.name}, which is not overwritten: choose another folder")
+
+
 def refuse_folder(out: Path) -> None:
     """Check that a result can be written to a file, before the job starts.
 

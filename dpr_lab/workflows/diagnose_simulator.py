@@ -3,14 +3,13 @@
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from difflib import unified_diff
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result import RECORD
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import refuse_own_folder
 from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
 from dpr_lab.workflows.events import OnEvent, ignore
 
@@ -100,9 +99,7 @@ def diagnose_simulator(
     from dpr_lab.workflows.rig_from import rig_from_model
 
     if request.out:
-        refuse_file(request.out)
-        if (request.out / simulator.name).resolve() == simulator.resolve():
-            raise ConfigError(f"{request.out}: is the folder of {simulator.name}, which is not overwritten")
+        refuse_own_folder(request.out, simulator)
     read = read_model(simulator)
     with tempfile.TemporaryDirectory() as folder:
         file = request.rig or str(rig_from_model(simulator, Path(folder) / "rig.toml", joints).file)
@@ -122,18 +119,17 @@ def diagnose_simulator(
         patched = into_file(least.model, rig, simulator, joints)
     except ConfigError as error:  # the diagnosis is still valid
         return replace(done, refused=str(error))
-    text = patched.text.decode("utf-8")
     unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque, moving=moving) or runs
     forced = _forced(model, rig, simulator, joints) if lost else None
     done = replace(
         done,
         changes=patched.changes,
-        diff=_difference(simulator, text),
+        diff=patched.diff(simulator, f"corrected {simulator.name}"),
         lost=lost | patched.lost,
         forced=forced,
         replays=_replays(simulator, patched, forced, names, model, rig, unseen) if find_spec("mujoco") else (),
     )
-    return _written(done, request.out, text) if request.out else done
+    return _written(done, request.out, patched.text) if request.out else done
 
 
 def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":
@@ -159,12 +155,6 @@ def _least_change(
     if isinstance(model, MovingArmModel):
         return least_change_of_arm(diagnosis, model, rig, chain, runs)
     return least_change(diagnosis, model, rig, chain, runs)
-
-
-def _difference(simulator: Path, text: str) -> str:
-    """Unified diff of the file and its corrected text."""
-    old, new = (content.splitlines(keepends=True) for content in (simulator.read_bytes().decode("utf-8"), text))
-    return "".join(unified_diff(old, new, str(simulator), f"corrected {simulator.name}", n=1))
 
 
 def _replays(
@@ -197,13 +187,13 @@ def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str
     return whole if whole.passive.module else None
 
 
-def _written(done: SimulatorDiagnosis, out: Path, text: str) -> SimulatorDiagnosis:
+def _written(done: SimulatorDiagnosis, out: Path, text: bytes) -> SimulatorDiagnosis:
     from dpr_lab.exports.mjcf import CALLBACK
     from dpr_lab.report.files import write_json
     from dpr_lab.whole_file import write_text
 
     file, diff = out / done.simulator.name, out / f"{done.simulator.name}.diff"
-    write_text(file, text)
+    write_text(file, text.decode("utf-8"))
     write_text(diff, done.diff)
     files = {**done.result.files, "simulator model": str(file), "difference": str(diff)}
     if done.forced:

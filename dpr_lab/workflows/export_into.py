@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from difflib import unified_diff
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError
-from dpr_lab.workflows.checks import refuse_file
+from dpr_lab.workflows.checks import refuse_own_folder
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
 
@@ -73,18 +71,13 @@ def export_into(
     from dpr_lab.whole_file import write_text
     from dpr_lab.workflows.export import model_to_export
 
-    refuse_file(out)
-    file = out / into.name
-    if file.resolve() == into.resolve():
-        raise ConfigError(f"{out}: is the folder of {into.name}, which is not overwritten: choose another folder")
+    refuse_own_folder(out, into)
     loaded_rig = load_rig(rig)
     loaded = model_to_export(model / "model.json" if model.is_dir() else model, loaded_rig)
     patched = into_file(loaded, loaded_rig, into, joints)
-    text = patched.text.decode("utf-8")
-    before, after = (part.splitlines(keepends=True) for part in (into.read_bytes().decode("utf-8"), text))
-    diff = "".join(unified_diff(before, after, str(into), str(file), n=1))
-    diff_file = out / f"{into.name}.diff"
-    write_text(file, text)
+    file, diff_file = out / into.name, out / f"{into.name}.diff"
+    diff = patched.diff(into, str(file))
+    write_text(file, patched.text.decode("utf-8"))
     write_text(diff_file, diff)
     added = patched.passive
     module = out / CALLBACK if added.module else None

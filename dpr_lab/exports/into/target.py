@@ -8,6 +8,7 @@ corrected model does not contain are set to zero, so that the file moves like th
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from difflib import unified_diff
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,12 @@ class PatchedModel:
     """Effect -> reason why neither the file nor the module of passive forces can contain it."""
     passive: PassiveForces
     """Effects that are not in the file but in the module of passive forces."""
+
+    def diff(self, original: Path, name: str) -> str:
+        """Unified diff of the original file and this one, which the diff calls `name`."""
+        contents = original.read_bytes(), self.text
+        before, after = (content.decode("utf-8").splitlines(keepends=True) for content in contents)
+        return "".join(unified_diff(before, after, str(original), name, n=1))
 
 
 @dataclass(frozen=True, slots=True)
