@@ -8,7 +8,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.evidence import every_shape
 from dpr_lab.gap.evidence.coverage import coverage
-from dpr_lab.gap.evidence.every_shape import intervals_of_all_shapes
+from dpr_lab.gap.evidence.every_shape import AllShapes
 from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
@@ -88,7 +88,7 @@ def test_an_absent_effect_of_unknown_shape_has_an_interval_over_all_shapes(looke
 )
 def test_the_interval_over_all_shapes_contains_an_effect_in_its_own_shape(looked_at: Any, name: str, sizes: Any):
     _, problem, model = looked_at({name: sizes})
-    intervals = intervals_of_all_shapes(EFFECTS[name], problem, model)
+    intervals = AllShapes(problem, model).intervals(EFFECTS[name])
     assert intervals is not None
     for parameter, (low, high) in zip(EFFECTS[name].amplitudes, intervals, strict=True):
         assert low <= sizes.get(parameter.name, 0.0) <= high
@@ -99,11 +99,11 @@ def test_a_vibration_is_tested_in_the_beginning_of_long_recordings(looked_at: An
     """All frequencies of a long recording are too many; the interval from its beginning is wider."""
     sizes = {"cos_m_per_s2": 0.02, "frequency_hz": 11.37}
     _, problem, model = looked_at({"base_vibration": sizes})
-    whole = intervals_of_all_shapes(EFFECTS["base_vibration"], problem, model)
+    whole = AllShapes(problem, model).intervals(EFFECTS["base_vibration"])
     seconds = float(problem.t.max() - problem.t.min()) / 2
     most = int(100 * seconds)  # fewer than the frequencies of the whole recording
     monkeypatch.setattr(every_shape, "SHAPES", replace(every_shape.SHAPES, longest_s=seconds, most=most))
-    beginning = intervals_of_all_shapes(EFFECTS["base_vibration"], problem, model)
+    beginning = AllShapes(problem, model).intervals(EFFECTS["base_vibration"])
     assert whole is not None
     assert beginning is not None
     for name, (low, high), (lower, upper) in zip(("cos_m_per_s2", "sin_m_per_s2"), whole, beginning, strict=True):

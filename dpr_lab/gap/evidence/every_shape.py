@@ -12,8 +12,9 @@ changes little.
 Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -25,8 +26,8 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.fitting.response import TRAJECTORY, trajectory
+from dpr_lab.fitting.projection import RIDGE, ColumnSpace
+from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
@@ -46,33 +47,46 @@ class ShapeSettings:
 SHAPES = ShapeSettings()
 
 
-def intervals_of_all_shapes(effect: Effect, problem: Problem, model: Hypothesis) -> list[tuple[float, float]] | None:
-    """90 % interval of each amplitude, over all shapes of an effect.
+@dataclass(frozen=True)
+class AllShapes:
+    """Intervals of the amplitudes of effects over all shapes of each effect, next to a fitted set of effects."""
 
-    None if the amplitudes are inseparable in one of the shapes. Also None for an effect that is not a torque along the
-    swing, has several shape parameters, or has too many values of its shape parameter.
+    problem: Problem
+    """The segments."""
+    model: Hypothesis
+    """Fitted set without the tested effects."""
 
-    Args:
-        effect: an effect with a shape
-        problem: the segments
-        model: fitted set without the effect
-    """
-    if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
-        return None
-    linear, estimate = model.fit.linear, model.fit.estimate
-    if _is_frequency(effect) and problem.disturbance is None:
-        problem, estimate = _beginning(problem, estimate)
-        linear = linearise(problem, estimate, model.fit.free)
-    values = _values(effect, problem)
-    if not 0 < len(values) <= SHAPES.most:
-        return None
-    tested = _spaces(effect, values, problem, linear, estimate)
-    spaces = [joint_intervals(space, model.residuals.inflation) for space in tested]
-    every = [intervals for intervals in spaces if intervals is not None]
-    if len(every) < len(spaces):
-        return None
-    lower, upper = np.min(every, axis=0)[:, 0].tolist(), np.max(every, axis=0)[:, 1].tolist()
-    return list(zip(lower, upper, strict=True))
+    def intervals(self, effect: Effect) -> list[tuple[float, float]] | None:
+        """90 % interval of each amplitude, over all shapes of an effect.
+
+        None if the amplitudes are inseparable in one of the shapes. Also None for an effect that is not a torque along
+        the swing, has several shape parameters, or has too many values of its shape parameter.
+        """
+        if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
+            return None
+        swings = self._beginnings if _is_frequency(effect) and self.problem.disturbance is None else self._whole
+        values = _values(effect, swings.problem)
+        if not 0 < len(values) <= SHAPES.most:
+            return None
+        blocks: list[Array] = []
+        for spaces in swings.spaces(effect, values):
+            of_block = _union(spaces, self.model.residuals.inflation)
+            if of_block is None:
+                return None
+            blocks.append(of_block)
+        lower, upper = np.min(blocks, axis=0)[:, 0].tolist(), np.max(blocks, axis=0)[:, 1].tolist()
+        return list(zip(lower, upper, strict=True))
+
+    @cached_property
+    def _whole(self) -> "_Swings":
+        """Swings of the whole recordings."""
+        return _Swings.of(self.problem, self.model.fit.estimate, self.model.fit.linear)
+
+    @cached_property
+    def _beginnings(self) -> "_Swings":
+        """Swings at the beginning of the recordings, in which frequencies are tested."""
+        problem, estimate = _beginning(self.problem, self.model.fit.estimate)
+        return _Swings.of(problem, estimate, linearise(problem, estimate, self.model.fit.free))
 
 
 def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
@@ -82,10 +96,24 @@ def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, f
         given: columns of the amplitudes, with the model projected out
         inflation: variance inflation n / n_eff
     """
-    if np.linalg.eigvalsh(given.H)[0] < SEEN:
+    intervals = _union([given], inflation)
+    return None if intervals is None else [(low, high) for low, high in intervals.tolist()]
+
+
+def _union(spaces: Sequence[ColumnSpace], inflation: float) -> Array | None:
+    """(n, 2) smallest interval of each of n amplitudes that contains its 90 % intervals in all shapes.
+
+    None if the amplitudes are inseparable in one of the shapes. The arguments are those of `joint_intervals`, with one
+    column space for each shape.
+    """
+    H = np.array([space.H for space in spaces])
+    if np.linalg.eigvalsh(H)[:, 0].min() < SEEN:
         return None
-    reach = NORMAL_Q90 * np.sqrt(inflation * np.diag(given.covariance()))
-    return [(float(x - r), float(x + r)) for x, r in zip(given.solution(), reach, strict=True)]
+    scale, gradient = np.array([space.scale for space in spaces]), np.array([space.gradient for space in spaces])
+    inverse = np.linalg.inv(H + RIDGE * np.eye(H.shape[1]))
+    x = scale * (inverse @ gradient[:, :, None])[:, :, 0]
+    reach = NORMAL_Q90 * scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
+    return np.stack([(x - reach).min(axis=0), (x + reach).max(axis=0)], axis=1)
 
 
 def _is_frequency(effect: Effect) -> bool:
@@ -116,23 +144,45 @@ def _values(effect: Effect, problem: Problem) -> Array:
     return np.arange(shape.scan[0], shape.scan[-1], 0.5 / longest)
 
 
-def _spaces(
-    effect: Effect, values: Array, problem: Problem, linear: Linearisation, estimate: Estimate
-) -> Iterator[ColumnSpace]:
-    """Columns of the amplitudes in each shape, with the model projected out."""
-    amplitudes = [param_index(effect.name, p.name) for p in effect.amplitudes]
-    reference = trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s)
-    fitted, count = linear.A.shape[2], len(amplitudes)
-    place = param_index(effect.name, effect.shapes[0].name)
-    at_once = max(1, SHAPES.block // count)
-    for first in range(0, len(values), at_once):
-        chosen = values[first : first + at_once]
-        params = np.tile(effect_params({}), (len(chosen), count, 1))
-        params[:, range(count), amplitudes] = 1.0
-        params[:, :, place] = chosen[:, None]
-        torques = reference.torques(effect.stage, problem.model.constants, params.reshape(len(chosen) * count, -1))
-        columns = linear.projected(reference.response(problem, torques))
-        space = ColumnSpace.of(np.concatenate([linear.A, columns], axis=2), linear.e)
-        for k in range(len(chosen)):
-            start = fitted + k * count
-            yield space.given(list(range(fitted)), list(range(start, start + count)))
+@dataclass(frozen=True, slots=True)
+class _Swings:
+    """Swings along which shapes are tested, with a fitted model."""
+
+    problem: Problem
+    linear: Linearisation
+    reference: Trajectory
+    fitted: ColumnSpace
+    """Columns of the fitted parameters."""
+
+    @classmethod
+    def of(cls, problem: Problem, estimate: Estimate, linear: Linearisation) -> "_Swings":
+        """Swings of an estimate, at which the problem was linearised."""
+        reference = trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s)
+        return cls(problem, linear, reference, ColumnSpace.of(*linear.flat))
+
+    def spaces(self, effect: Effect, values: Array) -> Iterator[list[ColumnSpace]]:
+        """Columns of the amplitudes in each shape, with the model projected out, in blocks of several shapes."""
+        amplitudes = [param_index(effect.name, p.name) for p in effect.amplitudes]
+        count, place = len(amplitudes), param_index(effect.name, effect.shapes[0].name)
+        at_once = max(1, SHAPES.block // count)
+        for first in range(0, len(values), at_once):
+            chosen = values[first : first + at_once]
+            params = np.tile(effect_params({}), (len(chosen), count, 1))
+            params[:, range(count), amplitudes] = 1.0
+            params[:, :, place] = chosen[:, None]
+            params = params.reshape(len(chosen) * count, -1)
+            torques = self.reference.torques(effect.stage, self.problem.model.constants, params)
+            given = self._given(self.linear.projected(self.reference.response(self.problem, torques)))
+            yield [given.chosen(slice(start, start + count)) for start in range(0, len(given), count)]
+
+    def _given(self, columns: Array) -> ColumnSpace:
+        """Column space of columns (segments, m, k), with the fitted parameters projected out."""
+        A, e = self.linear.flat
+        added, flat, fitted = ColumnSpace.of(columns, e), columns.reshape(len(e), -1), len(self.fitted)
+        across = self.fitted.scale[:, None] * (A.T @ flat) * added.scale
+        both = ColumnSpace(
+            np.append(self.fitted.scale, added.scale),
+            np.block([[self.fitted.H, across], [across.T, added.H]]),
+            np.append(self.fitted.gradient, added.gradient),
+        )
+        return both.given(slice(0, fitted), slice(fitted, None))

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.gap.evidence.every_shape import intervals_of_all_shapes, joint_intervals
+from dpr_lab.gap.evidence.every_shape import AllShapes, joint_intervals
 from dpr_lab.gap.hypothesis.detectable import linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
@@ -31,13 +31,13 @@ def exclusions(
         test: score test of the model
         least: minimum detectable sizes, see `detectable`
     """
-    excluded = list[Exclusion]()
+    excluded, all_shapes = list[Exclusion](), AllShapes(problem, model)
     for score in test.ranking:
         name = score.effect.name
         sizes = least.get(name, {})
         if name in model.effects or not any(sizes.values()):
             continue
-        joint = _intervals(problem, model, score, test.projected(score.columns))
+        joint = _intervals(all_shapes, score, test.projected(score.columns))
         excluded += [
             exclusion.model_copy(update={"interval90": joint.get(exclusion.parameter)})
             for exclusion in linear_exclusions(test, score, sizes)
@@ -45,15 +45,15 @@ def exclusions(
     return excluded
 
 
-def _intervals(problem: Problem, model: Hypothesis, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
+def _intervals(all_shapes: AllShapes, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
     """90 % interval of each amplitude; empty if the recordings do not separate the amplitudes.
 
     If the shapes of an effect come from the recordings, such as an instant, the interval applies to its best shape.
     """
     names = [p.name for p in score.effect.amplitudes if p.name not in score.absorbed]
-    every = intervals_of_all_shapes(score.effect, problem, model) if score.effect.shapes else None
+    every = all_shapes.intervals(score.effect) if score.effect.shapes else None
     if every is not None:
         return dict(zip((p.name for p in score.effect.amplitudes), every, strict=True))
     if score.effect.shapes and len(score.columns) > 1:
         return {}
-    return dict(zip(names, joint_intervals(given, model.residuals.inflation) or (), strict=False))
+    return dict(zip(names, joint_intervals(given, all_shapes.model.residuals.inflation) or (), strict=False))

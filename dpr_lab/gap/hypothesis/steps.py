@@ -103,21 +103,26 @@ def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
         size: step of the residual, rad
     """
     after, side = int(np.searchsorted(record.t, instant)), STEPS.side
-    around = np.arange(-side, side)
-    smooth = np.linalg.qr(np.vander((around + 0.5) / side, STEPS.degree + 1))[0]
+    firsts = np.arange(max(after - STEPS.reach, side), min(after + STEPS.reach, len(record.t) - side) + 1)
+    if not len(firsts):
+        return False
+    windows = firsts[:, None] + np.arange(-side, side)
+    projection = record.joints[windows, joint] @ _STEP_SHAPE / _STEP_POWER
+    error = np.median(record.sigma[windows, joint], axis=1) / _STEP_POWER**0.5
+    shown, least, scatter = np.sign(size) * projection, STEPS.part * abs(size), STEPS.errors * error
+    return bool(((shown + scatter >= least) & (shown >= np.minimum(least, scatter))).any())
+
+
+def _step_shape() -> Array:
+    """(2 side,) step in the middle of the readings, with the polynomial projected out."""
+    around = np.arange(-STEPS.side, STEPS.side)
+    smooth = np.linalg.qr(np.vander((around + 0.5) / STEPS.side, STEPS.degree + 1))[0]
     shape = (around >= 0).astype(np.float64)
-    shape -= smooth @ (smooth.T @ shape)
-    power = float(shape @ shape)
-    for first in range(after - STEPS.reach, after + STEPS.reach + 1):
-        if first < side or first + side > len(record.t):
-            continue
-        window = slice(first - side, first + side)
-        projection = float(shape @ record.joints[window, joint]) / power
-        error = float(np.median(record.sigma[window, joint])) / power**0.5
-        shown, least, scatter = np.sign(size) * projection, STEPS.part * abs(size), STEPS.errors * error
-        if shown + scatter >= least and shown >= min(least, scatter):
-            return True
-    return False
+    return np.asarray(shape - smooth @ (smooth.T @ shape), dtype=np.float64)
+
+
+_STEP_SHAPE = _step_shape()
+_STEP_POWER = float(_STEP_SHAPE @ _STEP_SHAPE)
 
 
 def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:

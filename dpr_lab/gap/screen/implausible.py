@@ -68,7 +68,8 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     alone = stands & goes_on & (moved > IMPLAUSIBLE.moved * np.hypot(std, jitter * speed))
     all_axes = stands.all(axis=1)
     turning = np.flatnonzero((np.nan_to_num(step) != 0.0).any(axis=0))
-    if len(np.unique(joints[:, turning], axis=1).T) == 1:  # the other axis is clamped, or is the same rod
+    # the other axis is clamped, or is the same rod
+    if len(turning) and (joints[:, turning] == joints[:, turning[:1]]).all():
         all_axes &= goes_on[:, turning[0]]
     last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))
     travelled = np.cumsum(path, axis=0)
