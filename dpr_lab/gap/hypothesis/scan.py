@@ -4,6 +4,7 @@ Hundreds of shapes are compared by one linearised fit. The score test and nonlin
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -55,21 +56,80 @@ fits any smooth force and any nonlinearity of the encoder, and is evidence of ne
 """
 
 
-def shapes(effect: Effect, problem: Problem, fit: Fit, reference: Trajectory, recorded: Recorded) -> list[Shape]:
-    """Shapes of an effect for the score test."""
-    proposed = proposed_shapes(effect, recorded)
-    if proposed is not None:
-        return proposed
-    grid = [[(param_index(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
-    grid_points = [tuple(choice) for choice in product(*grid)]
-    if any(p.name == ORDER for p in effect.shapes):
-        covered = arc(reference.joint_angle[:, effect.joints[0]])
-        grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= SCAN.periods * 2 * np.pi]
-    if len(grid_points) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
-        return grid_points
-    return _between(
-        effect, _apart(grid_points, _gains(effect, grid_points, problem, fit, reference)), problem, fit, reference
-    )
+@dataclass(frozen=True)
+class Scan:
+    """Scan of the shapes of effects, next to one linearised fit."""
+
+    problem: Problem
+    """Segments and noise."""
+    fit: Fit
+    """Fit to improve."""
+    reference: Trajectory
+    """Trajectory of the fit."""
+    recorded: Recorded
+    """Properties of the recordings from which shapes are proposed."""
+
+    def shapes(self, effect: Effect) -> list[Shape]:
+        """Shapes of an effect for the score test."""
+        proposed = proposed_shapes(effect, self.recorded)
+        if proposed is not None:
+            return proposed
+        grid = [[(param_index(effect.name, p.name), value) for value in p.scan] for p in effect.shapes if p.scan]
+        grid_points = [tuple(choice) for choice in product(*grid)]
+        if any(p.name == ORDER for p in effect.shapes):
+            covered = arc(self.reference.joint_angle[:, effect.joints[0]])
+            grid_points = [chosen for chosen in grid_points if chosen[0][1] * covered >= SCAN.periods * 2 * np.pi]
+        if len(grid_points) <= SCAN.many or effect.stage not in TRAJECTORY_TORQUES:
+            return grid_points
+        return self._between(effect, _apart(grid_points, self._gains(effect, grid_points)))
+
+    def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
+        """Best shapes between the shapes of the grid, if the shape parameter is continuous.
+
+        The width of a frequency peak is the inverse of the record length. It is too narrow for a nonlinear fit that
+        starts from the grid.
+        """
+        shape = effect.shapes[0]
+        if len(effect.shapes) > 1 or not shape.continuous:
+            return separate
+        ratio, shares = shape.scan[1] / shape.scan[0], np.linspace(-SCAN.reach, SCAN.reach, SCAN.finer).tolist()
+        finer = [((index, value * ratio**share),) for ((index, value),) in separate for share in shares]
+        gains = self._gains(effect, finer)
+        return [finer[i] for i in np.argsort(-gains)[: SCAN.kept]]
+
+    @cached_property
+    def _fitted(self) -> ColumnSpace:
+        """Columns of the fitted parameters."""
+        return ColumnSpace.of(*self.fit.linear.flat)
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array]:
+        """Rows with which columns are multiplied: transposed A, e and Q, (segments, free + 1 + states, m).
+
+        The second array contains their inner products with Q, (segments, free + 1 + states, states).
+        """
+        linear = self.fit.linear
+        rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
+        return rows, rows @ linear.Q
+
+    def _gains(self, effect: Effect, candidates: list[Shape]) -> Array:
+        """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model projected out."""
+        amplitudes, problem = effect.amplitudes[: SCAN.amplitudes], self.problem
+        count, states, (rows, onto_initial) = len(amplitudes), problem.segments.states, self._rows
+        positive = [p.sign == "positive" for p in amplitudes] == [True]
+        gains: list[Array] = []
+        for first in range(0, len(candidates), SCAN.block // count):
+            chosen = candidates[first : first + SCAN.block // count]
+            params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
+            torques = self.reference.torques(effect.stage, problem.model.constants, params)
+            columns = self.reference.response(problem, torques)
+            products = rows @ columns
+            initial = products[:, -states:].copy()
+            products -= onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
+            across = products[:, :-states].sum(axis=0).reshape(-1, len(chosen), count)
+            reduced = _within(columns, columns, count) - _within(initial, initial + products[:, -states:], count)
+            gains.append(self._fitted.gains_given(across[:-1], reduced, across[-1], positive))
+        return np.concatenate(gains)
 
 
 def arc(angle: Array) -> float:
@@ -93,43 +153,6 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
         if len(separate) == SCAN.kept:
             break
     return separate
-
-
-def _between(effect: Effect, separate: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> list[Shape]:
-    """Best shapes between the shapes of the grid, if the shape parameter is continuous.
-
-    The width of a frequency peak is the inverse of the record length. It is too narrow for a nonlinear fit that starts
-    from the grid.
-    """
-    shape = effect.shapes[0]
-    if len(effect.shapes) > 1 or not shape.continuous:
-        return separate
-    ratio, shares = shape.scan[1] / shape.scan[0], np.linspace(-SCAN.reach, SCAN.reach, SCAN.finer).tolist()
-    finer = [((index, value * ratio**share),) for ((index, value),) in separate for share in shares]
-    gains = _gains(effect, finer, problem, fit, reference)
-    return [finer[i] for i in np.argsort(-gains)[: SCAN.kept]]
-
-
-def _gains(effect: Effect, candidates: list[Shape], problem: Problem, fit: Fit, reference: Trajectory) -> Array:
-    """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model projected out."""
-    amplitudes, linear = effect.amplitudes[: SCAN.amplitudes], fit.linear
-    fitted, count = ColumnSpace.of(*linear.flat), len(amplitudes)
-    rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
-    onto_initial = rows @ linear.Q
-    positive = [p.sign == "positive" for p in amplitudes] == [True]
-    gains: list[Array] = []
-    for first in range(0, len(candidates), SCAN.block // count):
-        chosen = candidates[first : first + SCAN.block // count]
-        params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
-        columns = reference.response(problem, reference.torques(effect.stage, problem.model.constants, params))
-        products = rows @ columns
-        states = problem.segments.states
-        initial = products[:, -states:].copy()
-        products -= onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
-        across = products[:, :-states].sum(axis=0).reshape(-1, len(chosen), count)
-        reduced = _within(columns, columns, count) - _within(initial, initial + products[:, -states:], count)
-        gains.append(fitted.gains_given(across[:-1], reduced, across[-1], positive))
-    return np.concatenate(gains)
 
 
 def _within(columns: Array, others: Array, count: int) -> Array:

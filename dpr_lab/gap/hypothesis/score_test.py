@@ -21,7 +21,7 @@ from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
-from dpr_lab.gap.hypothesis.scan import shapes
+from dpr_lab.gap.hypothesis.scan import Scan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,10 +111,11 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
         recorded: properties of the recordings from which shapes are proposed
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
+    scan = Scan(problem, fitted, reference, recorded)
     candidates = [
         (effect, shape, effect_parameters(effect, overrides=shape, limits=problem.limits))
         for effect in library
-        for shape in shapes(effect, problem, fitted, reference, recorded)
+        for shape in scan.shapes(effect)
     ]
     free = (*fitted.free, *(parameter for _, _, parameters in candidates for parameter in parameters))
     linear = linearise(problem, fitted.estimate, free)
