@@ -18,7 +18,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import trajectory
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
-from dpr_lab.gap.hypothesis.scan import Scan
+from dpr_lab.gap.hypothesis.scan import ShapeScan
 from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.rig import load_rig
 from dpr_lab.setup import Setup, Torques
@@ -149,7 +149,7 @@ def test_the_order_of_a_ripple_is_scanned_along_the_swing(problem):
     known = effect_params({name: values for name, values in truth.items() if name != "torque_ripple_joint2"})
     found = fit(problem, Estimate.of(unknown_ratios(WHOLE), known, initial), (), iterations=5)
     ripple, nothing = EFFECTS["torque_ripple_joint2"], Recorded((None,), lambda: [])
-    kept = Scan(problem, found, trajectory(problem, found.estimate), nothing).shapes(ripple)
+    kept = ShapeScan(problem, found, trajectory(problem, found.estimate), nothing).shapes(ripple)
     assert ((param_index("torque_ripple_joint2", "order"), 9.0),) in kept
     names = ["torque_scale_joint1", "torque_ripple_joint2", "coulomb_joint2", "rotor_inertia_joint2"]
     assert score_test(problem, found, [EFFECTS[name] for name in names], nothing).ranking[0].effect is ripple

@@ -7,7 +7,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
-from dpr_lab.gap.hypothesis.scan import Scan, arc
+from dpr_lab.gap.hypothesis.scan import ShapeScan, arc
 from tests import one_rod
 
 
@@ -28,7 +28,7 @@ def test_a_pattern_is_proposed_only_where_it_repeats(
     rig, runs = one_rod.recorded(one_rod.Rod(duration=4.0), 1, tmp_path)
     problem, base = bare(runs, rig)
     along = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    proposed = Scan(problem, base.fit, along, Recorded((None, None), list)).shapes(EFFECTS[name])
+    proposed = ShapeScan(problem, base.fit, along, Recorded((None, None), list)).shapes(EFFECTS[name])
     orders = [order for ((_, order),) in proposed]
     assert orders
     assert min(orders) * 0.56 >= 2 * 2 * math.pi * 0.97

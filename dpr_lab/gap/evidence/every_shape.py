@@ -180,9 +180,9 @@ class _Swings:
         A, e = self.linear.flat
         added, flat, fitted = ColumnSpace.of(columns, e), columns.reshape(len(e), -1), len(self.fitted)
         across = self.fitted.scale[:, None] * (A.T @ flat) * added.scale
-        both = ColumnSpace(
+        space = ColumnSpace(
             np.append(self.fitted.scale, added.scale),
             np.block([[self.fitted.H, across], [across.T, added.H]]),
             np.append(self.fitted.gradient, added.gradient),
         )
-        return both.given(slice(0, fitted), slice(fitted, None))
+        return space.given(slice(0, fitted), slice(fitted, None))

@@ -57,7 +57,7 @@ fits any smooth force and any nonlinearity of the encoder, and is evidence of ne
 
 
 @dataclass(frozen=True)
-class Scan:
+class ShapeScan:
     """Scan of the shapes of effects, next to one linearised fit."""
 
     problem: Problem

@@ -21,7 +21,7 @@ from dpr_lab.fitting.linearise import Linearisation, linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, trajectory
-from dpr_lab.gap.hypothesis.scan import Scan
+from dpr_lab.gap.hypothesis.scan import ShapeScan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,7 +111,7 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
         recorded: properties of the recordings from which shapes are proposed
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
-    scan = Scan(problem, fitted, reference, recorded)
+    scan = ShapeScan(problem, fitted, reference, recorded)
     candidates = [
         (effect, shape, effect_parameters(effect, overrides=shape, limits=problem.limits))
         for effect in library
