@@ -120,7 +120,7 @@ def clean(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", thinned(CASES[1:], EACH))  # the first is "free/none" of `test_mutated_tables.py`
+@pytest.mark.parametrize("name", thinned(CASES, EACH))
 def test_every_result_is_finite_or_a_sentence(paper: Rig, clean: Path, tmp_path: Path, name: str) -> None:
     kind, _, change = name.partition("/")
     sheet, rig = table_of(kind, paper)
