@@ -22,5 +22,5 @@ def test_an_ensemble_is_a_folder_for_each_model_and_one_file(cli, model: Path, t
         mujoco.MjModel.from_xml_path(str(tmp_path / "out" / f"00{number}" / "corrected_model.xml"))
     printed = " ".join(cli(*words, cwd=tmp_path).out.split())
     assert "The bands of 3 models contain on average 50 % of the readings of another recording." in printed
-    assert "For 90 %, sample 19" in printed
+    assert "For bands that contain 90 %, sample 19 models" in printed
     assert cli(*words, "--into", "x.xml", cwd=tmp_path).code == 2

@@ -11,7 +11,7 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.response import trajectory
 from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.gap.hypothesis import scan
-from dpr_lab.gap.hypothesis.scan import shapes
+from dpr_lab.gap.hypothesis.scan import ShapeScan
 from dpr_lab.rig import Rig, load_rig
 from sim_device.plant.arm_drive import arm_drive_of
 from sim_device.plant.config import load_plant
@@ -57,7 +57,7 @@ def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(record
     truth = {"arm_compliance": {"coupling_per_kg": 0.06, "frequency_hz": 7.2, "damping_ratio": 0.08}}
     problem, base = bare(recorded(truth))
     along = trajectory(problem, base.fit.estimate)
-    found = shapes(EFFECTS["arm_compliance"], problem, base.fit, along, Recorded((None,), lambda: []))
+    found = ShapeScan(problem, base.fit, along, Recorded((None,), lambda: [])).shapes(EFFECTS["arm_compliance"])
     assert dict(found[0])[param_index("arm_compliance", "frequency_hz")] == pytest.approx(7.2, rel=0.1)
 
 
@@ -67,11 +67,12 @@ def test_a_scan_does_not_lose_the_order_that_is_nearly_gravity(recorded, bare, m
     problem, base = bare(recorded({"com_offset_link1": {"offset_m": 2e-3}}))
     along = trajectory(problem, base.fit.estimate)
     recorded_shapes = Recorded((None,), lambda: [])
-    free = shapes(EFFECTS["detent_joint1"], problem, base.fit, along, recorded_shapes)
+    next_to_fit = ShapeScan(problem, base.fit, along, recorded_shapes)
+    free = next_to_fit.shapes(EFFECTS["detent_joint1"])
     order = param_index("detent_joint1", "order")
     assert min(dict(shape)[order] for shape in free) >= 2.0  # order one is gravity and an offset of the centre of mass
     every = tuple(
         replace(one, scan=(1.0, *one.scan)) if one.scan else one for one in EFFECTS["detent_joint1"].parameters
     )
-    found = shapes(replace(EFFECTS["detent_joint1"], parameters=every), problem, base.fit, along, recorded_shapes)
+    found = next_to_fit.shapes(replace(EFFECTS["detent_joint1"], parameters=every))
     assert dict(found[0])[order] == 1.0
