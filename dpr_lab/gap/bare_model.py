@@ -43,10 +43,11 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     Raises:
         RunError: no initial state fits the readings of a segment.
     """
-    recordings, short, first = _fitted_in_short_segments(recordings, start)
+    short, first = _fitted_in_short_segments(recordings, start)
     steady = without_disturbances(recordings, first.estimate.ratios)
     if steady is not recordings:
-        recordings, short, first = _fitted_in_short_segments(steady, start)
+        recordings = steady
+        short, first = _fitted_in_short_segments(recordings, start)
     ratios = first.estimate.ratios
     driven = recordings.arm_moves or any(setup.torques for setup in short.segments.setups)
     b = float(ratios[SCALE]) if driven else assumed_b(ratios, recordings.rig).value
@@ -63,7 +64,7 @@ def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Pr
     return recordings, problem, bare
 
 
-def _fitted_in_short_segments(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Fit]:
+def _fitted_in_short_segments(recordings: Recordings, start: Array) -> tuple[Problem, Fit]:
     short, initial = recordings.cut(LENGTHS.first)
     initial_estimate = Estimate.of(start, recordings.start_params, initial)
     free = free_parameters(initial_estimate, (), short)
@@ -72,7 +73,7 @@ def _fitted_in_short_segments(recordings: Recordings, start: Array) -> tuple[Rec
     if not recordings.exact_torques:
         short = replace(short, disturbance=disturbance(short, rough.estimate, most_Nm=recordings.torque_noise_Nm))
     first = fit(short.weighted(np.sqrt(student_weights(short, rough))), rough.estimate, free)
-    return recordings, short, first
+    return short, first
 
 
 def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:

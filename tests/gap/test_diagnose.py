@@ -139,6 +139,18 @@ def test_detectable_size_is_five_standard_deviations_of_its_own_fit(recorded, ba
     assert least == pytest.approx(5 * std, rel=1e-3)
 
 
+@pytest.mark.slow
+def test_detectable_size_does_not_depend_on_the_order_of_the_fitted_parameters(recorded, bare, tested):
+    problem, base = bare(recorded({}, duration=2.0))
+    at, names = base.fit.estimate, ("base_tilt", "coulomb_joint2", "air_drag_both")
+    forward, backward = (
+        fit(problem, at, free_parameters(at, order, problem), iterations=0) for order in (names, names[::-1])
+    )
+    least = detectable(hypothesis(problem, names, backward), tested(problem, forward, ()))
+    same = detectable(hypothesis(problem, names, forward), tested(problem, forward, ()))
+    assert least == same
+
+
 @pytest.mark.long
 def test_detectable_size_is_five_standard_deviations_of_repeated_fits(recorded, bare, paper: Rig):
     found, sizes = None, []

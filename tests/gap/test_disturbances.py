@@ -1,5 +1,6 @@
 """Detection of kicks and pushing hands at their instants, without false detections."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,13 @@ def test_each_kick_is_found_within_a_few_samples(tmp_path):
 def test_a_kick_where_a_segment_begins_is_found_too(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=[(4.5, 1.5)]))
     assert disturbances(rig, runs) == [("first", pytest.approx(4.5, abs=0.02))]
+
+
+@pytest.mark.slow
+def test_a_kick_is_found_although_another_recording_is_short(tmp_path):
+    rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, kicks=[(4.5, 1.5)]))
+    short = replace(runs[1], t=runs[1].t[:14], theta=runs[1].theta[:14])
+    assert disturbances(rig, [runs[0], short]) == [("first", pytest.approx(4.5, abs=0.02))]
 
 
 @pytest.mark.slow

@@ -122,6 +122,15 @@ def test_the_map_of_coverage_contains_every_second(looked_at: Any):
         assert np.sum(maps[rod].held_out_s) == pytest.approx(seconds[0], rel=0.01)
 
 
+def test_the_map_of_coverage_contains_every_second_of_a_film(looked_at: Any):
+    recordings, _, _ = looked_at({})
+    frames = [record.only(slice(None, None, 7)) for record in recordings.records]  # 35 ms apart
+    maps = coverage(recordings.only(frames), recordings.only([]))
+    seconds = sum(float(record.t[-1] - record.t[0]) for record in frames)
+    for rod in ("inner", "outer"):
+        assert np.sum(maps[rod].fitted_s) == pytest.approx(seconds, rel=0.01)
+
+
 @pytest.mark.slow
 def test_the_report_is_complete_and_loads_nothing_from_the_network(two_found: Diagnosis, tmp_path: Any):
     evidence = two_found.evidence

@@ -25,7 +25,9 @@ def filmed(runs: list[Run], factor: float) -> list[Run]:
 def findings(rig, runs):
     """Findings on the time scale of runs, after the fit of the bare model."""
     fitted, _, bare = fit_bare_model(Recordings(tuple(record(run, rig) for run in runs), rig), nominal_ratios(rig))
-    judged = with_time_scale(fitted, bare.fit.estimate.ratios)
+    judged = fitted
+    for _ in range(2):  # the diagnosis fits the bare model again after a correction; the finding remains one
+        judged = with_time_scale(judged, bare.fit.estimate.ratios)
     return [one for of in judged.records for one in of.screened.findings if one.name == "time_scale"]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.prediction import PAD, predict
+from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS
 from dpr_lab.fitting.estimate import effect_parameters
@@ -14,7 +14,7 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.screen.record import RATE_HZ
+from dpr_lab.gap.screen.record import RATE_HZ, THINNING
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.rig_tables import AddedMass
 
@@ -80,7 +80,7 @@ def _expected(
     recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease, names: Sequence[str]
 ) -> ExpectedRecording:
     estimate = chosen.fit.estimate
-    trial, initial = _simulated(recordings, chosen, choice)
+    trial, initial = simulated_release(recordings, chosen, choice)
     known = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
     parameters = {name: effect_parameters(EFFECTS[name]) for name in names}
     known += trial.all_free(())
@@ -105,18 +105,19 @@ def _expected(
     )
 
 
-def _simulated(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:
+def simulated_release(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:
     """Simulation of a release with the fitted estimate: the problem with readings without noise, and the initial state.
 
     The readings are weighted by the noise level of the recordings.
     """
-    rate = RATE_HZ
-    t = PAD + np.arange(int(choice.duration * rate)) / rate
+    t = THINNING.after_release_s + np.arange(int(choice.duration * RATE_HZ)) / RATE_HZ
     estimate, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)
     start = np.array([[*choice.theta, 0.0, 0.0]])
     setup = replace(like.run.setup, added=choice.added)
     angles = predict(estimate.whole, estimate.params, recordings.constants, segments([t], setups=[setup]), start)
     sigma = np.tile(np.median(like.sigma, axis=0), (len(t), 1))
     run = replace(like.run, added_mass=choice.added)
-    record = replace(like, run=run, t=t + 0.5 * PAD, joints=angles, sigma=sigma, breaks=np.zeros(0))
-    return recordings.only([record]).cut(recordings.working_length)
+    record = replace(like, run=run, setup=setup, t=t, joints=angles, sigma=sigma, breaks=np.zeros(0))
+    problem, initial = recordings.only([record]).cut(recordings.working_length)
+    initial[0] = start[0]  # not the rest of the recording whose properties the release has
+    return problem, initial

@@ -27,7 +27,8 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
         *([state.cut] if state.cut else []),
         _length(state),
         _scale(state),
-        "Encoder noise is white apart from the faults of the sensor screening; readings were averaged over 5 ms.",
+        "Encoder noise is white apart from the faults of the sensor screening; readings at 300 Hz or more were averaged"
+        " over at most 5 ms.",
         "The initial states of all segments are free; the first 30 ms after each release are excluded.",
     ]
     if state.recordings.arm_moves:

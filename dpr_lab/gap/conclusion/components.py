@@ -67,12 +67,10 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
     }
     models = {**others, chosen.key: chosen}
     span = 2 * chosen.residuals.inflation * CALIBRATION.temperature
-    logs = {key: -_worse(model, chosen) / span for key, model in models.items()}
-    most = max(logs.values())
-    weights = {key: float(np.exp(log - most)) for key, log in logs.items()}
+    weights = {key: float(np.exp(-_worse(model, chosen) / span)) for key, model in models.items()}
     ranked = sorted(models, key=lambda key: (-weights[key], key != chosen.key))
     most_likely = [key for key in ranked if weights[key] >= MIXTURE.least * sum(weights.values())][: MIXTURE.most]
-    for key in most_likely if chosen.key in most_likely else [*most_likely[: MIXTURE.most - 1], chosen.key]:
+    for key in most_likely:
         yield models[key], weights[key]
 
 

@@ -189,15 +189,19 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
     if recordings.arm_moves or not any(free):
         return []
     for begin in (0.0, 0.5 * LENGTHS.working):
-        later = [record.only(record.t >= record.t[0] + begin) for record in recordings.records]
-        if min(len(record.t) for record in later) < 2 * MIN_SAMPLES:
-            break
+        later = [_later(record, begin) for record in recordings.records]
         problem, followed = _followed(recordings.only(later), estimate)
         for best, candidates in zip((kicks, steps), jumps_of_segments(problem, followed), strict=True):
             best += [jump for jump in candidates if free[jump.run]]
     # Readings that are shifted change the gains of kicks, so that steps come first.
     steps = [step for step in outstanding(steps, JUMP.outstanding) if shows(recordings.records[step.run], step)]
     return steps or outstanding(kicks, ratio)
+
+
+def _later(record: Record, begin: float) -> Record:
+    """Record from `begin`, s after its first reading, on; unchanged if too few readings would remain."""
+    later = record.t >= record.t[0] + begin
+    return record.only(later) if later.sum() >= 2 * MIN_SAMPLES else record
 
 
 def _followed(recordings: Recordings, estimate: Estimate) -> tuple[Problem, Fit]:

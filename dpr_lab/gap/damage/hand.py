@@ -112,7 +112,8 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
         return None
     if level[0] > max(HAND.first, HAND.first * float(level[1:].max())):
         # A model of free rods does not follow the readings during a push, so that only the readings show their speed.
-        energy[0] = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))[0]
+        of_readings = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))
+        energy = np.concatenate([of_readings[:1], energy[1:]])
     smooth, scatter = _smoothed(energy), _scatter(energy)
     top = int(np.argmax(energy >= smooth.max() - 2 * scatter))
     if not _only_rose_before(energy, smooth, top, begins, scatter):

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
+from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.covariance import considered, shifted
 from dpr_lab.fitting.problem import Problem
@@ -159,7 +160,7 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
 
 def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
     """Measured constants: name, source, and constants of the rig with this one changed by a standard uncertainty."""
-    if not fitted:
+    if not any(EFFECTS[name].corrects == "L1" for name in fitted):
         std = ASSUMED.rule_m * ASSUMED.rectangular
         description = (
             f"{1e3 * std:.2g} mm, assumed: read from a ruler to {1e3 * ASSUMED.rule_m:g} mm; no uncertainty in the"

@@ -7,7 +7,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.gap.result.evidence import Occupancy
-from dpr_lab.gap.screen.record import THINNING, Record
+from dpr_lab.gap.screen.record import Record, without_gap
 from dpr_lab.gap.screen.recordings import Recordings
 
 RODS = ("inner", "outer")
@@ -55,7 +55,7 @@ The arrays are (n, 2) angles, rad, (n, 2) speeds, rad/s, and (n,) durations, s.
 
 def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
     theta = to_rods(record.joints[:, :2])
-    near = np.diff(record.t) <= THINNING.gap_s
+    near = without_gap(record.run, record.t)
     step = np.diff(record.t)[near]
     speed = (np.diff(theta, axis=0) / np.diff(record.t)[:, None])[near]
     return record.setup.mounting, (0.5 * (theta[1:] + theta[:-1]))[near], speed, step

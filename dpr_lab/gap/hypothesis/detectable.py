@@ -53,7 +53,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
     fitted = test.space.chosen(list(test.fitted_columns))
     remaining_shares = fitted.scale**2 / np.diag(fitted.covariance())
     for name in model.effects:
-        parameters = zip(model.fit.free, fitted.scale, remaining_shares, strict=True)
+        parameters = zip(test.fit.free, fitted.scale, remaining_shares, strict=True)
         least[name] = {
             p.name: _size(spread, s, remaining) for p, s, remaining in parameters if p.effect == name and p.amplitude
         }

@@ -44,6 +44,7 @@ class ResidualStatistics:
 
     chi2: float
     dof: int
+    """Degrees of freedom; 1 if there are as many parameters as readings, or more."""
     level: float
     """Variance of the rough part of the residual, in units of the noise that the fit assumed."""
     autocorrelation: float
@@ -118,7 +119,7 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     mean = float(np.sum(r**2)) / np.count_nonzero(read)
     return ResidualStatistics(
         chi2=float(np.sum(r**2)),
-        dof=problem.evidence - len(fit.free),
+        dof=max(problem.evidence - len(fit.free), 1),
         level=float(np.clip(rough / (1 - rho), *ASSUMPTIONS.level)),
         autocorrelation=1 - rough / mean if mean > 0 else 0.0,
         noise_correlation=rho,

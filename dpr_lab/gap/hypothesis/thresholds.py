@@ -144,14 +144,18 @@ def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
     return largest if largest is not None and grown[largest] > THRESHOLDS.takes_over else None
 
 
-def follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
+def follows_remainder(base: Hypothesis, larger: Hypothesis, simple: Hypothesis) -> bool:
+    """Whether the additional reduction by a curve, vibration or drift is only the remainder of small unknown causes."""
+    tests = (curve_follows_remainder, follows_swing, follows_decay)
+    return any(follows(base, larger, simple) for follows in tests)
+
+
+def curve_follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
     """Whether the additional reduction by a curve is only the small remainder that unknown causes leave on every rig.
 
     Three conditions must hold: the simpler set explains nearly all that the curve explains, its remainder is below the
     noise, and with this remainder as noise the curve is not significant.
     """
-    if follows_swing(base, with_curve, simple) or follows_decay(base, with_curve, simple):
-        return True
     curves = set(with_curve.curves) - simple.key
     if not curves or not simple.effects or simple.residuals.noise_ratio > 1.0:
         return False

@@ -59,7 +59,7 @@ class NamedFamily(Saved):
     effects: list[str]
     """Named effects that belong to the family."""
     probability: Number
-    """Probability that all effects of the family are present."""
+    """Probability of the component: the largest probability of its specific effects."""
     share: Number
     """Share of the excess chi2 that returns if all effects of the family are removed."""
 

@@ -27,6 +27,9 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import Setup
 
+AFTER_READING_S = 1e-6
+"""Delay of a break after the last reading before a gap, s; the break lies between two readings at any rate."""
+
 RATE_HZ = 200.0
 """Rate of a thinned record, Hz: blocks of 5 ms, over which most swings are a parabola."""
 
@@ -179,11 +182,8 @@ def record(run: Run, rig: Rig) -> Record:
     t, joints, sigma = _as_read(screened) if rate_hz is None else _blocks(screened, rate_hz, least_kept)
     valid = np.isfinite(joints).all(axis=1) & (t >= THINNING.after_release_s)
     t, joints, sigma = t[valid], joints[valid], sigma[valid]
-    intervals = np.diff(t)
-    median_interval = float(np.median(intervals)) if len(intervals) else 0.0
-    longest = np.inf if run.at_edges else max(THINNING.gap_s, THINNING.gap_spacings * median_interval)
-    holes = np.flatnonzero(intervals > longest)  # between two edges, no row is missing
-    breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + 1e-6]))
+    holes = np.flatnonzero(~without_gap(run, t))
+    breaks = np.sort(np.concatenate([[instant for instant, _ in screened.breaks], t[holes] + AFTER_READING_S]))
     if not cut(t, np.inf, breaks):
         raise RunError(f"{run.name}: no sequence of {MIN_SAMPLES} valid samples without a gap: nothing to diagnose")
     step = min(STEP, THINNING.turn / max(fastest, 1e-3))
@@ -191,6 +191,18 @@ def record(run: Run, rig: Rig) -> Record:
     correlation = float(rest_correlation(run, rig, thinned).mean())
     moves = True if setup.arm_moves else _arm_moves(run, THINNING.arm_moves)
     return Record(run, screened, t, joints, sigma, breaks, moves, correlation, step, setup)
+
+
+def without_gap(run: Run, t: Array) -> Flags:
+    """(n - 1,) mask of the intervals between the instants t, s, in which no reading is missing.
+
+    The rows of a run at the edges of counts follow the motion, so that a long interval is not a gap.
+    """
+    intervals = np.diff(t)
+    if run.at_edges or not len(intervals):
+        return np.ones(len(intervals), dtype=np.bool_)
+    longest = max(THINNING.gap_s, THINNING.gap_spacings * float(np.median(intervals)))
+    return np.asarray(intervals <= longest, dtype=np.bool_)
 
 
 def _screen_edges(run: Run, rig: Rig) -> Screened:
@@ -269,7 +281,7 @@ def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Arra
     for instant, _ in screened.breaks:
         good &= number[edges] != np.floor(instant * rate_hz + 1e-6)
     t, mean, spread, counts = t[good], mean[good], spread[good], counts[good]
-    speed = np.gradient(mean, t, axis=0)
+    speed = np.gradient(mean, t, axis=0) if len(t) > 1 else np.zeros_like(mean)
     passed = 1 + np.abs(speed) / rate_hz / np.where(screened.count > 0, screened.count, np.inf)
     different = np.add.reduceat(keep[:, None] / screened.shared, edges)[good]
     independent = np.where(screened.dithered, different, np.minimum(different, passed))

@@ -17,7 +17,6 @@ from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.estimate import whole_of
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.screen.sensor_faults import Finding
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
@@ -52,10 +51,8 @@ def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
     """
     for number, record in enumerate(recordings.records):
         if evidence := _contradiction(record, recordings.rig, ratios):
-            finding = Finding("time_scale", record.run.name, None, None, evidence)
-            screened = replace(record.screened, findings=(*record.screened.findings, finding))
             records = list(recordings.records)
-            records[number] = replace(record, screened=screened)
+            records[number] = record.with_finding("time_scale", evidence)
             return replace(recordings, records=tuple(records))
     return recordings
 

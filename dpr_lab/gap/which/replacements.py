@@ -131,7 +131,7 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
 def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     decision = _better_with_fewer_parameters(sets, current, proposal)
     if not decision.accepted and follows_remainder(sets.bare, current, proposal.model):
-        return Decision(True, "the curve only fits the remainder of small unknown causes")
+        return Decision(True, "the additional effect only fits the remainder of small unknown causes")
     return decision
 
 

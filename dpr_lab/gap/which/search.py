@@ -122,7 +122,7 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
 def _refusal(sets: FittedSets, state: SearchState, model: Hypothesis) -> str:
     """Reason why no move may replace the current set by a given one; empty if there is none."""
     if follows_remainder(sets.bare, model, state.current):
-        return "the curve only fits the remainder of small unknown causes"
+        return "the additional effect only fits the remainder of small unknown causes"
     size = len(sets.unexpected(model))
     if size > max(state.max_effects, len(sets.unexpected(state.current))):
         return f"more effects than the maximum number of {state.max_effects}"
