@@ -2,9 +2,8 @@
 
 A fit far from the noise may end in a local minimum, caused by a few segments or by long segments. An effect is
 therefore started from several shapes, from short segments, and from the sets with one effect more and one effect fewer.
-The best of these fits counts. If a set is fitted again, the better fit is kept. Each move adds its fits and score tests
-to its own copy, so that they change no earlier state of the search. All copies share the results of functions that
-depend on their arguments alone.
+The best of these fits counts. Each move adds its fits and score tests to its own copy, so that they change no earlier
+state of the search. All copies share the results of functions that depend on their arguments alone.
 """
 
 from collections.abc import Callable, Mapping
