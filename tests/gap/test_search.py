@@ -19,7 +19,7 @@ from dpr_lab.gap.screen.recordings import LENGTHS
 from dpr_lab.gap.which.fitted_sets import Effort, FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
 from dpr_lab.gap.which.moves import MOVES, START
-from dpr_lab.gap.which.replacements import with_alternatives
+from dpr_lab.gap.which.replacements import fit_alternatives
 from dpr_lab.gap.which.search import Decision, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.select import short_segments
 from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
@@ -238,7 +238,7 @@ def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck
     stuck = hypothesis(problem, names, fit(problem, start, free_parameters(start, names, problem), iterations=0))
     sets.keep(stuck)
     assert stuck.fit.chi2 > 2 * chosen.fit.chi2
-    assert with_alternatives(sets, chosen)[stuck.key].fit.chi2 == pytest.approx(chosen.fit.chi2, rel=1e-3)
+    assert fit_alternatives(sets, chosen)[stuck.key].fit.chi2 == pytest.approx(chosen.fit.chi2, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -108,15 +108,12 @@ def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | Non
         limits: (SIZE,) maximum sizes on this rig; None: those of the laboratory rig
     """
     acting = {name: sizes for name, sizes in least.items() if any(size is not None for size in sizes.values())}
-    shown = [
-        any(
-            size is not None and size <= _typical(name, p, limits)
-            for p in EFFECTS[name].amplitudes
-            if (size := sizes.get(p.name))
-        )
-        for name, sizes in (acting or least).items()
-    ]
-    return sum(shown), len(shown)
+    considered = acting or least
+    at_typical_size = 0
+    for name, sizes in considered.items():
+        amplitudes = ((sizes.get(p.name), _typical(name, p, limits)) for p in EFFECTS[name].amplitudes)
+        at_typical_size += any(size is not None and size <= typical for size, typical in amplitudes)
+    return at_typical_size, len(considered)
 
 
 def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> float:

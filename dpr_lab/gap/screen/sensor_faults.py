@@ -141,8 +141,8 @@ def screen(run: Run, rig: Rig) -> Screened:
     queued, waiting = _queued(run, rig)
     run, stamped = _on_true_instants(run, rig)
     late, swing, period = queued[run.t >= 0.0], run.swing, 1.0 / run.rate_hz
-    t, joints = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:])
-    late[~late], delayed = _late(run, t[~late], joints[~late])
+    t, joints, on_time = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:]), ~late
+    late[on_time], delayed = _late(run, t[on_time], joints[on_time])
     count = _count_size(run, rig)
     still, shared = same_rounding(run, joints, rig.radians_per_count[1:])
     dithered, on_grid = _dithered(run, rig, count, still), _on_grid(run, rig, joints)
@@ -172,7 +172,7 @@ def screen(run: Run, rig: Rig) -> Screened:
         findings += _steps(run.name, name, t, steps, abs(rig.radians_per_count[1 + axis]))
     if jitter:  # without the repeated readings, which look like wrong instants
         trusted, significance = noise_by_speed(t, joints, noise, period, keep)
-        refuted = 0.0 != significance < SCREEN.significance  # zero: too few readings without a fault
+        refuted = significance != 0.0 and significance < SCREEN.significance  # zero: too few readings
         jitter, jittered = (0.0, []) if refuted else (max(jitter, trusted), jittered)
     findings += [*jittered, *coloured]
     screened = Screened(

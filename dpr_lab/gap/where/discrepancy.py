@@ -29,6 +29,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.where.coordinates import angle_hats, encoder_angle, speed_hats, time_hats, under_error, under_torque
 
 
@@ -64,7 +65,7 @@ class Discrepancy:
     def sentence(self) -> str:
         """Sentence on the size and location of the discrepancy, for the joint of the larger torque."""
         joint = int(np.argmax(self.torque_Nm))
-        text = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {(1, 2, 0)[joint]}"
+        text = f"{1e3 * self.torque_Nm[joint]:.2g} mN m rms in joint {ALL_AXES[joint][-1]}"
         if self.slow[joint] > DISCREPANCY.mostly:
             text += ", mostly at low speed"
         elif self.slow[joint] < 1 / DISCREPANCY.mostly:

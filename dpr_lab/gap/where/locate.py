@@ -6,8 +6,9 @@ on the readings, so no torque is ever computed from differentiated angles. The s
 explains is the largest share of the gap that this location can cause.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.where.coordinates import (
     angle_hats,
     encoder_angle,
@@ -65,25 +67,25 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
     if base.residuals.z < SIGNIFICANT:
         return ()
     reference = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    places = [_place(problem, base, reference, joint, name, make) for joint, name, make in _maps(problem)]
+    places = [_place(problem, base, reference, joint, residual_map) for joint, residual_map in _maps(problem)]
     return tuple(sorted(places, key=lambda place: -place.share))
 
 
-def _maps(problem: Problem) -> Iterator[tuple[int, str, "Map"]]:
-    """Joint, name and function of every map.
+def _maps(problem: Problem) -> Iterator[tuple[int, "ResidualMap"]]:
+    """Index of the joint (0, 1: joints 1, 2; 2: joint 0) and map, for every map of these recordings.
 
     Three kinds of maps are omitted. Friction of an arm's joint by load: this load is not known. All maps of joint 2 if
     no outer rod turns in it. Torques of a prescribed joint 1, because they do not move it.
     """
     setups = problem.segments.setups
-    unknown = {
-        0: _OF_TORQUES if all(setup.inner is not None for setup in setups) else (),
-        1: _OF_TORQUES if all(setup.held for setup in setups) else (),
-        2: (_friction_by_load,),
-    }
+    of_torques = [residual_map for residual_map in MAPS if residual_map.kind != "error"]
+    omitted = (
+        of_torques if all(setup.inner is not None for setup in setups) else [],
+        MAPS if all(setup.alone for setup in setups) else of_torques if all(setup.held for setup in setups) else [],
+        [residual_map for residual_map in MAPS if residual_map.coordinate == "load"],
+    )
     for joint in range(problem.axes):
-        if joint != 1 or not all(setup.alone for setup in setups):
-            yield from ((joint, name, make) for name, make in MAPS.items() if make not in unknown.get(joint, ()))
+        yield from ((joint, residual_map) for residual_map in MAPS if residual_map not in omitted[joint])
 
 
 def where_sentence(places: tuple[Place, ...]) -> str:
@@ -141,30 +143,36 @@ def _error_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Col
     return _Columns(under_error(problem, joint, hats), knots, "rad")
 
 
-Map = Callable[[Problem, Trajectory, int], _Columns]
+@dataclass(frozen=True, slots=True)
+class ResidualMap:
+    """Kind of a residual map: what it contains, and the coordinate on which this depends."""
 
-MAPS: Mapping[str, Map] = {
-    "torque by angle": _torque_by_angle,
-    "torque by speed": _torque_by_speed,
-    "friction by time": _friction_by_time,
-    "friction by load": _friction_by_load,
-    "error by angle": _error_by_angle,
-    "error by speed": _error_by_speed,
-}
-"""Name of a map -> function that computes its columns."""
-
-_OF_TORQUES = (_torque_by_angle, _torque_by_speed, _friction_by_time, _friction_by_load)
+    kind: Literal["torque", "friction", "error"]
+    """Torque or friction of a joint, or error of an encoder."""
+    coordinate: Literal["angle", "speed", "time", "load"]
+    columns: Callable[[Problem, Trajectory, int], _Columns]
+    """Function that computes the columns of the hat functions for a joint."""
 
 
-def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int, name: str, make: Map) -> Place:
-    columns, linear, fitted = make(problem, reference, joint), base.fit.linear, len(base.fit.free)
+MAPS: Sequence[ResidualMap] = (
+    ResidualMap("torque", "angle", _torque_by_angle),
+    ResidualMap("torque", "speed", _torque_by_speed),
+    ResidualMap("friction", "time", _friction_by_time),
+    ResidualMap("friction", "load", _friction_by_load),
+    ResidualMap("error", "angle", _error_by_angle),
+    ResidualMap("error", "speed", _error_by_speed),
+)
+
+
+def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int, residual_map: ResidualMap) -> Place:
+    columns, linear, fitted = residual_map.columns(problem, reference, joint), base.fit.linear, len(base.fit.free)
     projected = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
     space = space.given(slice(0, fitted), slice(fitted, None))
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)
     share = float(np.clip((space.gain() - len(space)) / base.residuals.excess, 0.0, 1.0))
-    kind, coordinate = name.split(" by ")
-    site = f"{'encoder' if kind == 'error' else 'joint'}{(1, 2, 0)[joint]}"
+    kind, coordinate = residual_map.kind, residual_map.coordinate
+    site = ALL_AXES[joint].replace("joint", "encoder") if kind == "error" else ALL_AXES[joint]
     sentence = _sentence(site, kind, coordinate, share, columns.knots, values, std)
     return Place(site, coordinate, share, columns.knots, values, std, columns.unit, sentence)
 

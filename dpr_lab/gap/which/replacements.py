@@ -163,7 +163,7 @@ def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisi
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Best of all fitted sets with at most as many effects, after the alternatives of each effect are fitted."""
-    fits = with_alternatives(sets, sets.predictive(current))
+    fits = fit_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
         model
@@ -213,8 +213,8 @@ def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposa
     )
 
 
-def with_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
-    """All fitted sets, including the sets in which an alternative replaces an effect.
+def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
+    """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
 
     Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
     indistinguishable effect fits worse, its fit ended in a local minimum, and is repeated from the chosen solution.

@@ -25,7 +25,7 @@ from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection, refutes_process_noise
 from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START
-from dpr_lab.gap.which.replacements import with_alternatives
+from dpr_lab.gap.which.replacements import fit_alternatives
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.selected import Selection
 
@@ -128,7 +128,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
     """Selected set with the sets for later comparisons, in which each of its effects is removed or replaced."""
     sets = sets.resumed(state.fits, state.tests)
     chosen = state.current
-    fits = with_alternatives(sets, chosen)
+    fits = fit_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}
     return Selection(
         base=sets.bare,

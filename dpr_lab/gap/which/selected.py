@@ -38,7 +38,7 @@ class Selection:
     path: tuple[tuple[str, Hypothesis], ...]
     """Sets from the bare model to the selected one, which differ by one effect each, largest effect first."""
     expected: frozenset[str] = frozenset()
-    """Effects that the rig is known to have; they stay in the model at any size."""
+    """Effects that the rig is known to have; they may stay in the model at any size."""
     impossible: frozenset[frozenset[str]] = frozenset()
     """Fitted sets with an effect of an impossible size."""
     oversized: tuple[str, ...] = ()
