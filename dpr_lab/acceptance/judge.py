@@ -6,8 +6,8 @@ Two one-sided tests at 5 % each are one comparison with the 90 % interval [l, u]
     fail           [l, u] lies outside the limits
     not decidable  otherwise, or if these recordings do not give a valid interval
 
-The interval of a named effect is that of its fit. The interval of an effect that was not named is that of the score
-test around the corrected model, a -+ 1.645 s, with all its amplitudes fitted together. If the common scale b is
+The interval of a named effect comes from its fit. The interval of any other effect comes from the score test around the
+corrected model, a -+ 1.645 s, in which all amplitudes of the effect are fitted together. If the common scale b is
 uncertain, an absolute size is a ratio times b^k, and its interval covers both ends of the interval of b.
 
 The largest friction torque of a joint over its speeds u passes if |T(u)| +- 1.645 s(u) is below the limit at every
@@ -37,8 +37,8 @@ from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
-"""Minimum probability that an effect is the cause, for its size to fail a limit. Also the minimum probability that an
-effect is absent, for its limit to pass."""
+"""Minimum probability of the statement behind a result: that the effect is the cause if a limit fails, that the effect
+is absent if a limit passes."""
 
 NOT_OF_SPEED = tuple(
     f"{law}_joint{joint}" for law in ("load_friction", "hysteresis", "friction_drift") for joint in (0, 1, 2)
@@ -58,9 +58,9 @@ class JudgedLimit:
     unit: str
     """SI unit of the numbers."""
     lower: float | None
-    """Lower limit; None without one."""
+    """Lower limit; None if there is no lower limit."""
     upper: float | None
-    """Upper limit; None without one."""
+    """Upper limit; None if there is no upper limit."""
     interval90: Range | None
     """90 % interval of the quantity; None if the recordings give no interval."""
     answer: Answer
@@ -80,7 +80,7 @@ class Acceptance:
     limits: tuple[JudgedLimit, ...]
     """Results in the order of the file."""
     recordings: tuple[str, ...] = ()
-    """Releases that are expected to decide further limits, in the order in which to record them."""
+    """Releases that are expected to decide further limits, in the recommended order."""
     would_decide: tuple[str, ...] = ()
     """Quantities whose limits these releases are expected to decide. The forecast assumes that each value is half its
     limit, or at the centre of its range."""
@@ -92,7 +92,7 @@ def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float
     Args:
         diagnosis: the diagnosis of the recordings, with its evidence
         limits: the limits of the rig
-        free_run_rad: run -> error of a free run over the horizon of the limit, rad; None without such a limit
+        free_run_rad: run -> error of a free run over the horizon of the limit, rad; None if free runs have no limit
     """
     free = _free_run(diagnosis, limits, free_run_rad or {})
     judged = (*_effects(diagnosis, limits), *_frictions(diagnosis, limits), *_ratios(diagnosis, limits), *free)
@@ -119,7 +119,7 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
         interval, reason = None, f"{joint} does not move in these recordings"
         if curve := diagnosis.evidence.friction.get(joint) if diagnosis.evidence else None:
             reached = curve.speed_rad_per_s[-1]
-            reason = f"{joint} reaches {reached:.3g} rad/s only" if limit.speed_rad_s > reached else ""
+            reason = f"{joint} reaches only {reached:.3g} rad/s" if limit.speed_rad_s > reached else ""
             interval = None if reason else _largest(curve, limit.speed_rad_s, diagnosis)
         reason = _untrusted(diagnosis) or reason or _other_friction(diagnosis, int(joint[-1]))
         answer = _answer(interval, None, limit.max)
@@ -195,7 +195,7 @@ def _judged(
     reason: str,
 ) -> JudgedLimit:
     if not reason and answer == "not decidable":
-        reason = "the interval contains a limit: record more releases"
+        reason = "the limit lies within the interval: record more releases"
     return JudgedLimit(quantity, unit, *bounds, interval, "not decidable" if reason else answer, reason)
 
 
@@ -258,7 +258,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
     for rival in diagnosis.rivals:
         if effect in (rival.name, *rival.members) and rival.probability > 1 - SURE:
             instead = rival.instead_of or "none"
-            return f"it is the cause with probability {percent(rival.probability)}, instead of {instead}"
+            return f"the probability that it is the cause instead of {instead} is {percent(rival.probability)}"
     return "named, but not confirmed on other recordings" if effect in diagnosis.withdrawn else ""
 
 
@@ -277,12 +277,12 @@ def _doubted(named: NamedEffect) -> str:
 
 def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
     if any(named.name == effect for named in diagnosis.effects):
-        return "this amplitude was not fitted, so it has no interval"
+        return "this amplitude was not fitted and has no interval"
     if other := diagnosis.absorbed.get(effect, {}).get(parameter):
         return f"indistinguishable from {other}"
     if len(EFFECTS[effect].amplitudes) > 1:
-        return "not named, and the recordings give no interval of each of its amplitudes"
-    return "does not change these recordings"
+        return "the effect is not named, and the recordings do not give an interval for every amplitude of the effect"
+    return "the effect does not change these recordings"
 
 
 def _unsure(diagnosis: Diagnosis, effect: str) -> str:

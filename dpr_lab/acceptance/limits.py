@@ -106,7 +106,7 @@ class Limits(RigTable):
     friction: dict[Literal["joint0", "joint1", "joint2"], FrictionLimit] = Field(default={})
     """Joint -> limit on its friction torque."""
     free_run: FreeRunLimit | None = None
-    """Limit on the free-run error; None without one."""
+    """Limit on the free-run error; None if there is no such limit."""
 
     @property
     def has_any(self) -> bool:
@@ -136,7 +136,7 @@ def load_limits(path: Path, model: type[AnyLimits]) -> AnyLimits:
     limits = read_config(path, model)
     if not limits.has_any:
         raise ConfigError(
-            f"{path}: has no limits to test: add a table [effects.NAME], [friction.joint1], [ratios] or [free_run]"
+            f"{path}: contains no limits: add a table [effects.NAME], [friction.joint1], [ratios] or [free_run]"
         )
     refuse_other_limits(path, limits)
     return limits

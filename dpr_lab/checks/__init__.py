@@ -1,1 +1,1 @@
-"""Results of recommended checks, and the diagnosis updated by them."""
+"""Results of recommended checks, and update of the diagnosis by a result."""

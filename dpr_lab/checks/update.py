@@ -52,8 +52,8 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
         answer: its result
 
     Raises:
-        RunError: the answer does not fit the kind of the check, or is impossible; no candidate predicts it and it is
-            not confirmed; or runs cannot be fitted.
+        RunError: the answer has the wrong kind or an impossible value; an unconfirmed value is predicted by no
+        candidate; or runs cannot be fitted.
     """
     kind = kind_of(check)
     if answer.given != kind.takes:

@@ -17,7 +17,7 @@ def likeliest(probabilities: Mapping[str, float]) -> str:
 def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[Verdict, str]:
     """Verdict and sentence after a check.
 
-    The sentence starts with the cause that is now the most probable one.
+    The sentence starts with the cause that is now the most probable.
     """
     about, after = done.check.about, likeliest(done.after)
     before = f"Before the checks: {diagnosis.sentence.rpartition('Before the checks: ')[2]}"
@@ -27,8 +27,9 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
         others = [effect for effect in diagnosis.effects if effect.name != about]
         still_explains = others and diagnosis.verdict in ("named", "partly_explained")
         outside = (
-            f"{result} none of the named effects explains the measured value. Either the cause is another one, or the"
-            f" measurement is of another quantity (probability {done.before[after]:.2g} -> {done.after[after]:.2g},"
+            f"{result} none of the named effects explains the measured value. Either the cause is a different"
+            f" effect, or a different quantity was measured (probability {done.before[after]:.2g} ->"
+            f" {done.after[after]:.2g},"
             f" {factor})."
         )
         return ("partly_explained" if still_explains else "unexplained"), f"{outside} {before}"
@@ -45,7 +46,7 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
 
 
 def bayes_factor(done: CheckDone, name: str) -> str:
-    """A Bayes factor as text, for example `25`, `0.04`, `3000` or `> 10^6`."""
+    """Text of a Bayes factor, for example `25`, `0.04`, `3000` or `> 10^6`."""
     power = done.log10_bayes_factor.get(name, 0.0)
     if abs(power) > CHECK.largest_power:
         return f"{'>' if power > 0 else '<'} 10^{np.sign(power) * CHECK.largest_power:.0f}"

@@ -20,7 +20,7 @@ INTERRUPTED = 130
 
 
 REFUSED = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO, errno.EBADF)
-"""Error codes of a full disk, a broken pipe or a closed stream. They are not caused by bugs of this program."""
+"""Error codes of a full disk, a broken pipe and a closed stream. Such errors are not bugs of this program."""
 
 
 def main() -> None:
@@ -143,8 +143,7 @@ def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
 class Interrupt(KeyboardInterrupt):
     """Ctrl-C or SIGTERM, for `main`.
 
-    If a library suppresses it, for example in a callback of the compiler or in an import that catches all errors, it is
-    raised again.
+    `main` raises the interrupt again if a library suppressed it, for example in a callback of the compiler.
     """
 
     raised = False

@@ -16,19 +16,21 @@ EXIT_CODES = {"pass": 0, "fail": 1, "not decidable": 9}
 
 
 def accept(
-    runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap); with three or more releases, more limits are decidable.")
-    ],
+    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap). Three or more releases decide more limits.")],
     rig: RigName,
     limits: Annotated[
-        Path, typer.Option(help="Limits file (TOML): effects, friction torque, ratios, error of a free run.")
+        Path,
+        typer.Option(
+            help="Limits file (TOML): limits on effects, friction torques, ratios and the error of a free run."
+        ),
     ],
     diagnosis: Annotated[
         Path | None,
-        typer.Option(help="Diagnosis of these runs, its JSON file or folder; default: they are diagnosed first."),
+        typer.Option(help="Diagnosis of these runs: its JSON file or folder. Default: the runs are diagnosed first."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of accept.json and of the diagnosis, whose report shows the limits.")
+        Path | None,
+        typer.Option(help="Folder for accept.json and for the report of the diagnosis, which shows the limits."),
     ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
@@ -36,7 +38,8 @@ def accept(
 ) -> None:
     """Test whether a rig meets the limits in a file: pass, fail or not decidable, by equivalence tests at 95 %.
 
-    Exit with 1 if a limit fails, with 9 if none fails but one is not decidable with these recordings.
+    The exit code is 1 if a limit fails. It is 9 if no limit fails but at least one is not decidable with these
+    recordings.
 
     Example: dpr-lab accept runs/*.mcap --rig paper --limits limits.toml --out out/acceptance
     """

@@ -127,7 +127,8 @@ def _root(
     no_plugins: bool = typer.Option(
         False,
         "--no-plugins",
-        help="Load no plugins of other packages. Write this option before the command, or set DPR_LAB_NO_PLUGINS=1.",
+        help="Do not load plugins of other packages. Write this option before the command, or set"
+        " DPR_LAB_NO_PLUGINS=1.",
     ),
 ) -> None:
     if no_plugins:

@@ -1,4 +1,4 @@
-"""Bytecode in the cache of the user, like compiled kernels, for packages that were installed without bytecode.
+"""Cache of Python bytecode in the user's cache folder, for packages that were installed without bytecode.
 
 Some installers write no bytecode, and containers often forbid it (PYTHONDONTWRITEBYTECODE). Each start would then
 compile a thousand modules, which takes longer than running them.
@@ -15,9 +15,9 @@ PACKAGES = ("numba", "dpr_lab")
 
 
 def keep_bytecode() -> None:
-    """Use bytecode in the user's cache folder, if the installation has none and permits none.
+    """Use bytecode in the user's cache folder if the installation contains none and cannot be written.
 
-    Nothing changes if PYTHONPYCACHEPREFIX names a folder, or if no folder of this user can be written.
+    The function has no effect if PYTHONPYCACHEPREFIX names a folder, or if the user has no writable cache folder.
     """
     if sys.pycache_prefix is not None or all(map(_has_bytecode, PACKAGES)):
         return

@@ -24,11 +24,11 @@ def capture(
     link: Annotated[
         str | None,
         typer.Option(
-            help="Link to the device, e.g. serial:///dev/ttyACM0?baud=921600; default: the link of the rig file."
+            help="Link to the device, e.g. serial:///dev/ttyACM0?baud=921600. Default: the link in the rig file."
         ),
     ] = None,
     pose: Annotated[
-        list[str] | None, typer.Option(help="Pose to release from; may be repeated; default: all poses.")
+        list[str] | None, typer.Option(help="Pose of the release; may be repeated. Default: all poses of the rig file.")
     ] = None,
     duration: Annotated[
         float, typer.Option(callback=positive, help="Duration of the recording after the release, s.")
@@ -38,21 +38,21 @@ def capture(
     ] = False,
     repeat: Annotated[int, typer.Option(min=1, help="Number of releases from each pose.")] = 1,
     rate_hz: Annotated[
-        int | None, typer.Option(min=1, help="Sample rate, Hz; default: the rate of the rig file.")
+        int | None, typer.Option(min=1, help="Sample rate, Hz. Default: the rate in the rig file.")
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Release as soon as the checks pass, without asking.")] = False,
     rods: Rods = None,
     elbow: Elbow = None,
     arm: ArmMode = None,
     inner: InnerMode = None,
-    note: Annotated[str, typer.Option(help="Note stored with the runs.")] = "",
-    out: Annotated[Path, typer.Option(help="Folder of the runs.")] = Path("runs"),
+    note: Annotated[str, typer.Option(help="Note to store in the run files.")] = "",
+    out: Annotated[Path, typer.Option(help="Folder for the run files.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:
     """Record free swings: one run file for each release.
 
-    The rods are released only at the pose, at rest, and on the operator's command. On a terminal this is Enter; without
-    a terminal, or with --yes, the poses on the command line count as the command.
+    The rods are released only if they are at the pose and at rest, and the operator gives the command. On a terminal
+    the command is Enter. Without a terminal, or with --yes, naming the poses on the command line counts as the command.
 
     Example: dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
     """
@@ -67,7 +67,7 @@ def capture(
         with Listener() as listener:
             captured = capture_runs(request, _operator(ask=not yes and sys.stdin.isatty()), listener)
     except KeyboardInterrupt as stopped:
-        reason = str(stopped) or "stopped by the operator; nothing was released, the rods are as they were"
+        reason = str(stopped) or "stopped by the operator: the rods were not released"
         raise KeyboardInterrupt(reason) from stopped
     if as_json:
         runs = [_record(run) for run in captured.captured]

@@ -24,19 +24,19 @@ def certify(
     rig: RigName,
     choices: DiagnosisChoices,
     limits: Annotated[
-        Path | None, typer.Option(help="Limits file of `accept`: certify the result of each limit as well.")
+        Path | None, typer.Option(help="Limits file of `accept`: also certify the result of each limit.")
     ] = None,
     sign: Annotated[
         Path | None,
         typer.Option(
             metavar="KEY",
-            help="Sign with this Ed25519 private key (extra `signing`); ssh-keygen -t ed25519 makes one.",
+            help="Sign with this Ed25519 private key (extra `signing`). ssh-keygen -t ed25519 creates a key.",
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="The certificate.")] = Path("certificate.json"),
-    as_json: Annotated[bool, typer.Option("--json", help="Print the certificate on stdout as well.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Also print the certificate on stdout.")] = False,
 ) -> None:
-    """Diagnose runs and write a certificate: hashes of recordings, rig and code, choices, and every claim.
+    """Diagnose runs and write a certificate with all claims, all options, and the hashes of recordings, rig and code.
 
     `dpr-lab verify` repeats the diagnosis and compares each claim. docs/certificates.md explains what this proves.
 
@@ -73,7 +73,7 @@ def _show_certified(made: "Certified") -> None:
 
 def verify(
     certificate: Annotated[
-        Path, typer.Argument(help="Certificate; its recordings must be at the paths that it names.")
+        Path, typer.Argument(help="Certificate file. The recordings must be at the paths that the certificate names.")
     ],
     signed_by: Annotated[
         Path | None,
@@ -84,18 +84,23 @@ def verify(
     ] = None,
     other_code: Annotated[
         bool,
-        typer.Option("--other-code", help="Accept a certificate made with other code, such as an older version."),
+        typer.Option(
+            "--other-code", help="Accept a certificate that was made with different code, such as an older version."
+        ),
     ] = False,
     same_libraries: Annotated[
-        bool, typer.Option("--same-libraries", help="Fail unless Python, NumPy, SciPy and Numba match the certificate.")
+        bool,
+        typer.Option(
+            "--same-libraries", help="Fail unless the versions of Python, NumPy, SciPy and Numba match the certificate."
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Repeat a certified diagnosis and compare every claim; exits with 1 if a claim does not hold.
+    """Repeat a certified diagnosis and compare every claim. The exit code is 1 if a claim does not hold.
 
-    The claims and their tolerances are rules of this program, not of the file. A certificate that was made with
-    other code fails, unless --other-code accepts it. The choices and the origin, which no repetition can confirm, are
-    shown first.
+    This program, not the file, defines which claims are compared and with which tolerances. A certificate that was made
+    with different code fails unless --other-code is given. A repetition cannot confirm the choices and the origin, so
+    they are shown first.
 
     Example: dpr-lab verify certificate.json
     """
@@ -145,10 +150,7 @@ def _show_verified(done: "VerifiedCertificate") -> None:
     if departures:
         line(f"Choices that are not the default: {', '.join(departures)}.")
     if done.names_other_code:
-        line(
-            "The certificate was made with other code. Its claims were verified with the installed code, not with"
-            " that code."
-        )
+        line("The certificate was made with different code. Its claims were verified with the installed code.")
 
 
 def _show_declared(title: str, declared: "Sequence[Declared]") -> None:

@@ -13,29 +13,39 @@ if TYPE_CHECKING:
 
 
 def check(
-    diagnosis: Annotated[Path, typer.Argument(help="Folder of `diagnose --out`, or output of `diagnose --json`.")],
-    check_id: Annotated[str, typer.Argument(metavar="ID", help="Id of the check; `diagnose` lists them.")],
-    runs: Annotated[list[Path] | None, typer.Argument(help="For a recording: its run files (.mcap).")] = None,
+    diagnosis: Annotated[
+        Path,
+        typer.Argument(
+            help="Diagnosis: the folder of `diagnose --out`, or a file with the output of `diagnose --json`."
+        ),
+    ],
+    check_id: Annotated[str, typer.Argument(metavar="ID", help="Identifier of the check, as listed by `diagnose`.")],
+    runs: Annotated[list[Path] | None, typer.Argument(help="Run files (.mcap), if the check is a recording.")] = None,
     value: Annotated[
         str | None,
-        typer.Option(help="For a measurement: the value with its unit, such as '6.1 mN m', '0.5 %' or '3 mrad'."),
+        typer.Option(
+            help="Measured value with its unit, if the check is a measurement, such as '6.1 mN m', '0.5 %' or '3 mrad'."
+        ),
     ] = None,
     std: Annotated[
-        str | None, typer.Option(help="Standard uncertainty of the value; without a unit, in the unit of the value.")
+        str | None,
+        typer.Option(help="Standard uncertainty of the value. A number without a unit has the unit of the value."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Accept a value that no candidate cause predicts.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Accept a value that none of the candidate causes predicts.")
+    ] = False,
     rig: Annotated[
         str | None,
-        typer.Option(help="Rig file; default: the rig file stored with the run.", autocompletion=complete_rig),
+        typer.Option(help="Rig file. Default: the rig file stored in the runs.", autocompletion=complete_rig),
     ] = None,
     torque: TorqueKind = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the new diagnosis.json and its report.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="The new diagnosis as JSON on stdout.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the new diagnosis.json and its report.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the new diagnosis as JSON on stdout.")] = False,
 ) -> None:
     """Record the result of a recommended check and update the probabilities of the causes.
 
     The result is a measured value, or one or more runs. A value that none of the candidate causes predicts is refused
-    until it is confirmed with --force; it is then evidence for a cause outside the candidates.
+    unless --force confirms it. A confirmed value is evidence for a cause outside the candidates.
 
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """

@@ -34,7 +34,7 @@ class Choices:
     what: str
     names: Callable[[], Iterable[str]]
     worded: Callable[[str], str] = str
-    """Function that converts a name to its description; an identifier may follow in brackets."""
+    """Function that converts a name to its description, which may end with the identifier in brackets."""
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
         """Completions of the name after the last comma, with their descriptions."""
@@ -163,12 +163,12 @@ NO_RIG = (
 )
 """Advice for a command without --rig."""
 
-RigName = Annotated[str, typer.Option(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)]
+RigName = Annotated[str, typer.Option(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)]
 Library = Annotated[
     str | None,
     typer.Option(
-        help="Candidate effects, separated by commas, as identifiers or names; default: all (docs/effects.md)."
-        " Tab completes.",
+        help="Candidate effects as identifiers or names, separated by commas. Default: all effects in"
+        " docs/effects.md. The Tab key completes names.",
         callback=EFFECT_NAMES.check,
         autocompletion=EFFECT_NAMES.complete,
     ),
@@ -181,25 +181,30 @@ Without = Annotated[
         autocompletion=EFFECT_NAMES.complete,
     ),
 ]
-MaxEffects = Annotated[int, typer.Option(min=1, max=8, help="Maximum number of effects at once.")]
+MaxEffects = Annotated[int, typer.Option(min=1, max=8, help="Maximum number of effects in the model.")]
 HeldOut = Annotated[
     list[Path] | None, typer.Option(help="Held-out run: used to validate the diagnosis, not fitted; may be repeated.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 AnyClock = Annotated[
     bool,
     typer.Option(
-        "--any-clock", help="Accept runs of a device whose clock rate error is larger than that of a crystal."
+        "--any-clock",
+        help="Accept runs of a device whose clock rate error is larger than that of a crystal oscillator.",
     ),
 ]
 TorqueKind = Annotated[
     Literal["measured", "commanded"] | None,
-    typer.Option("--torque", help="Torques to use for runs that contain both kinds; default: measured."),
+    typer.Option(
+        "--torque", help="Torques to use for runs that contain measured and commanded torques. Default: measured."
+    ),
 ]
 Rods = Annotated[
     Literal["both", "inner", "outer"] | None,
-    typer.Option(help="Mounted rods; a single rod is mounted on joint 1. Default: the value in the rig file."),
+    typer.Option(
+        help="Rods that are mounted. A single rod is always mounted on joint 1. Default: the value in the rig file."
+    ),
 ]
 ArmMode = Annotated[
     Literal["clamped", "free", "prescribed", "driven"] | None,

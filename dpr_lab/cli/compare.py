@@ -12,10 +12,11 @@ from dpr_lab.workflows.compare import compare as compare_runs
 
 def compare(
     runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap); runs that the model was not fitted to are held out.")
+        list[Path],
+        typer.Argument(help="Run files (.mcap). Runs that were not used to fit the model are held-out runs."),
     ],
     model: Annotated[Path, typer.Option(help="Model written by `identify` or `diagnose`.")],
-    out: Annotated[Path, typer.Option(help="Folder of the figures and the report.")] = Path("report"),
+    out: Annotated[Path, typer.Option(help="Folder for the figures and the report.")] = Path("report"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Json = False,

@@ -13,11 +13,13 @@ from dpr_lab.cli.console import emit, progress, table
 def conform(
     link: Annotated[str, typer.Argument(help="Link to the device, e.g. serial:///dev/ttyACM0?baud=921600.")],
     rods_off: Annotated[
-        bool, typer.Option("--rods-off", help="Confirm that no rods are mounted: the latch is opened repeatedly.")
+        bool, typer.Option("--rods-off", help="Confirm that no rods are mounted. The test opens the latch repeatedly.")
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Test a device against the protocol: run every mandatory exchange, measure its timing. Exits with 1 if one fails.
+    """Test a device against the protocol: run every mandatory exchange and measure its timing.
+
+    The exit code is 1 if an exchange fails.
 
     Example: dpr-lab conform sim:// --rods-off
     """

@@ -40,10 +40,7 @@ def say(message: str) -> None:
 
 
 def folded(message: str, stream: TextIO, before: int = 0) -> str:
-    """Wrap a message at spaces to the width of the terminal.
-
-    The first line is shorter by `before` characters, which precede the message.
-    """
+    """Wrap a message at spaces to the width of the terminal."""
     if not stream.isatty():
         return message
     width = get_terminal_size().columns

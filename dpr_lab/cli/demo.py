@@ -15,16 +15,21 @@ if TYPE_CHECKING:
 def demo(
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of the results; default: out/demo, or sample with --table."),
+        typer.Option(help="Folder for the results. Default: out/demo, or sample with --table."),
     ] = None,
     sample: Annotated[
         bool, typer.Option("--table", help="Write sample tables (CSV) and their rig file instead.")
     ] = False,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="The same seed gives the same demo; by default the plant of the trial is random."),
+        typer.Option(
+            min=0,
+            help="Seed of the demo; the same seed gives the same demo. By default the plant of the trial is random.",
+        ),
     ] = None,
-    realtime: Annotated[bool, typer.Option("--realtime", help="Simulate in real time: ten seconds per swing.")] = False,
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="Simulate in real time: each swing takes ten seconds.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Record, identify and compare a simulated double pendulum; then diagnose one whose effect is hidden.
@@ -32,8 +37,8 @@ def demo(
     The simulated device is a separate process with its own plant; its true values are requested only at the end. The
     first demo on a computer compiles the kernels, which takes a minute or two.
 
-    With --table: write three recorded releases as CSV tables, the points of their films, and their rig file, to
-    practise on. Nothing is simulated or diagnosed then. See docs/tutorials/your-table.md and docs/how-to/video.md.
+    With --table, the command only writes sample files for practice: three recorded releases as CSV tables, the points
+    tracked in their videos, and the rig file. See docs/tutorials/your-table.md and docs/how-to/video.md.
 
     Example: dpr-lab demo --out out/demo
     """

@@ -38,7 +38,7 @@ def diagnose(
     rig: Annotated[
         str,
         typer.Option(
-            help="Rig file, or the name of a built-in one; optional with --simulator.",
+            help="Rig file, or name of a built-in rig; optional with --simulator.",
             autocompletion=complete_rig,
         ),
     ] = "",
@@ -46,8 +46,8 @@ def diagnose(
         Path | None,
         typer.Option(
             help=(
-                "Your MJCF, URDF or SDFormat model: the diagnosis starts from its values and lists what to change in"
-                " it."
+                "Your MJCF, URDF or SDFormat model. The diagnosis starts from its values and lists the changes"
+                " that it needs."
             )
         ),
     ] = None,
@@ -65,9 +65,9 @@ def diagnose(
     fail_on: Annotated[
         str | None,
         typer.Option(
-            help="Exit with 1 on any of these, separated by commas: gap, unexplained, unsure, sensor. If the"
-            " recordings cannot show a gap, or if their description is probably wrong, the exit code is always"
-            " 1.",
+            help="Exit with code 1 in any of these cases, separated by commas: gap, unexplained, unsure,"
+            " sensor. The exit code is always 1 if the recordings cannot show a gap, or if the description"
+            " of the recordings is probably wrong.",
             callback=REASON_NAMES.check,
             autocompletion=REASON_NAMES.complete,
         ),
@@ -75,11 +75,12 @@ def diagnose(
     trust: Annotated[
         int,
         typer.Option(
-            min=0, help="Number of blind trials on simulated plants like this rig; each takes as long as the diagnosis."
+            min=0,
+            help="Number of blind trials on simulated plants like this rig. Each trial takes as long as the diagnosis.",
         ),
     ] = 0,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Print every trial of the model search and the reason for its decision.")
+        bool, typer.Option("--explain", help="Print every step of the model search and the reason for its decision.")
     ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Print all tables of the report, not only the main results.")
@@ -256,7 +257,7 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
     else:
         line(f"No number of {name} needs a change: all differ by less than 1 % or less than their uncertainty.")
     for effect in least.unnamed:
-        line(f"no attribute of a body or joint represents this effect: {in_words(effect)}")
+        line(f"no attribute of a body or joint can represent this effect: {in_words(effect)}")
     if done.refused:
         line(f"{name} cannot be changed: {done.refused}")
     if done.diff:

@@ -22,7 +22,7 @@ class SystemCheck:
     what: str
     state: Literal["ok", "note", "wrong"]
     message: str
-    """Result of the check and, if it failed, the remedy."""
+    """Result of the check, and the remedy if the check failed."""
     group: str = ""
     """Name of a table row that is shared by checks of one group and state; empty for a row of its own."""
 
@@ -38,7 +38,7 @@ def doctor(
     rig: Annotated[str | None, typer.Option(help="Rig file to check and to compare with the device.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Check ports, buses, packages, permissions and the handshake with the device, and report each problem.
+    """Check ports, buses, packages, permissions and the handshake with the device, and report problems with remedies.
 
     Example: dpr-lab doctor --link sim:// --rig paper
     """
@@ -129,12 +129,14 @@ def _links() -> Iterator[SystemCheck]:
         described = ", ".join(text for text in (port.description, port.serial_number) if text not in ("", "n/a"))
         yield SystemCheck(url, "wrong" if port.problem else "ok", port.problem or described or "serial port")
     if not hardware.serial:
-        yield SystemCheck("serial ports", "note", "none found: plug the device in, or use sim:// to try without one")
+        yield SystemCheck("serial ports", "note", "none found: plug the device in, or use the simulated device sim://")
     for interface in hardware.can_interfaces:
         yield SystemCheck(f"can://socketcan/{interface}", "ok", "CAN interface")
     if not hardware.can_interfaces:
         yield SystemCheck(
-            "CAN interfaces", "note", f"none up; adapters by python-can: {', '.join(hardware.can_backends)}"
+            "CAN interfaces",
+            "note",
+            f"no CAN interface is up; adapters supported by python-can: {', '.join(hardware.can_backends)}",
         )
 
 

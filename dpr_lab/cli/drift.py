@@ -11,22 +11,23 @@ from dpr_lab.cli.console import emit, line, table
 
 def drift(
     runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap) of at least two groups, with the same poses in each.")
+        list[Path], typer.Argument(help="Run files (.mcap) of at least two groups. Each group needs the same poses.")
     ],
     rig: RigName,
     by: Annotated[
         Literal["day", "session", "label"],
         typer.Option(
-            help="Grouping of the runs: by day, by pauses of one hour (session), or by note (label; a run without"
-            " a note: by folder)."
+            help="Grouping of the runs: by day, by session (sessions are separated by pauses of one hour), or"
+            " by label (the note of the run, or the folder of a run without a note)."
         ),
     ] = "day",
     diagnosis: Annotated[
-        Path | None, typer.Option(help="Diagnosis, its JSON file or folder: the sizes of its effects are compared too.")
+        Path | None,
+        typer.Option(help="Diagnosis: its JSON file or folder. The sizes of its effects are also compared."),
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model written by `identify`; initial values of the fit.")] = None,
     fail_on_drift: Annotated[bool, typer.Option("--fail-on-drift", help="Exit with 1 if a parameter changed.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder of the control charts and the report.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the control charts and the report.")] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Json = False,

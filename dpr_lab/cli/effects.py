@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class EffectCommands(Listing):
     """Commands on effects.
 
-    If an effect is given in place of a command, the error message refers to `show`.
+    If the user gives an effect in place of a command, the error message suggests `show`.
     """
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

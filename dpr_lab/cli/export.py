@@ -35,15 +35,16 @@ def export(
     check: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Run to replay in each program. If a format cannot express an effect, the model is refitted to"
-            " this run without it. May be repeated."
+            help="Run to replay in each program; may be repeated. If a format cannot express an effect, the"
+            " model is refitted to this run without the effect."
         ),
     ] = None,
     torque: TorqueKind = None,
     into: Annotated[
         Path | None,
         typer.Option(
-            help="Your own MJCF, URDF or SDFormat file: write a copy with the identified numbers; see `rig from`."
+            help="Your own MJCF, URDF or SDFormat file. The command writes a copy with the identified numbers."
+            " See `rig from`."
         ),
     ] = None,
     joints: Annotated[
@@ -55,18 +56,19 @@ def export(
         typer.Option(
             min=1,
             max=1000,
-            help="Number of models to sample from the posterior; --check widens them until their bands cover the run.",
+            help="Number of models to sample from the posterior. With --check, the standard deviations are"
+            " increased until the bands of the models cover the run.",
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="With --ensemble: seed of the random numbers.")] = 0,
-    out: Annotated[Path, typer.Option(help="Folder of the files.")] = Path("export"),
+    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
     as_json: Json = False,
 ) -> None:
     """Export a model to MuJoCo, Python, URDF, SDFormat or FMI, and report its accuracy there.
 
-    With --into, change the identified numbers in a copy of your own MJCF, URDF or SDFormat file instead, and show the
-    difference; --check then compares both files on recordings. With --ensemble, write models sampled from the
-    posterior of parameters and causes, for domain randomisation.
+    With --into, the command instead changes the identified numbers in a copy of your own MJCF, URDF or SDFormat file
+    and shows the difference. --check then compares both files on recordings. With --ensemble, the command writes models
+    sampled from the posterior of parameters and causes, for domain randomisation.
 
     Example: dpr-lab export out/diagnosis --rig paper --to mjcf,python --check runs/x1.mcap --out export
 
@@ -144,8 +146,8 @@ def _show_bands(done: "EnsembleResult") -> None:
     for band in done.bands:
         if band.delay_s > 0:
             line(
-                f"{band.run}: its first {band.delay_s:.2g} s are excluded, because the model fits them far worse than"
-                " the later readings: a hand may still have moved the rods."
+                f"{band.run}: the first {band.delay_s:.2g} s are excluded. The model fits them far worse than"
+                " the later readings, so a hand may still have moved the rods."
             )
 
 
@@ -155,14 +157,14 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
 
     if done.factor_of_fit > 1:
         yield (
-            f"Standard deviations are multiplied by {done.factor_of_fit:.3g}, a factor from cross-validation: with it,"
-            " the 90 % bands that the other recordings predict cover each fitted recording."
+            f"Standard deviations are multiplied by {done.factor_of_fit:.3g}. With this factor, the 90 % bands"
+            " predicted from the other recordings cover each fitted recording (cross-validation)."
         )
     if done.amplitudes_rad is not None:
         low, high = (math.degrees(amplitude) for amplitude in done.amplitudes_rad)
         yield (
-            f"The fitted recordings have amplitudes of {low:.3g} to {high:.3g} degrees: beyond them the models"
-            " extrapolate, and bands may be too narrow."
+            f"The fitted recordings have amplitudes of {low:.3g} to {high:.3g} degrees. Outside this range the"
+            " models extrapolate, and the bands may be too narrow."
         )
     if done.expected_coverage < BANDS.level:
         yield (
@@ -227,9 +229,9 @@ def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
             for replay in replays
         ]
         note = (
-            "Errors of free runs, or of segments of 1 s if the arm moves. The error after the change is larger than"
-            " that of dpr-lab if the file cannot contain an effect, if the simulator softens Coulomb friction, or if"
-            " numbers of the file were kept because they differ by less than 1 %."
+            "Errors of free runs, or of segments of 1 s if the arm moves. The error after the change can exceed"
+            " that of dpr-lab for three reasons: the file cannot contain an effect, the simulator softens"
+            " Coulomb friction, or numbers that differ by less than 1 % were kept."
         )
         table(f"Replayed with the numbers of {name}", columns, rows, note=note)
 

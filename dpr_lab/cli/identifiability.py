@@ -19,12 +19,12 @@ def identifiability(
     rig: RigName,
     runs: Annotated[
         list[Path] | None,
-        typer.Argument(help="Run files (.mcap); default: releases simulated from the poses of the rig file."),
+        typer.Argument(help="Run files (.mcap). Default: simulated releases from the poses of the rig file."),
     ] = None,
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Analyse which parameters of a rig its recordings identify, and recommend bench measurements for the others.
+    """Find the parameters of a rig that recordings identify, and recommend bench measurements for the others.
 
     Example: dpr-lab identifiability runs/*.mcap --rig paper
     """
@@ -55,8 +55,8 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
     _print(f"{analysis.heading}.")
     if analysis.simulated:
         _print(
-            "No runs were given: the recordings are simulated with the values of the rig file. The"
-            " values below are not results."
+            "No runs were given, so the recordings are simulated with the values of the rig file. The values"
+            " below are not results."
         )
     valued = not analysis.simulated
     table(
@@ -86,7 +86,7 @@ def show_arm(analysis: "ArmIdentifiability") -> None:
 def show(analysis: "Identifiability") -> None:
     """Print the results as tables and sentences.
 
-    They are as wide as the terminal, or 160 columns in a pipe.
+    The tables are as wide as the terminal, or 160 columns in a pipe.
     """
     from dpr_lab.identification.directions import described
     from dpr_lab.identification.identifiability import CRAMER_RAO_NOTE
@@ -96,8 +96,8 @@ def show(analysis: "Identifiability") -> None:
 
     sizes = ", ".join(f"{value:.2g}" for value in analysis.singular_values)
     _print(
-        f"The recordings determine {analysis.rank} of 9 combinations of parameters (singular values {sizes}; the others"
-        " are 0)."
+        f"The recordings determine {analysis.rank} of 9 combinations of parameters (singular values {sizes};"
+        " the other singular values are 0)."
     )
     table(
         "Quantities determined by the recordings",
@@ -143,9 +143,9 @@ def _show_length(analysis: "Identifiability") -> None:
         return
     shifts = ", ".join(f"{name} {100 * shift:+.2f} %" for name, shift in analysis.length_error.ratio_shift.items())
     _print(
-        f"L1 is assumed exact. An error of {1e3 * analysis.length_error.error:.2g} mm changes e2 = d g / L1,"
-        f" like an error of g or of the sample clock. It changes the ratios by {shifts} and leaves a residual"
-        f" of {analysis.length_error.residual_over_noise:.1f} times the noise."
+        "L1 is assumed exact. An error of L1 changes e2 = d g / L1, like an error of g or of the sample clock."
+        f" An error of {1e3 * analysis.length_error.error:.2g} mm changes the ratios by {shifts} and leaves a"
+        f" residual of {analysis.length_error.residual_over_noise:.1f} times the noise."
     )
 
 
@@ -153,7 +153,7 @@ def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
     from dpr_lab.report.digits import NONE
 
     if not analysis.null_space:
-        _print("All parameters are determined; a further measurement only reduces their uncertainty.")
+        _print("All parameters are determined. A further measurement only reduces their uncertainty.")
     table(
         "Additional measurements on the bench",
         ("measurement", "quantity", "determines", "gain (bits)"),

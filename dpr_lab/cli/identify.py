@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 def identify(
     runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap); releases from two different poses are enough.")
+        list[Path], typer.Argument(help="Run files (.mcap) of releases from at least two different poses.")
     ],
     rig: RigName,
     objective: Annotated[
         str,
         typer.Option(
-            help="Objective of the search: short segments, insensitive to chaos [segments], or published E(Z) of"
-            " whole runs [paper].",
+            help="Objective of the search: error in short segments, which is insensitive to chaos [segments],"
+            " or the published error E(Z) of whole runs [paper].",
             callback=OBJECTIVE_NAMES.check,
             autocompletion=OBJECTIVE_NAMES.complete,
         ),
@@ -46,8 +46,10 @@ def identify(
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")
     ] = 0,
-    profile: Annotated[bool, typer.Option("--profile", help="Add profile likelihood intervals of the ratios.")] = False,
-    out: Annotated[Path, typer.Option(help="File of the model.")] = Path("model.json"),
+    profile: Annotated[
+        bool, typer.Option("--profile", help="Also compute profile likelihood intervals of the ratios.")
+    ] = False,
+    out: Annotated[Path, typer.Option(help="File for the model.")] = Path("model.json"),
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Json = False,
@@ -115,6 +117,6 @@ def show(model: "Model") -> None:
         table("90 % intervals by profile likelihood", ("ratio", "from", "to"), rows)
     nine = tables.parameter_rows(model)
     count = "Parameters" if model.fitted else "Nine parameters"
-    table(f"{count} and what determined them", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
+    table(f"{count} and what determines them", tables.PARAMETER_COLUMNS, nine, note=tables.parameter_note(model))
     for warning in model.warnings:
         say(f"warning: {warning}")

@@ -38,11 +38,11 @@ def import_table(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show how the table is interpreted, without writing a run.")
     ] = False,
-    out: Annotated[Path, typer.Option(help="Folder of the run, or its file NAME.mcap.")] = Path("runs"),
+    out: Annotated[Path, typer.Option(help="Folder for the run, or its file name NAME.mcap.")] = Path("runs"),
     as_json: Json = False,
     **typed: Any,
 ) -> None:
-    """Import a table of any logger as a run; gaps and uneven time stamps are kept, repeated rows are dropped.
+    """Import a table of any logger as a run. Gaps and uneven time stamps are kept; repeated rows are dropped.
 
     Formats: text tables, JSON, .mat, .npz, Parquet, HDF5, JointState in MCAP or a ROS 2 bag, points of Tracker or
     DeepLabCut.
@@ -124,7 +124,7 @@ def _show(understood: "Preview", as_json: bool) -> None:
         emit(understood.to_json())
         return
     table(
-        f"{understood.file.name}, nothing written yet",
+        f"{understood.file.name}: interpretation (no run was written)",
         ("", "interpretation"),
         list(understood.facts().items()),
     )

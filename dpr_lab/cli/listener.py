@@ -71,7 +71,7 @@ class Listener:
             case events.TrustTrialDone():
                 remaining = f"about {math.ceil(event.left_s / 60)} min" if event.done else ""
                 if event.done == 1:
-                    say(f"the first blind trial took {event.elapsed_s:.0f} s: {remaining} for the others")
+                    say(f"the first blind trial took {event.elapsed_s:.0f} s: {remaining} for the remaining trials")
                 text = (
                     f"{event.done} of {event.of}, {remaining} left"
                     if event.done
@@ -156,8 +156,8 @@ class Listener:
             case HangReading(ok=False):
                 errors = _degrees(reading.error[: self._rods])
                 say(
-                    f"the hanging rods deviate by {errors} from the vertical: counts were lost, or the zero in"
-                    f" the rig file is wrong"
+                    f"the hanging rods deviate by {errors} from the vertical: either counts were lost, or the"
+                    " zero in the rig file is wrong"
                 )
             case PoseReading():
                 within = f"(within {math.degrees(reading.tolerance):.1f} deg)"
@@ -182,7 +182,7 @@ def effects_listed(names: tuple[str, ...]) -> str:
 
 
 def named_by(outcome: "TrialOutcome") -> str:
-    """Effects named by the diagnosis of a trial, and its verdict."""
+    """Effects that the diagnosis of a trial names, followed by its verdict."""
     from dpr_lab.report.words import named
     from dpr_lab.shown import listed
 

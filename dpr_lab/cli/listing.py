@@ -10,12 +10,12 @@ from dpr_lab.cli.checks import NO_RIG
 
 
 class Listing(TyperGroup):
-    """Group whose help lists each command with the complete first sentence of its help, wrapped over several lines."""
+    """Command group whose help shows the complete first sentence of each command, wrapped over several lines."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command.
 
-        If the rig is missing, the error message explains rig files and how to write one.
+        If the rig is missing, the error message explains how to write a rig file.
 
         Raises:
             BadParameter: a value of a command is missing or refused.

@@ -45,7 +45,7 @@ class RodOptions:
 
     @property
     def single(self) -> bool:
-        """Whether the rig has one rod only."""
+        """Whether the rig has only one rod."""
         return self.rods == "inner" and self.m2 is None and self.l2 is None
 
     @property
@@ -54,7 +54,7 @@ class RodOptions:
         return (self.l1, self.m1) if self.single else (self.l1, self.m1, self.l2, self.m2)
 
     def completed(self, ask: bool) -> "RodOptions":
-        """Copy in which the missing values are prompted for."""
+        """Copy with all values; the user is prompted for missing ones."""
         distance, rod = (
             ("Length of the rod, m", "rod") if self.single else ("Distance between the two joints, m", "inner rod")
         )
@@ -84,7 +84,7 @@ class EncoderOptions:
     ] = False
 
     def prompted(self, *, two_rods: bool) -> "EncoderOptions":
-        """Copy in which the missing values are prompted for."""
+        """Copy with all values; the user is prompted for missing ones."""
         joint2 = self.joint2
         if two_rods and joint2 is None:
             question = "Encoder of the outer rod (relative to the inner rod, or absolute)"
@@ -116,7 +116,7 @@ class ArmOptions:
     gear: Annotated[float, typer.Option(help="Turns of the motor per turn of the arm.", callback=positive)] = 1.0
 
     def motor(self) -> "MotorMeasures | None":
-        """Motor of the arm; None without `--input`."""
+        """Motor of the arm; None if `--input` is not given."""
         from dpr_lab.workflows.rig_drive import MotorMeasures
 
         stated = {"kt": self.kt, "ke": self.ke, "resistance": self.resistance}
@@ -124,7 +124,7 @@ class ArmOptions:
         if self.input is None:
             if given or self.gear != 1.0:
                 names = ", ".join(f"--{name}" for name in given) or "--gear"
-                raise typer.BadParameter(f"{names} needs the input of the motor: give --arm driven and --input")
+                raise typer.BadParameter(f"{names} requires a driven arm: give --arm driven and --input")
             return None
         return MotorMeasures(self.input, given.get("kt"), given.get("ke"), given.get("resistance"), self.gear)
 
@@ -138,10 +138,12 @@ def new(
     arm: ArmOptions,
     g: Annotated[float, typer.Option(help="Gravity, m/s^2.")] = 9.81,
     url: Annotated[str | None, typer.Option("--link", help="Link to the device.")] = None,
-    out: Annotated[Path | None, typer.Option(help="File to write; default: NAME.toml.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write. Default: NAME.toml.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
-    """Write a rig file from lengths and masses, with plausible bounds. On a terminal, missing values are prompted for.
+    """Write a rig file with plausible bounds from lengths and masses.
+
+    On a terminal, the command asks for missing values.
 
     Example: dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12 --out my_rig.toml
 
@@ -193,7 +195,7 @@ def new(
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
     """Answer to a prompt on a terminal; without a terminal, the missing option is refused."""
     if not ask:
-        raise typer.BadParameter(f"{flag} is required: {question}; on a terminal it is prompted for")
+        raise typer.BadParameter(f"{flag} is required: {question}. On a terminal, the command asks for it")
     return str(typer.prompt(question, default=default, type=kind, err=True))
 
 

@@ -1,6 +1,6 @@
 """Groups of options.
 
-A parameter of a command whose type is a dataclass is replaced by one option per field.
+If the type of a command's parameter is a dataclass, one option per field replaces the parameter.
 """
 
 import inspect

@@ -13,19 +13,23 @@ QUICK = {"seeds": 2, "generations": 60}
 
 
 def paper(
-    out: Annotated[Path, typer.Option(help="Folder of paper.md, paper.json, tables and figures.")] = Path("out/paper"),
+    out: Annotated[Path, typer.Option(help="Folder for paper.md, paper.json, tables and figures.")] = Path("out/paper"),
     seeds: Annotated[
         int,
         typer.Option(
-            min=1, help="Number of searches for each interpretation of H, with true values on and off the coding grid."
+            min=1,
+            help="Number of searches for each interpretation of H, both with true values on the coding"
+            " grid and off it.",
         ),
     ] = 5,
     generations: Annotated[
-        int, typer.Option(min=1, help="Number of generations; the published search has 1000.")
+        int, typer.Option(min=1, help="Number of generations. The published search has 1000.")
     ] = 1000,
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="At most 2 seeds and 60 generations: a test of the program, not of the accuracy."),
+        typer.Option(
+            "--quick", help="Use at most 2 seeds and 60 generations. This tests the program, not its accuracy."
+        ),
     ] = False,
     workers: Annotated[int, typer.Option(min=0, help="Number of searches run in parallel; 0: one per core.")] = 0,
     as_json: Json = False,

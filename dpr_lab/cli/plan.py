@@ -16,31 +16,30 @@ if TYPE_CHECKING:
 COLUMNS = ("release", "what to record", "reason", "minutes", "horizon, s", "effects distinguished")
 
 RELEASES = (
-    "Angles: 0 = upright, 180 deg = hanging. Horizon: time after which small errors of the start pose change the swing;"
-    " later samples still contribute information. Effects distinguished: mean expected information about two effects of"
-    " the library (`dpr-lab effects`), from all releases up to this one; 0 % if they distinguish no two effects, 100"
-    " % if"
-    " all."
+    "Angles: 0 = upright, 180 deg = hanging. Horizon: time after which small errors of the start pose"
+    " change the swing; later samples still contribute information. Effects distinguished: mean expected"
+    " information about a pair of effects of the library (`dpr-lab effects`), from all releases up to this"
+    " one. 0 %: no pair is distinguished; 100 %: all pairs are."
 )
 
 FORECAST = (
-    " P(decided): probability that the causes are decided after this release; causes that no release separates count"
-    " as one."
+    " P(decided): probability that the causes are decided after this release. Causes that no release"
+    " separates count as one cause."
 )
 
 BITS = "1 bit decides between two equally probable causes."
 
-NOT_SEEN = "Not detectable: not visible at any size, or indistinguishable from an effect of the model."
+NOT_SEEN = "Not detectable: the effect is not visible at any size, or is indistinguishable from an effect of the model."
 
 
 def plan(
     rig: RigName,
     runs: Annotated[
         list[Path] | None,
-        typer.Argument(help="Run files (.mcap) recorded so far; without any, the first plan uses the rig file alone."),
+        typer.Argument(help="Run files (.mcap) recorded so far. Without runs, the plan is based on the rig file."),
     ] = None,
     budget: Annotated[
-        str | None, typer.Option(help="Time at the rig, such as 10min or 1h; default: three releases.")
+        str | None, typer.Option(help="Available time at the rig, such as 10min or 1h. Default: three releases.")
     ] = None,
     limits: Annotated[
         Path | None,
@@ -50,16 +49,18 @@ def plan(
         Path | None,
         typer.Option(help="Diagnosis of these runs, its JSON file or folder; default: they are diagnosed first."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the search; the same seed gives the same plan.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same plan.")
+    ] = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder of plan.json, a rig file with the planned poses, and input signals for the drives."),
+        typer.Option(help="Folder for plan.json, a rig file with the planned poses, and input signals for the drives."),
     ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,
     as_json: Json = False,
 ) -> None:
-    """Plan the next recordings: start pose, duration, rods, mass and input, with the expected information of each.
+    """Plan the next recordings: start pose, duration, rods, mass, input and expected information of each recording.
 
     Example: dpr-lab plan runs/*.mcap --rig paper --budget 10min
     """
@@ -135,7 +136,7 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 def commands(made: "Plan") -> list[str]:
     """Commands that record all releases of a first plan, or the next release of a later plan.
 
-    The next release of a later plan may be optional.
+    In a later plan, even the next release can be optional.
     """
     if made.state == "bench check":
         return []
@@ -167,7 +168,9 @@ def _show_detectable(made: "Plan", most: int = 6) -> None:
         )
         for effect in worst[:most]
     ]
-    note = f"{len(made.detectable)} amplitudes in total; the table lists those that are hardest to detect. {NOT_SEEN}"
+    note = (
+        f"{len(made.detectable)} amplitudes in total. The table lists the ones that are hardest to detect. {NOT_SEEN}"
+    )
     table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan"), rows, note=note)
 
 

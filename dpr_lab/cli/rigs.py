@@ -1,4 +1,4 @@
-"""`dpr-lab rig list|show|new|from|check`: built-in rig files, creation and validation of rig files."""
+"""`dpr-lab rig list|show|new|from|check`: listing, creation and validation of rig files."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +12,7 @@ from dpr_lab.cli.listing import Listing
 from dpr_lab.cli.new_rig import new
 
 app = typer.Typer(
-    help="List, show, create and check rig files (docs/rig-file.md documents every key).",
+    help="List, show, create and check rig files. docs/rig-file.md documents every key.",
     cls=Listing,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -40,7 +40,7 @@ def list_(as_json: Json = False) -> None:
 
 @app.command()
 def show(
-    rig: Annotated[str, typer.Argument(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: Annotated[str, typer.Argument(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)],
     as_json: Json = False,
 ) -> None:
     """Print a rig file after checking it.
@@ -63,8 +63,8 @@ def from_model(
     joints: Annotated[
         str | None,
         typer.Option(
-            help="Joints of the inner rod, the outer rod and optionally the arm, or of one rod and its arm, separated"
-            " by commas."
+            help="Joints, separated by commas: inner rod, outer rod and optionally arm; or, with a single rod,"
+            " rod and arm."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="File to write.")] = Path("rig.toml"),
@@ -106,7 +106,7 @@ app.command("new")(new)
 
 @app.command()
 def check(
-    rig: Annotated[str, typer.Argument(help="Rig file, or the name of a built-in one.", autocompletion=complete_rig)],
+    rig: Annotated[str, typer.Argument(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)],
     as_json: Json = False,
 ) -> None:
     """Check a rig file for errors, missing keys and implausible values. The exit code is 1 if it cannot be used.

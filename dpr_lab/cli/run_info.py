@@ -1,4 +1,4 @@
-"""Metadata of a run file as table rows: quantities in words, with units."""
+"""Metadata of a run file as table rows: names of quantities with their units."""
 
 import re
 from collections.abc import Mapping
@@ -85,7 +85,7 @@ PARTS = {
 underscores."""
 
 _ROUND_OFF = 1e-12
-"""Maximum magnitude of a number that is printed as zero, because intervals of equal length differ by round-off."""
+"""Largest magnitude that is printed as zero. Intervals of equal length differ by round-off."""
 
 _WITH_UNIT = re.compile(r"(\w+) \((.+)\)")
 """Pattern of a quality check with its unit in a run file. A share has the unit 1."""

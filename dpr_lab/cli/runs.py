@@ -29,7 +29,7 @@ RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
 RunFiles = Annotated[list[Path], typer.Argument(help="Run files (.mcap).")]
 Json = Json
 JsonEach = Annotated[
-    bool, typer.Option("--json", help="JSON on stdout: one object for one file, a list of them for several.")
+    bool, typer.Option("--json", help="JSON on stdout: one object for one file, a list of objects for several files.")
 ]
 
 
@@ -52,7 +52,7 @@ def info(files: RunFiles, as_json: JsonEach = False) -> None:
 
 @app.command()
 def verify(files: RunFiles, as_json: JsonEach = False) -> None:
-    """Check run files: hash, CRC of every chunk, ticks, end. The exit code is 3 if any check fails.
+    """Check the hash, the CRC of every chunk, the ticks and the end of run files. The exit code is 3 if a check fails.
 
     Example: dpr-lab run verify runs/*.mcap
     """
@@ -100,11 +100,16 @@ def export(
         typer.Option(help="File to write; its suffix is the format: .csv .parquet .h5 .hdf5 .nc .mat .mcap"),
     ] = None,
     xarray: Annotated[
-        bool, typer.Option("--xarray", help="NetCDF, which xarray opens. Without --out: next to the run file, as .nc.")
+        bool,
+        typer.Option(
+            "--xarray",
+            help="Write NetCDF for xarray. Without --out, the file is written next"
+            " to the run file, with the suffix .nc.",
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a run as CSV, Parquet, HDF5, NetCDF, MATLAB or JointState (MCAP, ROS 2); absolute angles, upright = 0.
+    """Write a run as CSV, Parquet, HDF5, NetCDF, MATLAB or JointState (MCAP, ROS 2). Angles are absolute, upright = 0.
 
     Example: dpr-lab run export runs/20261121T101500Z_X1_1a2b3c4d.mcap --out run.csv
 

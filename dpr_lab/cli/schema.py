@@ -22,7 +22,7 @@ def schema(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="diagnosis, model, check, certificate, drift, accept or plan; default: list them.",
+            help="Result: diagnosis, model, check, certificate, drift, accept or plan. Default: list the results.",
             callback=SCHEMA_NAMES.check,
             autocompletion=SCHEMA_NAMES.complete,
         ),

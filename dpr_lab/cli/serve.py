@@ -11,10 +11,10 @@ import typer
 def serve(
     stdio: Annotated[bool, typer.Option("--stdio", help="Requests come from stdin, responses go to stdout.")] = False,
 ) -> None:
-    """Run identifications and diagnoses for other programs by JSON-RPC 2.0, in one process that keeps the kernels.
+    """Run identifications and diagnoses for other programs by JSON-RPC 2.0, in one process with the compiled code.
 
-    Each line of stdin is one request, each line of stdout one response or progress notification. At the end of stdin
-    the queued jobs are finished. There is no network port, and no method moves or releases a rod.
+    Each line of stdin is one request. Each line of stdout is one response or progress notification. At the end of stdin
+    the server finishes the queued jobs and exits. There is no network port, and no method moves or releases a rod.
 
     Example: echo '{"jsonrpc": "2.0", "id": 1, "method": "status"}' | dpr-lab serve --stdio
     """

@@ -31,38 +31,46 @@ app = typer.Typer(help=HELP, cls=Listing, no_args_is_help=True, rich_markup_mode
 
 HIDDEN = (
     "one effect of the library (single), two (pair), three (triple) or none (clean); one effect of the library"
-    " in another form (form); one effect outside the library (outside); faulty encoders, with one effect or without"
-    " an effect (dirty); drives with or without a fault (driven, only on request); one effect among several small ones"
-    " (background, only on request)"
+    " in another form (form); one effect outside the library (outside); faulty encoders, with or without"
+    " one effect (dirty); drives with or without a fault (driven, only on request); one effect among several"
+    " small effects (background, only on request)"
 )
 
 RigName = Annotated[
     str | None,
     typer.Option(
-        help="Rig file or name of a built-in rig: the centre of the random rigs. Default: paper; driven_double with"
-        " --arm.",
+        help=(
+            "Rig file or name of a built-in rig, around which random rigs are drawn. Default: paper;"
+            " driven_double with --arm."
+        ),
         autocompletion=complete_rig,
     ),
 ]
 PlantName = Annotated[
     str | None,
     typer.Option(
-        help="Plant file: the centre of the random plants; read by the simulated device only. Default: that of the"
-        " default rig."
+        help=(
+            "Plant file, around which random plants are drawn. Only the simulated device reads this file."
+            " Default: the plant of the default rig."
+        )
     ),
 ]
 ArmMode = Annotated[
     TrialArm | None,
     typer.Option(
-        help="The arm moves by itself, or a motor drives it: the hidden effects are those of joint 0 and of the drive."
-        " Kinds: single, pair, triple, clean, dirty."
+        help=(
+            "Arm that moves freely or is driven by a motor. The hidden effects are effects of joint 0 and"
+            " of the drive. Kinds: single, pair, triple, clean, dirty."
+        )
     ),
 ]
 Size = Annotated[
     Level,
     typer.Option(
-        help="Visibility: a gap of at least twice the noise (clear), about equal to it (subtle), or 0.1 to 1 times it"
-        " (faint)."
+        help=(
+            "Size of the gap: at least twice the noise (clear), about equal to the noise (subtle), or 0.1"
+            " to 1 times the noise (faint)."
+        )
     ),
 ]
 Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")]
@@ -76,7 +84,9 @@ def _centre(name: str | None, arm: TrialArm | None) -> str:
 @app.command()
 def draw(
     out: Annotated[Path, typer.Option(help="New folder for the trial.")],
-    kind: Annotated[Kind, typer.Option(help=f"Hidden effect: {HIDDEN}. Any: the kind is hidden too.")] = Kind.ANY,
+    kind: Annotated[
+        Kind, typer.Option(help=f"Hidden effect: {HIDDEN}. With `any`, the kind is hidden too.")
+    ] = Kind.ANY,
     level: Size = Level.CLEAR,
     arm: ArmMode = None,
     rig: RigName = None,
@@ -215,12 +225,12 @@ def _forecast_error(summary: dict[str, Any]) -> str:
 @app.command()
 def campaign(
     out: Annotated[
-        Path, typer.Option(help="Folder of the results; a campaign that was interrupted there is continued.")
+        Path, typer.Option(help="Folder for the results. An interrupted campaign in this folder is continued.")
     ],
     n: Annotated[int, typer.Option(min=1, help="Number of trials.")] = 500,
     kind: Annotated[
         list[Kind] | None,
-        typer.Option(metavar="<kind>", help=f"Hidden effect, may be repeated: {HIDDEN}. Default: all kinds in turn."),
+        typer.Option(metavar="<kind>", help=f"Hidden effect: {HIDDEN}. May be repeated. Default: all kinds in turn."),
     ] = None,
     level: Size = Level.CLEAR,
     arm: ArmMode = None,
@@ -233,14 +243,18 @@ def campaign(
         int, typer.Option(min=0, help="Number of trials run in parallel on this machine; 0: one per core.")
     ] = 0,
     scheduler: Annotated[
-        str | None, typer.Option(help="Run on the workers of this dask scheduler instead, e.g. tcp://127.0.0.1:8786.")
+        str | None,
+        typer.Option(help="Run the trials on the workers of this dask scheduler, e.g. tcp://127.0.0.1:8786."),
     ] = None,
     plan: Annotated[
         bool,
         typer.Option(
             "--plan",
-            help="Record each plant release by release until its cause is decided, or until only a bench check can"
-            " decide. Strategies: a plan, a plan that also chooses durations, the fixed menu, and random poses.",
+            help=(
+                "Record each plant release by release until its cause is decided, or until only a bench"
+                " check can decide. Four strategies are compared: a plan, a plan that also chooses"
+                " durations, a fixed menu of poses, and random poses."
+            ),
         ),
     ] = False,
     as_json: Json = False,
@@ -274,5 +288,8 @@ def campaign(
         line(sentence(done.summary))
         line(f"page: {done.files['page']}")
     if done.failures:
-        say(f"{counted(len(done.failures), 'trial')} ended with an error; run the command again to repeat them")
+        say(
+            f"{counted(len(done.failures), 'trial')} ended with an error; run the command again to repeat"
+            " the failed trials"
+        )
         raise typer.Exit(1)

@@ -16,18 +16,18 @@ def tui(
     rig: Annotated[
         str | None,
         typer.Option(
-            help="Rig file, or the name of a built-in one; default: that of the last session.",
+            help="Rig file, or name of a built-in rig. Default: the rig of the last session.",
             autocompletion=complete_rig,
         ),
     ] = None,
     link: Annotated[
-        str | None, typer.Option(help="Link to the device; default: that of the last session, or of the rig file.")
+        str | None, typer.Option(help="Link to the device. Default: the link of the last session, or of the rig file.")
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of runs, model, report and diagnosis; default: that of the last session. In a new folder, no"
-            " runs and no results are selected."
+            help="Folder for runs, model, report and diagnosis. Default: the folder of the last session. In a"
+            " new folder, no runs and no results are selected."
         ),
     ] = None,
     allow_release: Annotated[
@@ -35,8 +35,8 @@ def tui(
         typer.Option(
             "--allow-release",
             help=(
-                "With --serve: anyone who has the address can send commands to the device, open the latch and"
-                " write files."
+                "With --serve: allow control. Anyone who has the address can send commands to the device, open"
+                " the latch and write files."
             ),
         ),
     ] = False,
@@ -46,8 +46,8 @@ def tui(
             min=1,
             max=65535,
             metavar="PORT",
-            help="Serve the screen to browsers on this computer, read-only; prints the address, which"
-            " contains a token.",
+            help="Serve the screen read-only to browsers on this computer. The command prints the address,"
+            " which contains a token.",
         ),
     ] = None,
 ) -> None:
@@ -69,12 +69,15 @@ def tui(
         import_module("termios")
     except ModuleNotFoundError as missing:
         message = (
-            "the screen requires Linux, macOS, or WSL on Windows; on this system use capture, identify and diagnose"
+            "the screen requires Linux, macOS, or WSL on Windows; on this system use the commands capture,"
+            " identify and diagnose"
         )
         raise DprError(message) from missing
     served = "web_driver" in os.environ.get("TEXTUAL_DRIVER", "")
     if not sys.stdout.isatty() and not served:
-        raise DprError("the screen needs a terminal; without one use capture, identify, compare and diagnose")
+        raise DprError(
+            "the screen needs a terminal; without a terminal use the commands capture, identify, compare and diagnose"
+        )
     from dpr_lab.tui import FRAMES_PER_S
 
     if served:

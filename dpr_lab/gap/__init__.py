@@ -1,7 +1,7 @@
 """Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction.
 
 Reading order. `diagnose.diagnose` runs the stages; each stage extends the frozen record of `state`. The modules named
-here contain about 21,000 words of text and code, which take about an hour and a half to read. The other modules of
+here contain about 21,000 words of text and code, and can be read in about an hour and a half. The other modules of
 these folders contain about 60,000 words. The docstring of each module states its purpose.
 
     stage (reported as)        entry point                       question
@@ -24,8 +24,9 @@ these folders contain about 60,000 words. The docstring of each module states it
 4. `damage.disturbances`: readings that are disturbed by kicks, hands or steps are excluded: after the bare model and,
    by `corrections`, after forward selection.
 
-Recordings that are not fitted are called held out: `Request.held_out` are the runs, `state.held_out` the same after
-screening, and `state.held_out_prediction` predicts them by any set of effects.
+Recordings that are not fitted are called held out. `Request.held_out` contains these runs, `state.held_out` the
+screened runs. `state.held_out_prediction` predicts them by any set of effects.
 
-docs/how-the-diagnosis-decides.md explains the decisions in words, docs/theory.md sections 5 and 7 to 10 the equations.
+docs/how-the-diagnosis-decides.md explains the decisions; docs/theory.md, sections 5 and 7 to 10, contains the
+equations.
 """

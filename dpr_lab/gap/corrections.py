@@ -1,6 +1,6 @@
 """Corrections of the recordings that a set of effects implies; after each correction, the effects are searched again.
 
-    noise of torques    initially the noise at rest, unless the set shows that it is smaller or the torques are exact
+    noise of torques    smaller than at rest, or zero, if the set shows it
     earlier torques     torques that act before their rows, which looks like a negative delay
     kicks and steps     disturbances that a larger cause hid in the residuals of the bare model
     rolling shutter     correction of the readings of a film, in two passes
@@ -25,10 +25,10 @@ from dpr_lab.gap.state import Drafted
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Correction of one property of the recordings that the result of a search reveals."""
+    """Correction of one property of the recordings, which the result of a search reveals."""
 
     correct: Callable[[Drafted], Drafted | None]
-    """Function that returns the state with corrected recordings; None if they need no correction."""
+    """Function that returns the state with corrected recordings; None if no correction is needed."""
     better: Callable[[Drafted, Drafted], bool]
     """Function (previous state, corrected state) -> whether the search of the corrected recordings is used."""
     most: int = 1

@@ -87,8 +87,8 @@ def diagnose(
         on_progress: function that is called at the start of each stage, fit and score test
 
     Raises:
-        RunError: no runs, or one that is too short or without motion.
-        IdentificationError: known torques or masses fit only a negative inertia.
+        RunError: there are no runs, or a run is too short or contains no motion.
+        IdentificationError: the known torques or masses fit only with a negative inertia.
     """
     started = time.perf_counter()
     to_fit = as_runs(runs)

@@ -20,11 +20,11 @@ class RowRules:
     earlier: float = 1.0
     """Maximum time by which known torques act before their rows, as a share of the interval between rows.
 
-    The share is one half for samples of a continuous signal. It is less if the drive renews its torque several times
-    per row, and more if the drive renewed it long before the row.
+    The share is one half for samples of a continuous signal. It is smaller if the drive updates its torque several
+    times per row, and larger if the last update was long before the row.
     """
     slack: float = 0.1
-    """Uncertainty of the share `earlier`; a torque that acts still earlier was logged too late."""
+    """Uncertainty of the share `earlier`. A torque that acts even earlier was logged too late."""
 
 
 ROWS = RowRules()
@@ -53,7 +53,7 @@ def with_likeliest_noise(
 def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
     """Recordings with a smaller noise of their torques, or with exact torques, if a selected model requires it.
 
-    None: no change.
+    None if nothing changes.
     """
     if problem.disturbance is not None and far_from_noise(model):
         return replace(recordings, exact_torques=True, ratios=None)
@@ -75,5 +75,5 @@ def earlier_share(recordings: Recordings, model: Hypothesis) -> float:
 
 
 def no_worse(held: Hypothesis, earlier: Hypothesis) -> bool:
-    """Whether torques that act before their rows fit as well as held torques with a delay, within the noise."""
+    """Whether torques that act before their rows fit as well as held torques with a delay, up to the noise."""
     return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation

@@ -1,4 +1,4 @@
-"""Ratios that describe the mounted rods: to b, or to a if the inner rod is alone."""
+"""Ratios that describe the mounted rods: to b, or to a if only the inner rod is mounted."""
 
 from dpr_lab.dynamics.base import GAINS, RATIOS
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
@@ -9,10 +9,10 @@ from dpr_lab.rig import Rig
 
 
 def ratio_of(parameter: FreeParameter, estimate: Estimate, rig: Rig, *, alone: bool) -> tuple[str, float, float] | None:
-    """Fitted parameter of rods, arm or drive as a ratio to b, or to a if the inner rod is alone.
+    """Fitted parameter of rods, arm or drive as a ratio: to b, or to a if only the inner rod is mounted.
 
     Returns:
-        name and value of the ratio, and the divisor of the parameter; None for the size of an effect
+        name and value of the ratio, and the divisor of the parameter; None if the parameter is the size of an effect
     """
     unknown, value = estimate.ratios, parameter.read(estimate)
     on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)

@@ -39,7 +39,7 @@ ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 
 
 def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> Shutter | None:
-    """Rolling shutter that explains most of a model's residual; None for encoders, or if none explains enough.
+    """Rolling shutter that explains most of a model's residual; None for encoders, or if no shutter explains enough.
 
     If the readings are already corrected for a delay, only this delay is refined.
 
@@ -62,7 +62,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
     """Whether recordings that were corrected for a rolling shutter are explained better than without the correction.
 
-    False if the segments differ because other readings were excluded, since the two fits are then not comparable.
+    False if the segments differ because other readings were excluded; the two fits are then not comparable.
     """
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False

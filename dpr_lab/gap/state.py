@@ -97,7 +97,7 @@ class Fitted(ScreenedRuns):
     """Segments of the fitted runs."""
     bare: Hypothesis
     held_out_prediction: OutOfSample | None
-    """Prediction of the held-out recordings by any model; None without such recordings."""
+    """Prediction of the held-out recordings by any model; None if there are no held-out recordings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,14 +163,17 @@ class Advised(Transferred):
 
     @property
     def absorbed(self) -> dict[str, dict[str, str]]:
-        """Effect -> amplitude -> parameter that absorbs the amplitude; an effect of the model is tested without it."""
+        """Effect -> amplitude -> parameter that absorbs the amplitude.
+
+        An effect of the model is tested in the model without this effect.
+        """
         around, last = self.selection.tests_without, self.selection.final_test
         scores = {name: around[name].of(name) if name in around else last.of(name) for name in EFFECTS}
         return {name: dict(score.absorbed) for name, score in scores.items() if score is not None and score.absorbed}
 
     @property
     def scale(self) -> Scale:
-        """Value of b, or of a for an inner rod alone, that absolute sizes assume: fitted, or from the rig file."""
+        """Value of b that absolute sizes assume, fitted or from the rig file; of a if only the inner rod is mounted."""
         alone = only_inner(self.problem.segments.setups)
         share = alone_share(self.selection.chosen.fit.estimate.ratios)
         return self._scale_b.as_inertia("a", share) if alone else self._scale_b

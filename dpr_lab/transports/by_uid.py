@@ -47,12 +47,12 @@ def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Tr
 def uid_digits(text: str) -> str:
     """Parse a UID, or its last digits, in hexadecimal form."""
     if not re.fullmatch("[0-9A-Fa-f]{4,16}", text):
-        raise ValueError("is not the UID of a device, or its last digits: 4 to 16 hexadecimal digits")
+        raise ValueError("is neither the UID of a device nor its last digits: give 4 to 16 hexadecimal digits")
     return text
 
 
 def uid_at(link: Transport, timeout: float = 0.7) -> str:
-    """UID of the device on an open link; empty without an answer in this protocol within `timeout` s.
+    """UID of the device on an open link; empty if no device answers in this protocol within `timeout` s.
 
     The message HELLO is repeated every 0.1 s.
 

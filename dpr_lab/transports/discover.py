@@ -19,8 +19,8 @@ class SerialPortFound:
     """Text after `serial://` in a URL."""
     description: str
     serial_number: str
-    """USB serial number; empty if there is none. Unlike the device path, it does not change when devices are plugged in
-    again."""
+    """USB serial number; empty if the port has none. Unlike the device path, the number does not change when devices
+    are plugged in again."""
     problem: str
     """Reason why the port cannot be used, with a remedy; empty if it can be used."""
 
@@ -33,11 +33,11 @@ class Links:
     can_interfaces: tuple[str, ...]
     """Network interfaces that `can://socketcan/NAME` can open."""
     can_backends: tuple[str, ...]
-    """Backends of python-can. Backends for adapters of a vendor also need the driver of this vendor."""
+    """Backends of python-can. The backend for a vendor's adapters also needs the driver of this vendor."""
 
 
 def discover() -> Links:
-    """Find the links of this computer without opening any."""
+    """Find the links of this computer without opening a link."""
     return Links(serial_ports(), can_interfaces(), can_backends())
 
 

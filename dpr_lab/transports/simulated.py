@@ -26,7 +26,7 @@ class Patience:
 
     start_s: float = 180.0
     first_start_s: float = 600.0
-    """Maximum duration of the first start on a computer, s. It is long because the first start compiles the
+    """Maximum duration of the first start on a computer, s. The first start takes long because it compiles the
     dynamics."""
     told_s: float = 5.0
     """Time after which a first start is reported as compiling, s. Errors in the arguments are reported earlier."""
@@ -57,8 +57,8 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     and `fault` (NAME=VALUE, several separated by commas).
 
     Raises:
-        LinkUrlError: an option is unknown, or the device refuses it; the message is that of the device.
-        LinkError: the device did not start; the message is that of the device.
+        LinkUrlError: an option is unknown, or the device refuses it; the device writes the message. LinkError: the
+        device did not start; the device writes the message.
     """
     options = url.options(_OPTIONS)
     if url.host or url.path.strip("/"):

@@ -1,6 +1,6 @@
 """TCP connection: `socket://192.168.1.20:5555`.
 
-This client replaces `socket://` of pyserial. There, in_waiting is only 0 or 1, and data are discarded when the peer
+This client replaces `socket://` of pyserial, whose in_waiting is only 0 or 1, and which discards data when the peer
 closes and while the connection opens.
 """
 

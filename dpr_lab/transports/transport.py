@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """Capacity of a link, and the part of it that a sample takes."""
+    """Capacity of a link, and the number of bits that a sample takes."""
 
     name: str
     """Name for the operator, for example `115200 baud`."""

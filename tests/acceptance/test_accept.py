@@ -170,7 +170,7 @@ def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(found: Diagnosis) ->
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "has no limits"),
+        ("", "contains no limits"),
         ('[effects.coulomb_jont2]\ntorque_Nm = {max = 1, unit = "N m"}', "coulomb_joint2"),
         ('[effects.coulomb_joint2]\ntorque = {max = 1.0, unit = "N m"}', "torque_Nm"),
         ('[effects.coulomb_joint2]\ntorque_Nm = {max = 1.0, unit = "mN m"}', 'must be "N m"'),
@@ -273,7 +273,7 @@ def test_accept_takes_the_limits_file_of_a_plan(tmp_path: Path) -> None:
     path.write_text('[recording]\nlongest_s = 20.0\n[friction.joint2]\nmax = 1.0\nspeed_rad_s = 3.0\nunit = "N m"\n')
     assert load_limits(path, PlanLimits).friction["joint2"].max == 1.0
     path.write_text("[recording]\nlongest_s = 20.0\n")
-    with pytest.raises(ConfigError, match="has no limits to test"):
+    with pytest.raises(ConfigError, match="contains no limits"):
         load_limits(path, PlanLimits)
     path.write_text("[effects.coulomb_joint2]\ntorque_Nm = 0.005\n")
     with pytest.raises(ConfigError, match=r"torque_Nm = 0\.005: must be a table of keys and values"):

@@ -74,7 +74,7 @@ def test_a_certificate_of_other_code_ends_with_1_unless_it_is_accepted(
     assert "--other-code verifies its claims with this code" in " ".join(done.out.split())
     done = cli("verify", path, "--other-code")
     assert done.code == 0, done.out + done.err
-    assert "Its claims were verified with the installed code, not with that code." in done.out
+    assert "Its claims were verified with the installed code." in done.out
 
 
 def test_an_older_certificate_says_so(cli: Callable, tmp_path: Path) -> None:

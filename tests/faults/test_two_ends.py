@@ -61,7 +61,7 @@ def test_an_unknown_uid_is_reported_with_the_devices_found(serve, operate, tmp_p
 def test_an_invalid_uid_is_refused(operate, uid: str) -> None:
     done = operate(f"serial://?uid={uid}")
     assert done.code == 2
-    assert "is not the UID of a device" in done.said
+    assert "is neither the UID of a device" in done.said
 
 
 @pytest.mark.parametrize(

@@ -360,7 +360,7 @@ def test_without_a_terminal_the_command_says_what_else_there_is(tmp_path: Path) 
         [sys.executable, "-m", "dpr_lab", "tui"], capture_output=True, text=True, check=False, env=environment
     )
     assert done.returncode == 1
-    assert "needs a terminal; without one use capture, identify, compare and diagnose" in done.stderr
+    assert "needs a terminal; without a terminal use the commands capture" in done.stderr
 
 
 @pytest.mark.long

@@ -5,8 +5,9 @@ recommended release has the largest discrimination between the effect and the al
 
     discrimination = |s| sqrt(1 - cos^2),
 
-in standard deviations of the noise, with s the signature of the effect and cos the cosine similarity of both. Effects
-that no recording distinguishes need a bench measurement. A new kind of check is a row of `CHECK_KINDS` and one file.
+in standard deviations of the noise, with s the signature of the effect and cos the cosine similarity of the two
+signatures. Effects that no recording distinguishes need a bench measurement. A new kind of check needs a row of
+`CHECK_KINDS` and one file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +27,7 @@ CHECK_KINDS: dict[str, CheckKind] = {
         frozenset({"value", "std"}), bench_measurement.form, bench_measurement.propose, bench_measurement.result
     ),
 }
-"""Kinds of checks by the names in messages and tables; the kinds that come first are proposed first."""
+"""Name in messages and tables -> kind of check. The kinds are proposed in this order."""
 
 
 WORTH_A_CHECK = 0.05
@@ -41,14 +42,14 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
     """
     if check.kind not in CHECK_KINDS:
         raise RunError(
-            f"check {check.id} is of the kind {check.kind!r}, which this version of dpr-lab does not have;"
+            f"check {check.id} has the kind {check.kind!r}, which this version of dpr-lab does not support;"
             f" available: {', '.join(CHECK_KINDS)}"
         )
     return CHECK_KINDS[check.kind]
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Checks that distinguish the members of classes and the alternatives; empty if no question is open."""
+    """Recommended checks that distinguish members of classes and alternatives; empty if no question is open."""
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))
     # the result of a release is predicted for a clamped arm; one that moves needs its input

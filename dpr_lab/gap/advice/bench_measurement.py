@@ -1,4 +1,4 @@
-"""A bench measurement as a check: proposal, value with a unit, and refusal of impossible values."""
+"""Checks by a bench measurement: proposal, evaluation of the measured value, and refusal of impossible values."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -66,7 +66,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     """Predictive densities of a measured value under the candidate causes.
 
     Raises:
-        RunError: the value has no unit or is impossible, or it is questioned and was not confirmed.
+        RunError: the value has no unit, is impossible, or is questionable and was not confirmed.
     """
     value, std = _read(check, answer)
     predicted = predictions(diagnosis, check, prior)

@@ -16,16 +16,16 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class NextStep:
-    """A recommendation in one sentence, with its checks."""
+    """A recommended next step: one sentence, and its checks."""
 
     text: str
     checks: tuple[AdvisedCheck, ...]
-    """Recommended checks, which have no ids yet."""
+    """Recommended checks, still without identifiers."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenQuestion:
-    """An open question: which one of several causes is the right one."""
+    """An open question of a diagnosis: which of several causes is correct."""
 
     about: str
     """Name of the effect in question, which is one of the causes."""
@@ -41,13 +41,13 @@ class OpenQuestion:
     """Predicted changes of the readings of each possible release."""
 
     def check(self, kind: str, text: str, splits: Sequence[str], bits: float) -> AdvisedCheck:
-        """Check of a given kind for this question, without id."""
+        """Check of a given kind for this question, without an identifier."""
         return AdvisedCheck(id="", kind=kind, text=text, about=self.about, splits=list(splits), expected_bits=bits)
 
 
 @dataclass(frozen=True, slots=True)
 class CheckAnswer:
-    """Result of a check, as the operator states it."""
+    """Result of a check as entered by the operator."""
 
     runs: tuple[Run, ...] = ()
     rig: Rig | None = None
@@ -55,9 +55,9 @@ class CheckAnswer:
     value: float | str | None = None
     """A number in the unit of the quantity, or text with a unit."""
     std: float | str | None = None
-    """Standard uncertainty of the value; a text without a unit has the unit of the value."""
+    """Standard uncertainty of the value. If it is a text without a unit, it has the unit of the value."""
     confirmed: bool = False
-    """Whether the operator confirms a value that no candidate predicts, so that it is accepted."""
+    """Whether the operator confirms the value. A confirmed value is accepted even if no candidate predicts it."""
 
     @property
     def given(self) -> set[str]:

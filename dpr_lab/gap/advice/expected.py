@@ -1,4 +1,4 @@
-"""Expected size of the amplitude that a check measures, for the case that the measured effect is the cause."""
+"""Expected size of the amplitude that a check measures, if the measured effect is the cause."""
 
 from collections.abc import Sequence
 
@@ -19,13 +19,13 @@ from dpr_lab.identification.scaling.scale import Scale
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
     """Expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
 
-    The size is taken from the fit in which that effect replaces the named one, or from the score test without such a
-    fit.
+    The size comes from the fit in which the measured effect replaces the named effect. If no such fit exists, the size
+    comes from the score test.
 
     Args:
         selection: all fitted sets
         scale: scale of torques and inertias, whose uncertainty applies to a measured torque
-        check: the measurement; a recording measures no size
+        check: the check; a recording does not measure a size
 
     Returns:
         None for a recording, if the size is zero, or if an amplitude is not identifiable from the recordings

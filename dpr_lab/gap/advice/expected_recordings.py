@@ -1,4 +1,4 @@
-"""Simulated recordings of possible releases with the fitted estimate, and the difference of two effects in each."""
+"""Simulated recordings of possible releases, and the difference between two effects in each of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -11,9 +11,9 @@ and decreases slowly:
     f(y | outside)    = (1 - h) N(y; 0, b^2 + u^2) + h V(y; u, c),         c = k max(t, |s|)
 
 with t the typical size of the amplitude, V the Cauchy density convolved with the normal density of the measurement (the
-Voigt profile), and m, m', h, k of `CheckSettings`. A very small u changes little, because w, m s and b remain. If a
-size depends on the scale b of torques and inertias, w contains the uncertainty of that scale. This is equation (59) of
-docs/theory.md.
+Voigt profile), and m, m', h, k of `CheckSettings`. The densities stay broad even if u is very small, because w, m s and
+b remain. If a size depends on the scale b of torques and inertias, w contains the uncertainty of that scale. This is
+equation (59) of docs/theory.md.
 """
 
 from collections.abc import Iterable, Mapping
@@ -36,8 +36,8 @@ class CheckSettings:
     model_error: float = 0.1
     """m: relative standard deviation of a fitted amplitude, in addition to the standard deviation of its fit.
 
-    The law and the bench measurement agree only approximately. The value is assumed, not measured. It also covers a
-    torque scale with a smaller error.
+    The law and the bench measurement agree only approximately. The value is an assumption. It also covers a torque
+    scale with a smaller error.
     """
     linear_error: float = 0.3
     """Additional relative standard deviation of an amplitude from a linear score test instead of a fit; assumed."""
@@ -54,9 +54,9 @@ class CheckSettings:
     has 20 % of its probability above nine times the size.
     """
     elsewhere: float = 0.5
-    """h: probability that a cause outside the candidates gives the measured amplitude another size.
+    """h: probability that the measured amplitude differs from the background if the cause is outside the candidates.
 
-    Without any knowledge of such a cause, both cases have the probability one half (principle of indifference).
+    Nothing is known about such a cause, so both cases have the probability one half (principle of indifference).
     """
     outside: float = 0.02
     """Minimum prior probability of a cause outside the candidates.
@@ -66,7 +66,7 @@ class CheckSettings:
     questioned: float = 3.0
     """Distance to every prediction beyond which a value is questioned, in standard deviations.
 
-    One correct value in 370 is farther away.
+    By chance, one correct value in 370 is farther away.
     """
     undetermined: float = 3.0
     """Ratio to the largest fitted size with the same unit, above which a measured value is questioned.
@@ -77,7 +77,7 @@ class CheckSettings:
     largest: float = 1e6
     """Maximum accepted value and uncertainty, in units of the larger of typical and fitted size."""
     largest_power: float = 6.0
-    """Power of ten beyond which a Bayes factor is stated only as a bound.
+    """Power of ten beyond which only a bound of a Bayes factor is stated.
 
     The normal distribution is not valid so far in its tail.
     """
@@ -163,7 +163,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """Measured amplitude as the recordings predict it if its effect is the cause; None if no size was fitted."""
+    """Measured amplitude that the recordings predict if its effect is the cause; None if no size was fitted."""
     if check.expected:
         return check.expected
     fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
@@ -179,7 +179,7 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 def magnitude(values: Array, covariance: Array) -> Interval | None:
     """Root of the sum of squares of amplitudes, with an interval from their (n, n) covariance.
 
-    None if the root is zero.
+    The result is The result is The result is None if the root is zero.
     """
     if len(values) == 1:
         value, reach = float(values[0]), float(np.sqrt(covariance[0, 0]))

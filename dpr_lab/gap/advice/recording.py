@@ -1,4 +1,4 @@
-"""A recording as a check: the release on which two causes differ most, and the fits of the causes to its runs."""
+"""Checks by a recording: proposal of the release on which two causes differ most, and its evaluation."""
 
 from collections.abc import Mapping, Sequence
 
@@ -30,7 +30,7 @@ def form(check: AdvisedCheck) -> str:
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """Recommended releases: for each other cause, the release on which it differs most from the named effect."""
+    """Recommended releases, one for each other cause: there it differs most from the named effect."""
     steps: list[NextStep] = []
     if not question.expected:
         return steps

@@ -6,13 +6,13 @@ algorithm can distinguish them with these recordings. Within a class, the probab
 of each member's fitted size (`dpr_lab.effects.plausibility`). For example, a clock error of 3 % is impossible for a
 crystal, but a length error of 6 % is possible.
 
-A richer form of a member counts as the member if its additional amplitudes are all excluded at their minimum detectable
-sizes and together are not worth their penalty. Both forms differ by less than these sizes, and further recordings would
-not change their odds.
+A richer form of a member counts as the member under two conditions: all its additional amplitudes are excluded at their
+minimum detectable sizes, and together they improve the fit by less than their penalty. Both forms then differ by less
+than these sizes, and further recordings would not change their odds.
 
 The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
-multiplied by the probability that the cause is in the library at all. No other set is more probable than the selected
-one, because the search would have selected a significantly better one. The odds of a cause outside are
+multiplied by the probability that the cause is in the library. No other set counts as more probable than the selected
+set, because the search would have selected a significantly better set. The odds of a cause outside the library are
 
     (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
     m = min(remainder / noise, far)
@@ -20,10 +20,10 @@ one, because the search would have selected a significantly better one. The odds
 with the share `unexplained` of the excess, the share `unique` that only this effect explains, and the fraction `own` of
 that share that no other functional form of the other effects explains.
 
-1. First term: if a law is missing from the library, a fixed share of its gap remains, for any ratio of gap and noise.
-   The small causes of every rig leave a remainder of about the noise, for any size of the gap, unless the noise is much
-   smaller than these causes.
-2. Second term: an effect that explains no more than the remainder may imitate a part of the same unknown cause.
+1. First term: if a law is missing from the library, a fixed share of its gap remains; the share does not depend on the
+   ratio of gap and noise. The small causes of every rig leave a remainder of about the noise, for any size of the gap,
+   unless the noise is much smaller than these causes.
+2. Second term: an effect that explains no more than the remainder may imitate a part of the unknown cause.
 3. Third term: a smaller effect may compensate for the inexact form of a large one.
 """
 
@@ -82,7 +82,7 @@ class Calibration:
     least_own: float = 0.01
     """Lower limit of the own share of an effect; the linear fits of the other forms are inexact."""
     sure: float = 0.98
-    """Probability of "no gap" if there is none, or of "unexplained" if no effect explains the gap."""
+    """Probability of the verdict: of "no gap" if there is no gap, of "unexplained" if no effect explains the gap."""
     outside_when_closed: float = 0.02
     """Minimum probability of a cause outside the library, if only noise remains."""
     drifting: float = 0.1
@@ -93,7 +93,8 @@ class Calibration:
     unseen: float = 0.5
     """Probability of "no gap" if most effects are undetectable in the recordings."""
     least_listed: float = 1e-9
-    """Minimum probability of a listed alternative; the order of smaller ones would be that of the library."""
+    """Minimum probability of a listed alternative. Alternatives below it differ too little in probability to be
+    ranked."""
     alternatives: int = 5
     """Maximum number of alternatives of each named effect."""
     hidden: float = 0.5
@@ -102,9 +103,9 @@ class Calibration:
     The richer form is a probable alternative if these parameters are undetectable at this size.
     """
     same_score: float = 1e-3
-    """Maximum relative difference of two linear scores that count as equal."""
+    """Maximum relative difference between two linear scores that count as equal."""
     negligible: float = 50.0
-    """Difference of log probability beyond which another set has no weight."""
+    """Difference of the log probability beyond which a set has no weight."""
     least_left: float = 1e-6
     """Lower limit of the remaining share of the excess; the error of the integrator is never exactly zero."""
 
@@ -341,8 +342,8 @@ def outside(
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap as a whole
         calibration: calibration of the probabilities
-        members: effects that are indistinguishable from the effect; if every rig has one of them, the effect is not
-            regarded as a compensation
+        members: effects that are indistinguishable from the effect; if every rig has one of these effects, the effect
+        does not count as a compensation
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, calibration.least_left)

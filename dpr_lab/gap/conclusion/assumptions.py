@@ -12,7 +12,8 @@ from dpr_lab.gap.state import Advised
 from dpr_lab.shown import listed
 
 SURELY = 3.0
-"""Maximum deviation of the fitted L1 from the rig file, in standard uncertainties; beyond it the file is wrong."""
+"""Maximum deviation of the fitted L1 from the rig file, in standard uncertainties. A larger deviation means that the
+file is wrong."""
 
 
 def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
@@ -39,9 +40,10 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
         sentences.append("The arm's angle was not recorded.")
     if share := state.recordings.torques_earlier:
         sentences.append(
-            "The known torques change between rows, so that holding each value until the next row would delay them."
-            f" Each value was therefore assumed to act earlier than its time stamp, by {share:.2f} of the row interval"
-            " (fitted). A delay of the drive shorter than this interval is indistinguishable from this assumption."
+            "The known torques change between rows. Holding each value until the next row would delay the"
+            f" torques. Each value was therefore assumed to act earlier than its time stamp, by {share:.2f}"
+            " of the row interval (fitted). A delay of the drive shorter than this interval is"
+            " indistinguishable from this assumption."
         )
     if state.recordings.exact_torques:
         sentences.append(
@@ -103,8 +105,8 @@ def _arm(state: Advised) -> str:
     if any(setup.torques and setup.torques.scaled for setup in setups):
         return f"{text}. {known}. It fixes the scale of all torques."
     return (
-        f"{text}. {known}, and the scale of the rods follows from their measured values. A contradiction between the"
-        " two is detectable."
+        f"{text}. {known}, and the scale of the rods follows from their measured values. A contradiction"
+        " between the two scales is detectable."
     )
 
 
@@ -149,8 +151,8 @@ def _misleading(state: Advised) -> list[str]:
     names = state.selection.misleading
     was, them = ("was", "it") if len(names) == 1 else ("were", "them")
     text = (
-        f"excluded from the model, because the held-out runs are predicted better without {them}. These runs"
-        " therefore influenced the selection."
+        f"excluded from the model, because the held-out runs are predicted better without {them}. The held-out"
+        " runs therefore influenced the selection."
     )
     return [f"{listed(names)} {was} {text}"] if names else []
 

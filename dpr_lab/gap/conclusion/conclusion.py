@@ -1,4 +1,4 @@
-"""The result of a diagnosis in words and numbers."""
+"""Assembly of the result of a diagnosis: sentences and numbers."""
 
 import hashlib
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ PLACES_SHOWN = 6
 
 
 def conclude(state: Supported, seconds: float) -> Diagnosis:
-    """Build the diagnosis; `seconds` is its computing time."""
+    """Build the result of a diagnosis; `seconds` is its computing time, s."""
     chosen, minimum_sizes = state.selection.chosen, detectable(state.selection.chosen, state.selection.final_test)
     withheld, transfer = state.description.withholds, state.transfer
     visible_counts = visible(minimum_sizes, state.recordings.prior.limits)

@@ -28,7 +28,7 @@ class DescriptionRules:
     gap: float = 3.0
     """chi2 per degree of freedom of the bare model above which other descriptions are tested.
 
-    For a swing of 20 degrees whose angles were imported at half their size, the value is 8.
+    The value is 8 for a swing of 20 degrees whose angles were imported at half their size.
     """
     as_good: float = 0.02
     """Maximum deficit of the share of the excess that another description explains, compared with the selected effects.
@@ -38,13 +38,13 @@ class DescriptionRules:
     closed: float = 0.93
     """Share of the excess above which an apparent energy input is not evidence of a wrong description.
 
-    The share is the one that effects explain. An encoder error also causes an apparent energy input.
+    The share is explained by effects. An encoder error also causes an apparent energy input.
     """
     torque_step: float = 0.08
     """Maximum median change of a known torque between rows, relative to its range, for a delay within a row.
 
-    Above it, a delay of less than a row is not attributed to the drive. The change is 0.02 or less in recordings of
-    real drives, and 0.12 for a sine of 1 Hz at 20 Hz.
+    If the change is larger, a delay of less than a row is not attributed to the drive. The change is 0.02 or less in
+    recordings of real drives, and 0.12 for a sine of 1 Hz at 20 Hz.
     """
 
 
@@ -113,7 +113,7 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
     if not rig.rig.on_earth(g):
         return ""
     return (
-        f"g = {rig.g:g} m/s^2 in the rig file is not a value that occurs on earth. With g = {g:.4g} m/s^2, the"
+        f"g = {rig.g:g} m/s^2 in the rig file does not occur on earth. With g = {g:.4g} m/s^2, the"
         f" recordings are explained without an error of L1 = {rig.L1:g} m or of the clock. Correct g in the rig"
         " file and diagnose again."
     )
@@ -129,8 +129,8 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
         changes = np.median(np.abs(np.diff(torques.joints, axis=0)), axis=0)
         if abs(delay) < interval and np.any(changes > DESCRIPTION.torque_step * ranges):
             return (
-                f"The torques change much within the {1e3 * interval:.3g} ms between rows: a delay of"
-                f" {1e3 * delay:.2g} ms can result from these unrecorded changes. Export the torques at the"
+                f"The torques change considerably within the {1e3 * interval:.3g} ms between rows. These"
+                f" unrecorded changes can cause an apparent delay of {1e3 * delay:.2g} ms. Export the torques at the"
                 " rate of the controller."
             )
     return ""

@@ -14,7 +14,7 @@ from dpr_lab.shown import listed, percent
 
 
 def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
-    """All notes, one sentence each; none if the description of the recordings is wrong."""
+    """All notes; none if the description of the recordings is wrong."""
     if state.description.withholds:
         return []
     return [
@@ -33,7 +33,10 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
     if withdrawn := state.transfer.withdrawn:
         yield f"Effects that do not carry over to held-out data: {listed(withdrawn)}."
     if oversized := state.transfer.oversized:
-        yield f"Effects of a size that no rig has; another cause must have a similar signature: {listed(oversized)}."
+        yield (
+            f"Effects with an implausible size: {listed(oversized)}. The true cause must be another"
+            " effect with a similar signature."
+        )
 
 
 def _small_effects(state: Advised, kind: Verdict) -> Iterator[str]:
@@ -83,8 +86,8 @@ def _lone_recording(state: Advised) -> Iterator[str]:
     left = "only noise" if lone.others < LONE.least else f"at most {lone.others:.2g} times the noise"
     yield (
         f"The model leaves {lone.remainder:.2g} times the noise in {lone.name}. If {lone.name} is not fitted, the model"
-        f" leaves {left} in each other {'piece' if piece else 'recording'}. A cause acted in {lone.name} alone, or"
-        f" {lone.name} contains a motion that the others do not contain."
+        f" leaves {left} in each other {'piece' if piece else 'recording'}. Either a cause acted only in"
+        f" {lone.name}, or {lone.name} contains a motion that the others do not contain."
         f"{'' if piece else ' Diagnose the others without it.'}"
     )
 

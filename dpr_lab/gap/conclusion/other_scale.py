@@ -34,7 +34,9 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """Sentence on another scale at which the readings of one degree of freedom need fewer effects; empty without one.
+    """Sentence on another scale at which the readings of one degree of freedom need fewer effects.
+
+    Empty if there is no such scale.
 
     Args:
         problem: the segments

@@ -16,7 +16,7 @@ from dpr_lab.setup import only_inner
 def ratios(state: Advised) -> dict[str, Interval]:
     """Ratios to b with 90 % intervals.
 
-    The interval of a friction ratio has no negative values. The same holds for an interval that the bounds of the rig
+    The interval of a friction ratio contains no negative values. Neither does an interval that the bounds of the rig
     file widen.
     """
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
@@ -32,7 +32,7 @@ def ratios(state: Advised) -> dict[str, Interval]:
 
 
 def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
-    """Ratios that the recordings determine, relative to b, or to a if only the inner rod is mounted.
+    """Ratios that the recordings determine: to b, or to a if only the inner rod is mounted.
 
     The covariance of a ratio contains the covariances of both fitted values. An absolute value is divided by the
     assumed inertia.

@@ -12,13 +12,13 @@ from dpr_lab.shown import listed
 def remedies(
     named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
 ) -> list[str]:
-    """Remedies in words: one sentence for each effect that is a fault, and one for all that the simulator lacks.
+    """Sentences on remedies: one for each effect that is a fault, and one for all effects that the simulator lacks.
 
     Args:
         named: the effects, in order
         sizes: fitted parameters of each effect
         rig: values of the rig file
-        doubtful: effects that do not carry over to held-out data, or are too large; they have no remedy
+        doubtful: effects that do not carry over to held-out data, or are too large; no remedy is stated for them
     """
     sentences: list[str] = []
     simulated: list[str] = []

@@ -12,7 +12,7 @@ incomplete model. The values of another recording then have the covariance
     B = k (sum_r H_r + k P)^+,    k = (Q / nu - 1) R
 
 about the common values, for R equally informative recordings. P is the information of the rig file (`fitting.prior`),
-which also limits the values of another recording. B is zero unless Q > nu + 3 sqrt(2 nu). A single recording is divided
+which also limits the values of another recording. B is zero if Q <= nu + 3 sqrt(2 nu). A single recording is divided
 into quarters, as for the gap budget.
 
 Source: R. T. Birge (1932), The calculation of errors by the method of least squares, Physical Review 40, 207-227, for

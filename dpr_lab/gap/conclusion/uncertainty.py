@@ -1,4 +1,4 @@
-"""Uncertainty of the fitted values: by noise, by the integrator, by measured constants, and by the discrepancy term.
+"""Uncertainty of the fitted values due to noise, integrator, measured constants, and discrepancy term.
 
 With A the Jacobian of a fit, initial states projected out, the noise causes the covariance f (A^T A)^-1, where f is the
 variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings that the fit does
@@ -8,8 +8,8 @@ not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as
 - the shift by each weighed mass, changed by its standard uncertainty
 - the shift by each free torque or reading error of the discrepancy term, of the size of its prior
 
-Ratios that the recordings do not determine shift the other ratios in the same way, by the bounds of the rig file. Sizes
-of effects assume these ratios, as they assume b.
+Undetermined ratios shift the other ratios in the same way, within the bounds of the rig file. Sizes of effects assume
+these ratios, as they assume b.
 
 Source: consider covariance, S. F. Schmidt (1966), Application of state-space methods to navigation problems.
 """

@@ -1,4 +1,4 @@
-"""Verdict in one word and up to three sentences: the causes, the reduction of the gap, and the remainder."""
+"""Verdict of a diagnosis, with up to three sentences: the causes, the reduction of the gap, and the remainder."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,10 +49,10 @@ class VerdictRules:
     visible: float = 0.5
     """Minimum share of the effects that must be detectable at their typical size for the verdict "no gap".
 
-    Three releases of 4 s at 1 kHz reach 0.99, one of 1 s at 30 Hz reaches 0.4.
+    Three releases of 4 s at 1 kHz reach 0.99; one release of 1 s at 30 Hz reaches 0.4.
     """
     noise: float = 6.0
-    """Maximum residual with which the named set counts as complete, in standard deviations."""
+    """Maximum residual of a named set that counts as complete, in standard deviations."""
 
 
 VERDICT = VerdictRules()
@@ -100,8 +100,8 @@ def _verdict(state: Transferred) -> Verdict:
 def shows_reduction(transferred: Transfer) -> bool:
     """Whether held-out data show that the gap closes.
 
-    For a gap far below the noise, the noise in the excess limits the share. It is then sufficient that the interval of
-    the share reaches the minimum.
+    If the gap is far below the noise, the noise in the excess limits the share. It is then sufficient that the interval
+    of the share reaches the minimum.
     """
     closed = transferred.closed
     small = 0.0 < closed.estimate and transferred.gap_ratio < VERDICT.gap_from
@@ -178,9 +178,9 @@ def _unexplained(state: Transferred) -> str:
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
     if not posteriors and _small(selection.chosen):
         return (
-            "Unexplained: the fitted recordings show no gap, but the held-out recordings show one of"
-            f" {_in_noise(transferred.gap_ratio)}. Fit them too, or check that nothing on the rig was"
-            " changed."
+            "Unexplained: the fitted recordings show no gap, but the held-out recordings show a gap of"
+            f" {_in_noise(transferred.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
+            " was changed."
         )
     if not posteriors:
         return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
@@ -274,7 +274,7 @@ _BASIS = {
     "releases left out": "In cross-validation across the releases",
     "one release": "In cross-validation across the quarters of the only release",
 }
-"""Kind of the held-out data -> words for it."""
+"""Kind of the held-out data -> phrase for the sentence."""
 
 
 def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:

@@ -1,1 +1,1 @@
-"""Local damage of a recording: a hand at the release, kicks, readings that step, rods that are touched at rest."""
+"""Local damage of a recording: a hand at the release, kicks, steps of a reading, rods touched at rest."""

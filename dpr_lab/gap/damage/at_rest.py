@@ -45,20 +45,20 @@ REST = RestRules()
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """Motion of rods that were at rest before."""
+    """Motion of rods after they were at rest."""
 
     rest_s: float
     """Start of the time at rest, s."""
     at_s: float
     """Start of the motion, s."""
     axis: int
-    """Index of the joint that moves most."""
+    """Index of the joint that moves farthest."""
     size: float
     """Largest distance of this joint from its angle at rest, rad."""
 
 
 def touch(record: Record, slow_period_s: float) -> Touch | None:
-    """First motion after the rods of a free swing have come to rest; None if there is none."""
+    """First motion after the rods of a free swing have come to rest; None if the rods do not move."""
     t, joints, sigma = _blocks(record)
     if len(t) < 2:
         return None
@@ -86,15 +86,15 @@ def touch(record: Record, slow_period_s: float) -> Touch | None:
 
 
 def without_touch(record: Record, rig: Rig) -> Record:
-    """Record without the readings from the first motion at rest on; the same object if there is no such motion."""
+    """Record that ends before the first motion after rest; the same object if there is no such motion."""
     driven = not record.run.setup.free or record.encoder0_moves
     touched = None if driven else touch(record, periods(rig)[0])
     if touched is None:
         return record
     evidence = (
-        f"at rest from {touched.rest_s:.3g} s on, then a reading moves by {1e3 * touched.size:+.2g} mrad: a hand"
-        " or a cable touches the rods, the mount gives way, or the zero of the encoder drifts; the later readings"
-        " are excluded"
+        f"the rods rest from {touched.rest_s:.3g} s on, but later a reading changes by"
+        f" {1e3 * touched.size:+.2g} mrad: a hand or a cable touches the rods, the mount gives way, or the"
+        " zero of the encoder drifts; the later readings are excluded"
     )
     finding = Finding("touched_at_rest", record.run.name, AXES[touched.axis], touched.at_s, evidence, step=touched.size)
     return record.left_out(touched.at_s, np.inf).with_findings([finding])

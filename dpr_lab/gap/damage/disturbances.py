@@ -1,4 +1,4 @@
-"""Exclusion of parts of recordings that no property of the rig explains: hands, kicks, readings that step.
+"""Exclusion of parts of recordings that no property of the rig explains: hands, kicks, steps of a reading.
 
 A kick changes the speeds of the rods, and a step the reading of a joint. Both occur within one segment and are far
 larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), whereas an effect of the rig acts in many
@@ -44,12 +44,12 @@ class DisturbanceRules:
     release_s: float = 0.5
     """Time after the first reading within which a kick is the hand that releases the rods, s.
 
-    The hand may act with a constant torque before, which is not a kick.
+    Before, the hand may act with a constant torque, which is not a kick.
     """
     rounds: int = 6
     """Maximum number of searches; a large disturbance hides smaller ones."""
     returns: float = 0.25
-    """Maximum sum of a step and a later step, relative to the first step, for a reading that has returned."""
+    """Maximum sum of a step and a later opposite step, relative to the first step, for a reading that has returned."""
     while_share: float = 0.3
     """Maximum time for which a reading is shifted and then returns, relative to the duration of the recording."""
     iterations: int = 15
@@ -79,14 +79,15 @@ class LeftOut:
 
 
 def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
-    """Exclude hands at the beginning, kicks and steps of readings.
+    """Exclude intervals with a hand at the beginning, a kick, or a step of a reading.
 
     Args:
         recordings: the runs
         ratios: (7,) ratios of a robust fit in short segments
 
     Returns:
-        the same object if there are no disturbances
+        the corrected recordings; the corrected recordings; the corrected recordings; the same object if there are no
+        disturbances
     """
     records = [
         without_hand(recordings, _without_slips(record), ratios) if _free(record) else record
@@ -99,7 +100,7 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
 
 
 def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUMP.outstanding) -> Recordings:
-    """Exclude kicks and readings that step, according to the residuals of a model.
+    """Exclude kicks and steps of a reading that the residuals of a model show.
 
     Args:
         recordings: the runs
@@ -107,7 +108,7 @@ def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUM
         ratio: minimum ratio of the gain of a kick to the largest gain elsewhere
 
     Returns:
-        the same object if there are no kicks and steps
+        the corrected recordings; the same object if there are no kicks or steps
     """
     whole, parts = recordings, [list[LeftOut]() for _ in recordings.records]
     for _ in range(DISTURBANCE.rounds):

@@ -33,12 +33,12 @@ class HandRules:
     first: float = 3.0
     """Maximum chi2 per reading of the first segment, and maximum ratio to the worst other segment.
 
-    If both are exceeded, something other than gravity and friction acts in the segment.
+    If both are exceeded, a force other than gravity and friction acts in the segment.
     """
     at_rest: float = 0.3
     """Maximum speed of rods that a hand holds, relative to their maximum speed.
 
-    Faster rods are not held: the record begins during the swing.
+    If the rods are faster, they are not held: the record begins during the swing.
     """
     held: float = 0.8
     """Maximum part of the first segment in which the rods may still be held, as a fraction of its duration."""
@@ -49,7 +49,7 @@ class HandRules:
     early: float = 0.3
     """Fraction of the recording within which the rise must occur.
 
-    Later the energy must not rise by half as much.
+    Any later rise must be less than half as large.
     """
     iterations: int = 15
     """Maximum number of iterations of a fit of initial states."""
@@ -59,7 +59,7 @@ HAND = HandRules()
 
 
 def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
-    """Exclude the readings at the beginning during which a hand acts; the same object if none does.
+    """Exclude the readings at the beginning during which a hand acts; the same object if no hand acts.
 
     Args:
         recordings: the runs

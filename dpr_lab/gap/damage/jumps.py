@@ -1,4 +1,4 @@
-"""Instants at which the rods or a reading jump: generalised likelihood ratio of a change within one segment.
+"""Detection of jumps of the rods' speeds or of a reading: generalised likelihood ratio of a change within one segment.
 
 In a linearised segment, a change at an instant t_k adds h to the later readings,
 
@@ -33,7 +33,7 @@ class JumpRules:
     gain: float = 50.0
     """Minimum gain of a jump.
 
-    Three recordings have 1e4 instants. White noise of the assumed size reaches a gain of 25 in them.
+    Among the 1e4 instants of three recordings, white noise of the assumed size reaches a gain of 25.
     """
     outstanding: float = 3.0
     """Minimum ratio of the gain of a jump to the largest gain elsewhere, for a model with effects."""
@@ -105,7 +105,7 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
     """Kick of largest gain, and step of a reading of largest gain, in each segment.
 
-    The joint of a step is stated only if neither a kick of finite duration nor a single wrong reading explains as much.
+    The joint of a step is given only if neither a kick of finite duration nor a single wrong reading explains as much.
     """
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     rough = _Changes.of(problem, fitted, reference, JUMP.kick_torques)
@@ -211,7 +211,7 @@ class _Changes:
         return self._inside(gain), size
 
     def lone(self) -> Array:
-        """(samples,) gain that results if one reading, at each sample or at its neighbours, is wrong."""
+        """(samples,) gain by the exclusion of a single wrong reading at the sample or next to it."""
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
         gain = np.max(self.e**2 / np.maximum(remaining, JUMP.seen), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))

@@ -69,7 +69,7 @@ class _Source:
     kind: Kind
     how: str
     variance: Callable[["FreeSwings"], list[Array]]
-    """Function that returns the (n, 2) variance of the readings of each recording, rad^2."""
+    """Function that returns the (n, 2) variance of the predicted readings of each recording, rad^2."""
     left: float = 1.0
     """Factor by which the recordings reduce the given standard uncertainty of the source."""
 

@@ -18,7 +18,8 @@ class MapSettings:
     """Settings of the cells of an occupancy map."""
 
     angles: int = 24
-    """Number of cells by angle: 15 degrees each, which is less than the period of any effect by angle."""
+    """Number of cells by angle. Each cell covers 15 degrees, which is less than the period of any effect that depends
+    on the angle."""
     speeds: int = 16
     """Number of cells by speed, from the fastest rotation in one direction to the fastest in the other."""
 

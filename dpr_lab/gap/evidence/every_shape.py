@@ -1,13 +1,13 @@
 """Intervals of the amplitudes of an effect whose shape is unknown: an order, a frequency, a speed.
 
-An equivalence test must not select the shape. The effect is smaller than a limit if it is smaller in every shape. The
+An equivalence test must not select the shape: the effect is smaller than a limit if it is smaller in every shape. The
 interval of an amplitude therefore covers its 90 % intervals in all shapes (an intersection-union test). If the effect
 has one of the shapes and an amplitude beyond the limit, the interval of this shape lies inside the limit with a
 probability of at most 5 %, however many other shapes are tested.
 
 A frequency is resolved to half the inverse of the longest recording. Longer recordings would need more frequencies, so
-a frequency is tested in the first 10 s of each recording. Between tested values of any other shape parameter the effect
-changes little.
+a frequency is tested in the first 10 s of each recording. For any other shape parameter, the effect changes little
+between neighbouring tested values.
 
 Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 """
@@ -39,7 +39,7 @@ class ShapeSettings:
     longest_s: float = 10.0
     """Length of the beginning of each recording in which a frequency is tested, s."""
     most: int = 800
-    """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s; the test of more is too slow."""
+    """Maximum number of shapes, which allows frequencies up to 40 Hz in 10 s. A test of more shapes is too slow."""
     block: int = 32
     """Number of columns that are processed together, which limits the memory."""
 
@@ -59,8 +59,8 @@ class AllShapes:
     def intervals(self, effect: Effect) -> list[tuple[float, float]] | None:
         """90 % interval of each amplitude, over all shapes of an effect.
 
-        None if the amplitudes are inseparable in one of the shapes. Also None for an effect that is not a torque along
-        the swing, has several shape parameters, or has too many values of its shape parameter.
+        The result is None if the amplitudes are inseparable in one of the shapes. It is also None for an effect that is
+        not a torque along the swing, that has several shape parameters, or whose shape parameter has too many values.
         """
         if effect.stage not in TRAJECTORY_TORQUES or effect.internal or effect.propose or len(effect.shapes) != 1:
             return None

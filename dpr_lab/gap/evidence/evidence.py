@@ -1,4 +1,4 @@
-"""Evidence of a finished diagnosis, computed in one place."""
+"""Computation of the evidence of a finished diagnosis."""
 
 from datetime import UTC, datetime
 

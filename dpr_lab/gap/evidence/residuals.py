@@ -1,4 +1,4 @@
-"""Structure in the residuals: autocorrelation, and deviation from a normal distribution.
+"""Analysis of the residuals: autocorrelation, and deviation from a normal distribution.
 
 Source: G. E. P. Box & G. M. Jenkins, Time Series Analysis, ch. 8: residual autocorrelation as a check of a model.
 """

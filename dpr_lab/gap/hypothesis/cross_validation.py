@@ -10,13 +10,13 @@ The quality of the prediction of r is the logarithm of its predictive density. F
 
     -2 log p(r | rest) = chi2(all) - chi2(rest) + f (log det H - log det (H - H_r)) + const,
 
-where f is the variance inflation n / n_eff. A parameter that only r determines therefore makes the prediction uncertain
-instead of wrong. The initial states of held-out segments are free: the score measures the motion, not its initial
-state.
+where f is the variance inflation n / n_eff. A parameter that only r determines therefore makes the prediction
+uncertain, not wrong. The initial states of held-out segments are free, so the score measures the motion and not its
+initial state.
 
-Shape parameters that hardly any other run determines are also free. An example is the cubic term of a spring that only
-one run winds up: the other runs would extrapolate it. The size of an effect, its first parameter, is always taken from
-the other runs.
+A shape parameter that the other runs hardly determine is also free. An example is the cubic term of a spring that only
+one run winds up: the other runs would extrapolate this term. The size of an effect, its first parameter, is always
+taken from the other runs.
 """
 
 from collections.abc import Sequence
@@ -39,9 +39,9 @@ class FoldSettings:
     quarters: int = 4
     """Number of folds into which a single recording is divided."""
     alone: float = 1e4
-    """Maximum growth factor of the variance of a shape parameter without a run.
+    """Maximum factor by which the variance of a shape parameter may grow without a run.
 
-    Above it the parameter is free for this run.
+    If the factor is larger, the parameter is free for this run.
     """
 
 
@@ -94,7 +94,10 @@ class _Folds:
         self.H, self.gradient = self._total(self.folds)
 
     def without(self, left_out: _Fold) -> tuple[Array, Array]:
-        """Normal equations of all other folds, as a sum; in a difference, rounding could remove the prior."""
+        """Normal equations of all other folds.
+
+        They are summed, because rounding in a difference could remove the prior.
+        """
         return self._total([part for part in self.folds if part is not left_out])
 
     def _total(self, parts: Sequence[_Fold]) -> tuple[Array, Array]:
@@ -104,8 +107,8 @@ class _Folds:
     def seen_by_one_alone(self, fold: _Fold, V: Array) -> Flags:
         """(free,) mask of the parameters that are free in a held-out run, like its initial state.
 
-        These are the zeros that are set before this run, and the shape parameters whose variance V grows too much
-        without it.
+        These parameters are the encoder zeros that are set before the run, and the shape parameters whose variance V
+        grows too much without the run.
         """
         zeros = self.zeros & (np.diag(self.H) - np.diag(fold.H) <= 1.0)
         if not self.shapes.any():

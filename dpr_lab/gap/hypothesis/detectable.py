@@ -19,7 +19,7 @@ from dpr_lab.rig import load_rig
 SIGMAS = 5.0
 """Minimum ratio of the size of a detectable effect to its standard deviation.
 
-The maximum of 600 shapes of pure noise is smaller.
+The largest ratio that pure noise reaches among 600 shapes is smaller.
 """
 
 SEEN = 1e-6
@@ -32,7 +32,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
         size = 5 sqrt(f) / | s |,
 
     where s is the change of the whitened readings per unit, with initial states and fitted parameters projected out,
-    and f is the variance inflation n / n_eff. None if the readings do not change at all.
+    and f is the variance inflation n / n_eff. The result is None if the readings do not change.
 
     Args:
         model: the fitted model
@@ -99,7 +99,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
-    """Number of effects that are detectable at their typical size, and number of those detectable at any size.
+    """Numbers of effects that are detectable at their typical size, and at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
 

@@ -41,7 +41,8 @@ class Penalty:
     A curve can imitate a sum of other effects on a small arc.
     """
     ordinary: float = 0.1
-    """Maximum size of a curve without a penalty, relative to the limits of its amplitudes: a typical eccentricity."""
+    """Maximum size of a curve without an additional penalty, relative to the limits of its amplitudes: a typical
+    eccentricity."""
 
 
 PENALTY = Penalty()
@@ -54,8 +55,8 @@ class Refits:
     preliminary: float = 3e-3
     """Relative reduction of the cost at which a fit far from the noise ends.
 
-    Far from the noise, the residual is an error of the model and sets differ by factors: a change of a thousandth is
-    irrelevant. The fit of the selected set is continued to its minimum.
+    Far from the noise, the residual is an error of the model, and the costs of two sets differ by factors. A change of
+    a thousandth is then irrelevant. The fit of the selected set is continued to its minimum.
     """
     lost: float = 10.0
     """Maximum ratio of chi2 at the linear prediction to chi2 of the original set.
@@ -99,8 +100,9 @@ class Hypothesis:
     def penalty(self) -> float:
         """Penalty of the parameters, in chi2 of independent readings.
 
-        A curve of n amplitudes that is larger than ordinary has the penalty 2 n ln(s / s0): its prior of unknown common
-        scale has the density s^-n. This penalises curves whose amplitudes cancel each other to imitate other effects.
+        A curve of n amplitudes that exceeds the ordinary size s0 has the additional penalty 2 n ln(s / s0), because a
+        prior of unknown common scale has the density s^-n. The penalty applies to curves that imitate other effects by
+        amplitudes that cancel each other.
         """
         scanned = sum(len(EFFECTS[name].shapes) for name in self.effects)
         penalty = PENALTY.parameter * (len(self.fit.free) + scanned)
@@ -115,7 +117,7 @@ class Hypothesis:
 
 
 def beating(model: Hypothesis) -> GaussNewton:
-    """Settings of a preliminary fit that counts only if it becomes better than a previous fit of the same set."""
+    """Settings of a preliminary fit that is used only if it becomes better than a previous fit of the same set."""
     return replace(PRELIMINARY, to_beat=model.fit.chi2)
 
 
@@ -156,7 +158,7 @@ def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Whether b is more than a scale factor: a mass or torque is known, or friction depends on the force on a joint."""
+    """Whether b is identifiable: a mass or torque is known, or friction depends on the force on a joint."""
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 

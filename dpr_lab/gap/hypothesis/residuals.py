@@ -16,7 +16,7 @@ class NoiseAssumptions:
     """Assumptions about the residuals of a fit."""
 
     level: tuple[float, float] = (0.3, 1.3)
-    """Range of the variance ratio in which a deviation counts as a wrong noise floor, not as a gap."""
+    """Range of the variance ratio in which a deviation counts as an error of the noise floor, not as a gap."""
     most_correlated: float = 0.99
     """Maximum autocorrelation of neighbouring residuals.
 
@@ -25,13 +25,14 @@ class NoiseAssumptions:
     lone: float = 8.0
     """Minimum deviation of an isolated outlier from its neighbours, in standard deviations."""
     lone_among: float = 6.0
-    """Minimum ratio of the deviation of an isolated outlier to the deviations of the neighbouring residuals."""
+    """Minimum ratio of the deviation of an isolated outlier to the deviations of its neighbours."""
     lone_quantile: float = 0.8
-    """Quantile of the neighbouring deviations that is compared; a second outlier among them does not hide the first."""
+    """Quantile that represents the deviations of the neighbours; a second outlier among them then does not hide the
+    first."""
     wildest: float = 1e6
     """Residual of the readings in a segment that cannot be simulated, in standard deviations.
 
-    The largest possible one.
+    It is the largest residual that is possible.
     """
 
 
@@ -94,7 +95,7 @@ def degrees_of_freedom(problem: Problem) -> Integers:
 
 
 def bounded_residual(problem: Problem, fit: Fit) -> Array:
-    """(samples, 2) whitened residual; the residual is `wildest` in a segment that cannot be simulated."""
+    """(samples, 2) whitened residual; `wildest` in a segment that cannot be simulated."""
     wildest = ASSUMPTIONS.wildest
     return np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
 
@@ -129,9 +130,9 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
 def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
     """(samples, 2) mask of isolated outliers: readings with a wrong value, up to three in a row.
 
-    The robust straight line (Theil and Sen) through the seven residuals around an outlier is far from its residual,
-    farther than for its neighbours, and the next residuals return to their previous level. In contrast, the residual of
-    a missing effect is smooth, or large for some time, or a step.
+    A robust straight line (Theil and Sen) is fitted to the seven residuals around a reading. An outlier is far from
+    this line, farther than its neighbours, and the next residuals return to the previous level. In contrast, the
+    residual of a missing effect is smooth, large for some time, or a step.
     """
     r = np.nan_to_num(problem.weight * (problem.measured - problem.predict(estimate)))
     off, across = np.zeros_like(r), np.full_like(r, np.inf)

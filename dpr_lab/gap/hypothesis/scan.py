@@ -26,7 +26,7 @@ class ScanSettings:
     many: int = 24
     """Number of shapes above which an effect is scanned along the swing before the score test."""
     kept: int = 2
-    """Number of shapes that a scan returns: the best one, and the best one that is not its neighbour."""
+    """Number of shapes that a scan returns: the best shape, and the best shape that is not its neighbour."""
     neighbours: float = 0.1
     """Maximum relative difference between the frequencies or orders of two neighbouring shapes."""
     finer: int = 13
@@ -41,9 +41,10 @@ class ScanSettings:
     amplitudes: int = 2
     """Number of leading amplitudes of an effect that a scan fits."""
     periods: int = 2
-    """Minimum number of periods that a joint must cover; a pattern that does not repeat is not known to be periodic."""
+    """Minimum number of periods that a joint must cover. A pattern that does not repeat is not evidence of a periodic
+    effect."""
     gap_rad: float = 0.5
-    """Maximum interval of the circle without any angle for a joint that counts as revolving, rad."""
+    """Largest gap in the visited angles of a joint that counts as revolving, rad."""
 
 
 SCAN = ScanSettings()
@@ -51,14 +52,14 @@ SCAN = ScanSettings()
 ORDER = "order"
 """Name of the shape parameter for the number of periods of a torque per turn of its joint.
 
-On an arc of fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. Such a polynomial
-fits any smooth force and any nonlinearity of the encoder, and is evidence of neither.
+If the arc covers fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. Such a
+polynomial fits any smooth force and any nonlinearity of the encoder, so it is evidence of neither.
 """
 
 
 @dataclass(frozen=True)
 class ShapeScan:
-    """Scan of the shapes of effects, next to one linearised fit."""
+    """Scan of the shapes of effects that are added to one linearised fit."""
 
     problem: Problem
     """Segments and noise."""

@@ -1,7 +1,7 @@
 """Score test: predicted reduction of chi2 by each effect of the library, from one linearised fit.
 
 With A the Jacobian of the fitted parameters and C the Jacobian of a candidate, initial states projected out of both,
-the predicted reduction of chi2 is that of the bounded least-squares problem
+the predicted reduction of chi2 is the reduction by the bounded least-squares problem
 
     min | e - A dp - C a |^2,    friction and other one-signed amplitudes non-negative.
 
@@ -50,7 +50,7 @@ class Score:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:
-    """A fit that is linearised with the columns of a whole library, and the scores of all effects."""
+    """Score test of a fit: the linearised fit with the columns of a library, and the scores of all effects."""
 
     fit: Fit
     linear: Linearisation
@@ -60,7 +60,7 @@ class ScoreTest:
     prior: RigPrior
     """Prior of all columns of the test."""
     ranking: tuple[Score, ...] = ()
-    """Scores of all effects, best first; an effect with several shapes has the score of its best one."""
+    """Scores of all effects, best first; an effect with several shapes has the score of its best shape."""
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
     """Scores of all shapes of each effect, the best shape first."""
 

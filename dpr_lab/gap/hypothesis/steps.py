@@ -1,8 +1,8 @@
-"""Instants of lasting steps of an encoder reading, found by the screening or indicated by the residuals.
+"""Detection of lasting steps of an encoder reading, from the screening or from the residuals.
 
-A step must be visible in the readings themselves, not only in the residual of a fit. The zero of an encoder that
-differs between recordings, or a friction that holds a rod away from the vertical, changes a residual like a step. The
-readings before and after the instant, however, then lie on one smooth curve.
+A step must be visible in the readings themselves, not only in the residual of a fit. A residual can also change like a
+step if the zero of an encoder differs between recordings, or if friction holds a rod away from the vertical. In these
+cases, however, the readings before and after the instant lie on one smooth curve.
 """
 
 from collections.abc import Sequence
@@ -26,11 +26,12 @@ class StepSettings:
     """Settings of the search for steps."""
 
     kept: int = 3
-    """Maximum number of steps of a residual that are tried; a recording with more lost counts is not worth fitting."""
+    """Maximum number of steps of a residual that are tried. A recording with more lost counts is unsuitable for a
+    fit."""
     before_s: float = 1e-4
     """Time between a step and the first reading that contains it, s; shorter than any sample period."""
     blind: float = 1e-6
-    """Minimum fraction of a step's squared norm that remains without the initial state, for a visible step."""
+    """Minimum fraction of the squared norm of a visible step that remains after the initial state is projected out."""
     side: int = 8
     """Number of readings on either side of a step to which a polynomial is fitted."""
     degree: int = 5
@@ -42,7 +43,7 @@ class StepSettings:
     errors: float = 3.0
     """Number of standard errors by which the step in the readings may be smaller than the step of the residual.
 
-    A step in the readings is visible from this number of standard errors on.
+    It is also the minimum size, in standard errors, of a visible step in the readings.
     """
     counts: float = 1.5
     """Maximum size, in counts, of a step that is due to the resolution of an encoder.
@@ -92,9 +93,10 @@ def visible_steps(
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
     """Whether the readings around an instant contain a step, by a fit of a polynomial with a step.
 
-    The step in the readings must not be far below the step of the residual, and it must be visible. A small step of a
-    residual may be within the errors of readings without a step. The readings must therefore be nearer to this step
-    than to zero. If too few readings lie before or after the instant, the step counts as a zero error of the recording.
+    The step in the readings must be visible, and must not be far smaller than the step of the residual. Readings
+    without a step may contain a small step of the residual within their errors. The step in the readings must therefore
+    be nearer to the step of the residual than to zero. If too few readings lie before or after the instant, the step
+    counts as a zero error of the recording.
 
     Args:
         record: the recording
@@ -151,7 +153,7 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
 
 
 def step_gain(score: Array, power: Array, on_nuisances: Array, least: Array) -> tuple[Array, Array]:
-    """Gain and size of a change h of the readings, as functions of its instant.
+    """Gain and size of a change h of the readings, for each instant of the change.
 
     Args:
         score: (...) inner product h e with the whitened and projected residual e

@@ -1,8 +1,9 @@
-"""Frequencies at which the swing of a single rod repeats, and vibrations that are indistinguishable from its harmonics.
+"""Harmonics of the swing of a single rod, and vibrations that are indistinguishable from them.
 
-Any law of angle or speed that the model lacks leaves a residual at multiples of the frequency of the swing. This
-frequency changes slowly with the amplitude. A vibration of the base at such a multiple follows this residual along one
-release. The frequency of a true vibration is independent of the swing, so such a match is not evidence of a vibration.
+If the model lacks a law of angle or speed, the residual contains multiples of the frequency of the swing. This
+frequency changes slowly with the amplitude. A vibration of the base at such a multiple can follow the residual along
+one release. The frequency of a true vibration is independent of the swing, so such a match is not evidence of a
+vibration.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Significance of a reduction of the cost: compared with noise, chance, and the error of an inexact form."""
+"""Significance of a reduction of the cost, compared with noise, chance, and the error of an inexact functional form."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 class Thresholds:
     """Acceptance thresholds of effects.
 
-    They were set on blind trials below seed 100000 of `benchmarks/diagnosis.py` and tested on others. chi2 is counted
-    in units of independent evidence, `ResidualStatistics.inflation`.
+    They were set on blind trials with seeds below 100000 of `benchmarks/diagnosis.py` and tested on other seeds. chi2
+    is counted in units of independent evidence, `ResidualStatistics.inflation`.
     """
 
     noise_floor: float = 4.0
@@ -23,7 +23,7 @@ class Thresholds:
     far: float = GAUSS_NEWTON.far
     """chi2 per degree of freedom above which fits may end in local minima."""
     chance: float = 30.0
-    """Maximum reduction of chi2 that is attributed to chance: the maximum over some 600 shapes."""
+    """Maximum reduction of chi2 that is attributed to chance: the largest reduction among about 600 shapes."""
     promising: float = 0.5
     """Minimum predicted reduction, as a fraction of the excess, for which an effect is fitted to a few readings."""
     chance_at_floor: float = 90.0
@@ -34,7 +34,7 @@ class Thresholds:
     The unit is the standard error estimated from the scatter of segments.
     """
     beyond_chance: float = NORMAL_Q90
-    """Difference of two given sets that chance exceeds in 5 % of cases.
+    """Difference between two given sets that chance exceeds in 5 % of cases.
 
     The unit is the standard error from the scatter of segments.
     """
@@ -43,15 +43,15 @@ class Thresholds:
     takes_over: float = 2.0
     """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     integrator: float = 5e-4
-    """Uncertain fraction of the explained chi2, because of the integrator's steps."""
+    """Fraction of the explained chi2 that is uncertain because of the steps of the integrator."""
     integrator_at_floor: float = 5e-5
-    """Fraction as `integrator`, for a set that leaves only noise, which confirms the steps."""
+    """The same fraction for a set that leaves only noise; the noise level confirms that the steps are small enough."""
     slow: float = 1.3
-    """Minimum factor by which an additional effect reduces the excess; a large effect need not reach it."""
+    """Minimum factor by which an additional effect reduces the excess. The limit does not apply to a large effect."""
     keeps: float = 3.0
-    """Minimum factor by which the excess increases without an effect that is kept."""
+    """Minimum factor by which the excess must increase without an effect for the effect to be kept."""
     keeps_if_large: float = 1.3
-    """Minimum factor by which the excess increases without a large effect that is kept."""
+    """Minimum factor by which the excess must increase without a large effect for the effect to be kept."""
     large: float = 0.04
     """Minimum size of a large effect, as a fraction of the whole gap.
 
@@ -63,11 +63,11 @@ class Thresholds:
     The limit applies while a residual remains.
     """
     keeps_if_small: float = 30.0
-    """Minimum factor by which the excess increases without a small effect that is kept."""
+    """Minimum factor by which the excess must increase without a small effect for the effect to be kept."""
     contained: float = 0.003
     """Minimum fraction of the explained chi2 that a richer form of an effect must add while a residual remains."""
     nearly_all: float = 0.9
-    """Minimum reduction of the excess by simple effects that replace a curve, relative to its reduction by the curve.
+    """Minimum reduction of the excess by simple effects that replace a curve, relative to the reduction by the curve.
 
     The rule applies if only a small residual remains.
     """
@@ -128,7 +128,7 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
-    """Curve of a smaller set that imitates the removed effect by amplitudes that cancel each other; None without one.
+    """Curve of a smaller set that imitates the removed effect by amplitudes that cancel each other, or None.
 
     The amplitudes of such a curve grow when the effect is removed. On a small arc, for example, an eccentricity with
     large harmonics imitates a zero offset. This does not make the offset superfluous.
@@ -145,13 +145,13 @@ def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
 
 
 def follows_remainder(base: Hypothesis, larger: Hypothesis, simple: Hypothesis) -> bool:
-    """Whether the additional reduction by a curve, vibration or drift is only the remainder of small unknown causes."""
+    """Whether a curve, vibration or drift only follows the remainder of small unknown causes."""
     tests = (curve_follows_remainder, follows_swing, follows_decay)
     return any(follows(base, larger, simple) for follows in tests)
 
 
 def curve_follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
-    """Whether the additional reduction by a curve is only the small remainder that unknown causes leave on every rig.
+    """Whether a curve only follows the small remainder that unknown causes leave on every rig.
 
     Three conditions must hold: the simpler set explains nearly all that the curve explains, its remainder is below the
     noise, and with this remainder as noise the curve is not significant.
@@ -167,7 +167,7 @@ def curve_follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hy
 
 
 def follows_swing(base: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
-    """Whether a set has a vibration at a multiple of the swing's frequency, of which another set explains most.
+    """Whether a set has a vibration at a multiple of the swing's frequency, and another set explains most of it.
 
     Any law of angle or speed leaves a residual at these frequencies.
     """
@@ -180,8 +180,8 @@ def follows_swing(base: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
 def follows_decay(base: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
     """Whether a set has a drift of friction along one decay, and another set of the same size explains nearly as much.
 
-    Along a decay the amplitude decreases with time. A loss that depends on speed, as on every rod, therefore looks like
-    a drift.
+    Along a decay the amplitude decreases with time. A loss that depends on speed, which every rod has, therefore looks
+    like a drift.
     """
     if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False
@@ -202,8 +202,8 @@ def indifference(
 def form_indifference(base: Hypothesis, model: Hypothesis) -> float:
     """Maximum increase of cost for which a simpler form of an effect replaces a richer form that contains it.
 
-    While a residual remains, a richer form may merely compensate for it. At the noise floor the richer form may follow
-    the error of the integrator.
+    While a residual remains, a richer form may merely compensate for the residual. At the noise floor, a richer form
+    may follow the error of the integrator.
     """
     share = THRESHOLDS.integrator if at_noise_floor(model) else THRESHOLDS.contained
     return indifference(base, model, share=share)
@@ -220,7 +220,7 @@ def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bo
 
 
 def small_effects(base: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
-    """Effects that together explain less than `THRESHOLDS.small` of the gap beyond the larger effects.
+    """Small effects: together they explain less than `THRESHOLDS.small` of the gap in addition to the larger effects.
 
     Args:
         base: the bare model
@@ -254,7 +254,7 @@ def _significance(base: Hypothesis, before: Hypothesis, after: Hypothesis) -> fl
 
 
 def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
-    """Reduction of chi2 that can occur by chance, from its scatter between segments; inf for too few segments.
+    """Reduction of chi2 that can occur by chance, from its scatter between segments; inf if the segments are too few.
 
     The residual due to small unknown effects is smooth along a segment. If this residual counted as noise of every
     reading, a cause that improves every segment would not be significant. Segments are therefore the independent units.
@@ -274,7 +274,8 @@ def explains_as_much(base: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
     """Whether a set explains about as much as another set with more parameters, and is therefore preferred.
 
     The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
-    parameters, must not be significantly higher. While a residual remains, the difference is compared with its scatter
+    the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
+    scatter
     between segments: neither set is the exact model, so the noise of a reading is not the relevant scale of the
     difference.
 

@@ -1,4 +1,4 @@
-"""Named effects with their sizes and probabilities, families of them, and their alternatives."""
+"""Named effects with their sizes and probabilities, their families, and their alternatives."""
 
 from pydantic import Field
 
@@ -11,8 +11,7 @@ PROBABLE = 0.05
 class EffectSize(Interval):
     """Size of one parameter of an effect: value and interval at the assumed b, ratio to b^k, and absolute interval.
 
-    `interval90` contains the uncertainty of the fit only. Together with `value` it represents a ratio to the assumed b,
-    in other units.
+    `interval90` contains only the uncertainty of the fit, for the assumed b.
     """
 
     ratio: Number | None = None
@@ -33,7 +32,7 @@ class NamedEffect(Saved):
     members: list[str] = Field(alias="class")
     """The effect and the effects that are indistinguishable from it in these recordings."""
     odds: dict[str, Number] = {}
-    """Share of the probability for each member of the class, by the plausibility of its size."""
+    """Share of each member of the class in the probability, by the plausibility of its size."""
     forms: list[str] = []
     """Richer forms of the members that count as the simpler form.
 

@@ -23,7 +23,7 @@ class AdvisedRelease(Saved):
     duration_s: Number
     """Duration of the recording, s."""
     added_mass: AddedMass | None = None
-    """Known mass to attach to a rod; None without one."""
+    """Known mass to attach to a rod; None if no mass is attached."""
 
 
 class Quantity(Saved):
@@ -36,7 +36,8 @@ class Quantity(Saved):
     symbol: str
     """Symbol in the equation of the effect."""
     parameters: tuple[str, ...]
-    """Amplitudes of the effect that form the quantity; several ones form the root of the sum of their squares."""
+    """Amplitudes of the effect that form the quantity. Several amplitudes are combined as the root of the sum of their
+    squares."""
     definition: str = ""
     """Definition of the quantity, if the name is ambiguous."""
 
@@ -81,7 +82,7 @@ class AdvisedCheck(Saved):
     expected_bits: Number
     """Expected reduction of the entropy between these effects, in bits."""
     measures: str = ""
-    """Effect whose amplitude a measurement determines; the amplitude is about zero if this effect is not the cause."""
+    """Effect whose amplitude a measurement determines. If this effect is not the cause, the amplitude is about zero."""
     quantity: Quantity | None = None
     """Measured quantity; None for a recording."""
     expected: Interval | None = None
@@ -140,7 +141,7 @@ class CheckDone(Saved):
     """Result of a recommended check, with the probabilities before and after it."""
 
     check: AdvisedCheck
-    """Recommended check that was done."""
+    """The recommended check."""
     result: str
     """Description of the result."""
     value: Number | None = None
@@ -148,7 +149,7 @@ class CheckDone(Saved):
     std: Number | None = None
     """Standard uncertainty of the measured value, in the unit of the quantity; None for a recording."""
     before: dict[str, Number]
-    """Probability of each candidate before the check, and of a cause outside the candidates ("unexplained")."""
+    """Probability of each candidate, and of a cause outside the candidates ("unexplained"), before the check."""
     after: dict[str, Number]
     """Probability of each candidate after the check."""
     log10_bayes_factor: dict[str, Number] = {}

@@ -29,7 +29,7 @@ Verdict = Literal["no_gap", "inconclusive", "named", "partly_explained", "unexpl
 Basis = Literal["one release", "releases left out", "held-out runs"]
 
 UNCERTAIN = "Nothing above the noise floor remains, but the causes are uncertain."
-"""Last sentence of the verdict if effects explain the whole gap but none of the causes is certain."""
+"""Last sentence of the verdict if effects explain the whole gap but no cause is certain."""
 
 
 class SensorFinding(Saved):
@@ -105,25 +105,25 @@ class Diagnosis(Shown, Saved):
     checks_done: list[CheckDone] = []
     """Results of the completed checks, latest last."""
     parent: str = ""
-    """SHA-256 of the diagnosis from which a check produced this one; empty without such a check."""
+    """SHA-256 of the diagnosis before the check that produced this diagnosis; empty if no check was recorded."""
     ratios: dict[str, Interval]
     """Ratios a/b, d/b (1), e1/b (1/s^2), c1/b, c2/b (1/s) of the corrected model.
 
-    For an inner rod alone, the ratios of `determined`.
+    If only the inner rod is mounted, the ratios of `determined`.
     """
     fitted: list[Interval] = []
-    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b for an inner rod alone; empty for both rods.
+    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b if only the inner rod is mounted; empty for both rods.
 
-    Parts that are not mounted have values of the rig file. These ratios are initial values for other commands, not a
-    result.
+    Parts that are not mounted have the values of the rig file. These ratios are initial values for other commands, not
+    results.
     """
     ratio_covariance: list[list[Number]]
     """(5, 5) covariance of the ratios a/b, d/b, e1/b, c1/b, c2/b."""
     determined: dict[str, Interval] = {}
-    """Ratios that the recordings determine: to b or, for the inner rod alone, to its a.
+    """Ratios that the recordings determine: to b, or to a if only the inner rod is mounted.
 
-    They include A/b and c0/b of a moving arm. All other entries of `ratios` come from the rig file. Empty in a file of
-    an older version.
+    They include A/b and c0/b of a moving arm. The values of `ratios` that are not in this dictionary come from the rig
+    file. Empty in a file of an older version.
     """
     determined_covariance: list[list[Number]] = []
     """Covariance matrix of the values of `determined`, in the same order."""
@@ -144,7 +144,8 @@ class Diagnosis(Shown, Saved):
     scale: Scale | None = None
     """Value of b that absolute sizes assume, with its interval and source; None in a file of an older version."""
     p_over_b: Number | None = None
-    """Ratio m2 L1^2 / b, which together with the other ratios determines the swing of the inner rod alone."""
+    """Ratio m2 L1^2 / b. Together with the other ratios it determines the swing of the inner rod without the outer
+    rod."""
     search: list[SearchStep] = []
     """Steps of the search for the set of effects; empty in a file of an older version."""
     posterior: list[PosteriorComponent] = []
@@ -165,7 +166,7 @@ class Diagnosis(Shown, Saved):
 
     @property
     def all_ratios(self) -> dict[str, Interval]:
-        """The five ratios of the fit; for an inner rod alone, undetermined ratios come from the rig file."""
+        """The five ratios of the fit; if only the inner rod is mounted, undetermined ratios come from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     @property
@@ -175,7 +176,7 @@ class Diagnosis(Shown, Saved):
 
     @property
     def unknowns(self) -> Array:
-        """(7,) ratios, b and p/b, as initial values of another fit; p/b is nan if no run contains a single rod."""
+        """(7,) ratios, b and p/b, as initial values for another fit; p/b is nan if no run has a single rod."""
         p_over_b = np.nan if self.p_over_b is None else self.p_over_b
         return np.array([*(ratio.value for ratio in self.all_ratios.values()), self.scale_b, p_over_b])
 

@@ -123,7 +123,7 @@ class JointFriction(Saved):
     speed_rad_per_s: list[Number]
     """Speeds of the joint in both directions, ascending, rad/s.
 
-    The joint reaches the largest one in both directions.
+    The joint reaches the largest of these speeds in both directions.
     """
     torque_Nm: list[Number]
     """Friction torque at each speed, at the assumed b, N m; positive against a positive speed."""
@@ -143,7 +143,7 @@ class UncertaintySource(Saved):
     how: str
     """Origin of the value, and the assumed uncertainty."""
     left: Number
-    """Factor by which the recordings reduce the assumed uncertainty under the corrected model.
+    """Factor by which the recordings reduce the assumed uncertainty, if the corrected model is right.
 
     The recordings would show a larger error.
     """
@@ -172,7 +172,8 @@ class RunBudget(Saved):
     """Area between the distribution of the measured angles and the distribution simulated by the bare model, rad."""
     area_after_rad: Number
     area_noise_rad: Number
-    """Area between the distributions of the corrected model and of the same model with noise of the readings, rad."""
+    """Area between the distributions of the angles by the corrected model without and with noise of the readings,
+    rad."""
 
 
 class Budget(Saved):
@@ -201,7 +202,7 @@ class Curves(Saved):
     before_rad: list[list[Number]]
     after_rad: list[list[Number]]
     rods: int = 2
-    """Number of rods that swing separately; with one rod, only the first angle has a meaning."""
+    """Number of rods that swing separately. If it is 1, only the first angle has a meaning."""
     arm_rad: list[list[Number]] = []
     """(n, 3) angle of an arm that is free or driven, rad: measured, before and after correction."""
     input: list[Number] = []

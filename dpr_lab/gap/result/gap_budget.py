@@ -1,4 +1,4 @@
-"""Reproducible share of the gap, and the part of it that the effects explain."""
+"""Reproducible share of the gap, and the part of this share that the effects explain."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -16,7 +16,7 @@ class ChangedRig:
     """Limits beyond which the parameters of a rig changed between its recordings."""
 
     share: float = 0.5
-    """Minimum share of the gap that varying parameters remove if they are its main part."""
+    """Minimum share of the gap that varying parameters must remove to count as its main part."""
     scatter: float = 0.05
     """Maximum relative scatter of a ratio between recordings of an unchanged rig."""
 
@@ -32,11 +32,11 @@ class VaryingParameter(Saved):
     name: str
     """Name of the parameter."""
     values: dict[str, Number]
-    """Recording or quarter -> value of the parameter in it, SI; all other parameters are common."""
+    """Recording or quarter -> value of the parameter there, SI. All other parameters have common values."""
     std: Number
     """Standard deviation of one value due to noise and disturbances, SI."""
     spread: Number
-    """Standard deviation of the value between recordings, SI, without the part due to `std`."""
+    """Standard deviation of the true value between recordings, SI: the scatter without the part due to `std`."""
     sigmas: Number
     """Scatter of the values, in standard deviations of one value; 1 is expected by chance."""
 
@@ -63,14 +63,14 @@ class GapBudget(Saved):
     parameters: list[VaryingParameter] = []
     """Parameters that differ between recordings, most significant first."""
     undecided: str = ""
-    """Reason why the shares cannot be determined; empty if they can.
+    """Reason why the shares cannot be determined; empty if they are determined.
 
-    With a reason, the unexplained part counts as not reproducible.
+    If they are not determined, the unexplained part counts as not reproducible.
     """
 
     @property
     def of_gap(self) -> float | None:
-        """Explained share of the mean squared gap above the noise; None without a gap."""
+        """Explained share of the mean squared gap above the noise; None if there is no gap."""
         above = 1 - self.noise
         return self.explained / above if above > 0 and not self._no_gap else None
 
@@ -82,9 +82,9 @@ class GapBudget(Saved):
 
     @property
     def changed_ratio(self) -> VaryingParameter | None:
-        """Ratio, other than of friction, that differs between recordings by more than an unchanged rig allows.
+        """Ratio, other than a friction ratio, that differs between recordings by more than an unchanged rig allows.
 
-        None without one.
+        None if there is no such ratio.
         """
         if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None

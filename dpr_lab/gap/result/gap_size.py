@@ -10,13 +10,14 @@ class ClosedShare(Saved):
     """Share of the gap above the noise floor that the named effects close, on data not used for the fit."""
 
     estimate: Number
-    """Share that closes on the held-out runs or, without such runs, on each run predicted from the other runs."""
+    """Share that closes on the held-out runs or, if there are none, on each run when it is predicted from the other
+    runs."""
     interval90: tuple[Number, Number]
     """90 % interval of the estimate."""
     per_run: dict[str, Number]
     """Share of the gap that closes on each run, by the name of the run."""
     held_out: dict[str, Number] = {}
-    """Run -> share of the gap that closes on whole recordings that were held out on request."""
+    """Held-out run -> share of the gap that closes on it."""
 
 
 class Gap(Saved):

@@ -19,13 +19,15 @@ class PosteriorComponent(BaseModel):
     ratios: dict[str, Number]
     """Ratios a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
     effects: dict[str, dict[str, Number]]
-    """Effect -> parameter -> value, SI, for the b of `ratios` or, if it has none, for the b of the diagnosis."""
+    """Effect -> parameter -> value, SI, for the b in `ratios` or, if `ratios` contains no b, for the b of the
+    diagnosis."""
     free: list[str]
     """Names of the fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[Number]]
     """(free, free) covariance of the fitted values, SI."""
     between: list[list[Number]] = []
-    """(free, free) covariance between the values of another recording and these, SI, beyond the noise of the readings.
+    """(free, free) covariance of the difference between the values of another recording and these values, SI, without
+    the noise of the readings.
 
     It is zero if the recordings do not differ significantly, and empty in a file of an older version.
     """

@@ -1,4 +1,4 @@
-"""Components of saved results: frozen records, finite numbers, intervals."""
+"""Base types of saved results: frozen records, finite numbers, intervals."""
 
 from typing import Annotated
 
@@ -9,7 +9,7 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class Saved(BaseModel):
-    """A frozen record; unknown keys of a file are refused."""
+    """Base class of frozen records; a file with unknown keys is refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True, populate_by_name=True)
 

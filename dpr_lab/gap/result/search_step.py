@@ -1,10 +1,10 @@
-"""One trial of the search for the set of effects."""
+"""One trial of the search for a set of effects."""
 
 from dpr_lab.gap.result.saved import Number, Saved
 
 
 class SearchStep(Saved):
-    """One trial of the search for the set of effects."""
+    """One trial of the search for a set of effects."""
 
     move: str
     """Kind of change that was tried, the name of a move."""

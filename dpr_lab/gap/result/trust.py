@@ -5,7 +5,8 @@ from typing import Literal
 from dpr_lab.gap.result.saved import Number, Saved
 
 NOTHING = "nothing"
-"""Entry of the confusion matrix for a plant without a further effect, or a diagnosis that names none."""
+"""Entry of the confusion matrix for a plant without a further effect, or for a diagnosis that names no further
+effect."""
 
 
 REFUSED = "refused"
@@ -38,12 +39,12 @@ class ConfusionCell(Saved):
 
 
 class TrustShare(Saved):
-    """Frequency of an outcome in the blind trials: `held` of `of` trials."""
+    """Frequency of an outcome in the blind trials: `held` trials out of `of`."""
 
     held: int
     of: int
     interval90: tuple[Number, Number]
-    """90 % interval of the share, by Wilson's score."""
+    """90 % Wilson score interval of the share."""
 
 
 class Trust(Saved):

@@ -1,1 +1,1 @@
-"""Screening and thinning of the recordings, the input of the diagnosis."""
+"""Screening and thinning of the recordings before the diagnosis."""

@@ -55,7 +55,8 @@ def spread(values: Array) -> float:
 def stride_ratio(values: Array, floor: float) -> float:
     """Ratio of the noise of every third sample to the noise of neighbours: 1 for white noise, larger if smoothed.
 
-    `floor` is the minimum noise of neighbours, rad: a slow reading of a coarse encoder repeats itself between counts.
+    `floor` is a lower limit of the noise of neighbours, rad. It is needed because the reading of a coarse encoder
+    repeats between counts while the rod is slow.
     """
     near, far = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
     return far / max(near, floor) if near > 0 else 1.0
@@ -75,8 +76,8 @@ def noise_by_speed(
         joints: (n, 2) angles, rad
         floor: (2,) standard deviation at rest, rad; in slow parts, a coarse encoder shows less without a fault
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
-        keep: (n, 2) readings without a fault; the level is then a root mean square, which rare large time-stamp errors
-            increase; without it, a robust estimate
+        keep: (n, 2) mask of the readings without a fault. If given, the level is a root mean square, which rare large
+        time-stamp errors increase; if None, the level is a robust estimate
 
     Returns:
         s (s), and its significance

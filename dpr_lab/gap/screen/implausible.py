@@ -18,10 +18,11 @@ class ImplausibleSettings:
     goes_on: float = 0.25
     """Minimum motion of the rod just before and after a repeated reading, relative to the usual motion per sample."""
     catches_up: float = 0.6
-    """Minimum change of the first new reading after repeated ones, relative to the motion since the last new one.
+    """Minimum change of the first new reading after repeated readings, relative to the motion since the last new
+    reading.
 
-    The change contains the motion that the repeated readings lack. A vibrating rod that was at rest continues from its
-    last position instead.
+    The change contains the motion that the repeated readings lack. In contrast, a vibrating rod that was at rest
+    continues from its last position.
     """
     reach: int = 4
     """Number of samples on either side for the estimate of the speed; one wrong instant then has little influence."""
@@ -38,11 +39,12 @@ def too_fast(t: Array, joints: Array) -> Flags:
 
 
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
-    """Mask of readings that equal the previous one although the rod moves by many standard deviations per sample.
+    """Mask of readings that equal the previous reading although the rod moves by many standard deviations per sample.
 
-    Wrong instants may make the readings of one axis equal by chance, but rarely those of both axes. At a turning point,
-    two samples on either side may be equal. Samples that repeat one after the other are judged together, by the motion
-    of both axes since the last new sample: a jump after them is not a missed count. One turning axis is not evidence.
+    Wrong instants may make the readings of one axis equal by chance, but rarely the readings of both axes. At a turning
+    point, two samples on either side may be equal, so one turning axis is not evidence. Consecutive repeated samples
+    are judged together, by the motion of both axes since the last new sample. A jump after repeated samples is not a
+    missed count.
 
     Args:
         t: (n,) instants, s

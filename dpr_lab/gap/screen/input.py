@@ -36,7 +36,7 @@ class InputRules:
     still: float = 6.0
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
-    """Effects that most arms have; in a model without them, a strong cable hides which sign is right."""
+    """Effects that most arms have. In a model without these effects, a strong cable hides which sign is right."""
     alike: float = 1.1
     """Maximum ratio of chi-square with the other zero of the rods to chi-square with the given zero.
 
@@ -138,8 +138,9 @@ def _refuse_still(recordings: Recordings) -> None:
         run, turn = recording.run, float(np.ptp(recording.joints[:, -1]))
         if recording.setup.arm_moves and turn < INPUT.still * float(np.median(recording.sigma[:, -1])):
             raise RunError(
-                f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range {turn:.2g} rad):"
-                " if the arm was held, import with --arm clamped, else check the column of theta0"
+                f"{run.file or run.name}: its arm is {run.arm_mode}, but encoder 0 stands still (range"
+                f" {turn:.2g} rad). If the arm was held, import with --arm clamped; otherwise check the"
+                " column of theta0"
             )
 
 

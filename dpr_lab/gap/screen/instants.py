@@ -3,8 +3,8 @@
 Two faults of data loggers are detected without a model:
 
     stamp_jitter     Samples are taken at an even rate and receive their time stamps on arrival. The sixth differences
-                     of the angles are then smaller on even instants than on the stamps. Uneven stamps that are
-                     correct give smaller differences themselves, and are kept.
+                     of the angles are then smaller on even instants than on the stamps. Uneven stamps that are correct
+                     give the smaller differences, and are kept.
     periodic_delay   Every n-th reading is taken a constant time after its stamp (a multiplexer, a buffer that is
                      written to disk). Its error is the product of delay and speed, in both joints, at the same
                      position of each cycle.
@@ -37,18 +37,19 @@ class InstantSettings:
     block: int = 32
     """Number of consecutive samples that are judged together."""
     contrary: float = 1.5
-    """Minimum evidence of a block for its own time stamps, in standard errors, if even instants fit better overall.
+    """Minimum evidence for the time stamps of a block, in standard errors, if even instants fit better overall.
 
     Blocks with less evidence use even instants.
     """
     preferred: float = 4.0
-    """Minimum excess of windows that are smoother on even instants over all others, in standard errors."""
+    """Minimum excess of the number of windows that are smoother on even instants, in standard errors."""
     likelihood: float = 6.0
     """Minimum log-likelihood ratio, nats, that is sufficient by itself, for few stamps that are very late."""
     fewest: int = 48
     """Minimum number of readings for the tests of time stamps."""
     fast: float = 0.4
-    """Fraction of the windows that are compared, namely the fastest ones; at rest, all instants are equivalent."""
+    """Fraction of the windows that are compared: those with the fastest motion. At rest, all instants are
+    equivalent."""
     cycle: int = 64
     """Maximum interval between two late readings in a periodic pattern, in samples."""
     significance: float = 8.0
@@ -56,15 +57,16 @@ class InstantSettings:
     contrast: float = 2.0
     """Minimum ratio of the delay of the late reading to the largest other delay in the cycle."""
     likely: float = 0.3
-    """Minimum significance of another cycle that is fitted as well, relative to the largest significance."""
+    """Minimum significance of a further cycle that is also fitted, relative to the largest significance."""
     unshared: float = 0.15
     """Quantile that measures the scatter over the positions of a cycle; late readings do not affect it."""
     least: float = 0.1
-    """Minimum delay, in periods; a smaller one counts as noise."""
+    """Minimum delay, in periods; a smaller delay counts as noise."""
     wild: float = 8.0
     """Limit of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
-    """Quantile of the readings that replaces the limit `wild` if it is larger; a cycle has many late readings."""
+    """Quantile of the readings that replaces the limit `wild` if the quantile is larger; a cycle has many late
+    readings."""
     reach: int = 4
     """Number of samples on either side for the estimate of the speed."""
 
@@ -89,7 +91,8 @@ def even_instants(t: Array, joints: Array) -> Array | None:
     """Evenly spaced instants in place of stamps with jitter, if the angles are smoother at even instants.
 
     For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
-    Even instants are chosen if they are better in significantly more windows, or by the likelihood ratio
+    Even instants are chosen if they are smoother in significantly more windows, or if the likelihood ratio favours
+    them,
 
         sum over joints of  k / 7 ln(rms on stamps / rms on even instants)
 
@@ -163,7 +166,8 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
 def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     """Cycle with the most significant late readings; None if no cycle is significant.
 
-    With the divided differences r = W theta of windows of seven and a reading i late by d, r = W_i d omega_i. Therefore
+    Let r = W theta be the divided differences of windows of seven readings. If reading i is late by d, r = W_i d
+    omega_i. Therefore
 
         d_i = (W^T r)_i / ((W^T W)_ii omega_i),    information (W^T W)_ii omega_i^2 / sigma^2,
 

@@ -34,7 +34,7 @@ class LocalFaultSettings:
     above_surroundings: float = 4.0
     """Minimum ratio of a fault to the usual level of its surroundings.
 
-    Violent motion increases all residuals, but a fault increases only its own residual.
+    Violent motion increases all residuals of the surroundings, but a fault increases only its own residual.
     """
     usual: float = 0.9
     """Quantile of the surroundings that defines the usual level.
@@ -64,7 +64,7 @@ class LocalFaults:
     outliers: Integers
     """Isolated outliers."""
     steps: tuple[tuple[int, float], ...]
-    """First reading after each step, by its index, and size of the step, rad."""
+    """Index of the first reading after each step, and size of the step, rad."""
 
 
 def local_faults(
@@ -79,7 +79,7 @@ def local_faults(
     Args:
         t: (n,) instants, s
         angle: (n,) readings, rad
-        keep: (n,) mask of the readings that are plausible at all
+        keep: (n,) mask of the plausible readings
         noise: standard deviation of a reading at rest (rad) and of an instant (s)
         period: nominal sampling interval, s
     """

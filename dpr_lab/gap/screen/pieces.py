@@ -23,7 +23,7 @@ PIECES = PieceSettings()
 
 
 def whole(name: str) -> str:
-    """Name of the run from which a piece was cut, or of the run itself if it is whole."""
+    """Name of the run from which a piece was cut; the name itself if the run was not cut."""
     return re.sub(r" \d+-\d+ s$", "", name)
 
 
@@ -34,10 +34,10 @@ def are_pieces(names: Iterable[str]) -> bool:
 
 
 def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run], str]:
-    """Runs to fit, runs to hold out, and a sentence if a long record was divided.
+    """Runs to fit, runs to hold out, and a sentence on the division of a long record.
 
-    Only a single record is divided, because several records validate each other. The time continues from piece to
-    piece.
+    Only a single record is divided, because several records validate each other. The time of a piece continues the time
+    of the previous piece.
     """
     if len(runs) != 1 or held_out or runs[0].duration < PIECES.from_s:
         return runs, held_out, ""
@@ -50,7 +50,7 @@ def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Ru
         for start, stop, first, last in zip(starts, stops, edges[:-1], edges[1:], strict=True)
     ]
     sentence = (
-        f"The record of {run.duration:.0f} s was cut into {count} pieces; every second one is held out and"
-        f" measures the reduction of the gap."
+        f"The record of {run.duration:.0f} s was cut into {count} pieces. Every second piece is held out"
+        " and measures the reduction of the gap."
     )
     return cut[0::2], cut[1::2], sentence

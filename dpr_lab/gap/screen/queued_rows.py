@@ -6,15 +6,15 @@ count, and successive rows differ by several counts. All these rows have the sam
 
     D = (B + b) / r,    B bytes in the queue, b bytes per row, r bytes per second.
 
-Near a turning point the rods count slowly, and the queue drains while no row is written. After it, each single count is
-a row until the queue is full again. These rows arrive at the even intervals of the link, as if the speed were constant.
-Their delay lies between that of an empty and that of a full queue. Therefore
+Near a turning point the counts change slowly, and the queue drains while no row is written. Afterwards, each single
+count is a row until the queue is full again. These rows arrive at the even intervals of the link, as if the speed were
+constant. Their delay lies between that of an empty and that of a full queue. Therefore
 
     a row that differs from the previous one by several counts   has the delay D,
     a row in a series of single counts                           has an unknown delay up to D.
 
-Rows sampled at an even rate do not show this pattern: if the reading changes by one count per row before and after a
-turning point, it is repeated at the turning point.
+Rows sampled at an even rate do not show this pattern: a reading that changes by one count per row around a turning
+point repeats at the turning point.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class QueueSettings:
     excluded: int = 2
     """Minimum number of successive single counts for which a row is excluded, because the queue may not be full."""
     repeats: float = 0.01
-    """Maximum fraction of rows that repeat the previous one, outside of pauses."""
+    """Maximum fraction of rows that repeat the previous row, outside of pauses."""
     full: float = 0.5
     """Minimum fraction of the rows with a full queue; the other rows are excluded."""
     least: float = 1.0
@@ -76,17 +76,17 @@ class QueuedRows:
 
     @property
     def evidence(self) -> str:
-        """Evidence of the finding, with the remedy, in words."""
+        """Sentence with the evidence of the finding and the remedy."""
         return (
-            f"a row is sent for each count, over a saturated link: after {self.series} turning points the rows arrive"
-            " at even intervals, one count each, with a delay that differs from that of the other rows by"
-            f" {1e3 * self.differ_s:.2g} ms (median). These {self.rows.sum()} readings are excluded. Increase the baud"
-            " rate, or send the time of the board with each row"
+            f"a row is sent for each count over a saturated link: after {self.series} turning points the"
+            " rows arrive at even intervals, one count each, and their delay differs from the delay of the"
+            f" other rows by {1e3 * self.differ_s:.2g} ms (median). These {self.rows.sum()} readings are"
+            " excluded. Increase the baud rate, or send the time of the board with each row"
         )
 
 
 def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
-    """Rows with an unknown delay after turning points; None if rows are not sent at each change over a full link.
+    """Rows with an unknown delay after turning points; None if the rows do not show a saturated link.
 
     Args:
         t: (n,) stamps, s

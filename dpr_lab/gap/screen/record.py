@@ -5,7 +5,7 @@ shifted by half the acceleration times the variance of the block's instants. Thi
 
     y = mean(theta) - alpha var(t) / 2
 
-If rods are so fast, or encoders so fine, that the remaining bias is significant, the blocks are shorter.
+The blocks are shorter if the remaining bias is significant, that is, for fast rods or fine encoders.
 """
 
 from collections.abc import Iterable
@@ -41,7 +41,7 @@ class ThinningSettings:
     after_release_s: float = 0.03
     """Time of the first reading that is used, s after the release.
 
-    Before it the latch may touch the rod, and an initial state lies 20 ms before its segment.
+    Earlier, the latch may touch the rod, and an initial state lies 20 ms before its segment.
     """
     gap_s: float = 0.03
     """Longest gap that a segment may contain, s."""
@@ -55,7 +55,8 @@ class ThinningSettings:
     bent: float = 0.092
     """Coefficient of (speed times a block)^4 in the remaining curvature bias of a block mean, rad."""
     most_bias: float = 6.0
-    """Maximum bias at the highest speeds, in standard deviations of a block: 27 was significant, 7 was not."""
+    """Maximum bias at the highest speeds, in standard deviations of a block. A bias of 27 was significant, a bias of 7
+    was not."""
     fastest: float = 0.995
     """Quantile of the speed that counts as the highest speed."""
     turn: float = 0.1
@@ -63,7 +64,8 @@ class ThinningSettings:
     least_kept: float = 0.5
     """Minimum number of trusted readings in a block, relative to the usual number."""
     distinct: float = 0.6
-    """Minimum fraction of distinct changes of neighbouring readings for readings without a fixed step."""
+    """Minimum fraction of distinct values among the changes of neighbouring readings, for readings without a fixed
+    step."""
     arm_moves: float = 5.0
     """Maximum lag-1 autocorrelation of encoder 0 for an arm that counts as at rest, in standard errors."""
 
@@ -86,7 +88,7 @@ class Record:
     breaks: Array
     """Instants that no segment may span, s."""
     encoder0_moves: bool | None
-    """Whether the arm moved according to encoder 0; None if it was not recorded."""
+    """Whether the arm moved according to encoder 0; None if encoder 0 was not recorded."""
     noise_correlation: float
     """Autocorrelation of the errors of neighbouring readings at rest, caused by a filter or a tracker."""
     step: float
@@ -94,9 +96,9 @@ class Record:
     setup: Setup
     """Mounted rods, known torques, and motion of the arm."""
     kicks: Array = field(default_factory=lambda: np.zeros(0))
-    """Breaks at which the rods were kicked, s; no free run continues across them."""
+    """Instants at which the rods were kicked, s; no free run continues across a kick."""
     shown: Array | None = None
-    """(n, 2) readings before the correction of a rolling shutter, rad; None without a correction."""
+    """(n, 2) readings before the correction of a rolling shutter, rad; None if no correction was made."""
 
     @property
     def may_be_film(self) -> bool:
@@ -107,7 +109,7 @@ class Record:
 
     @property
     def noise_measured(self) -> bool:
-        """Whether the noise is known from a rest, or from the lengths of the rods in a video."""
+        """Whether the noise was measured at rest, or from the lengths of the rods in a video."""
         return self.run.film_noise is not None or len(self.run.rest) >= NOISE.rest_samples
 
     @property
@@ -168,7 +170,7 @@ def record(run: Run, rig: Rig) -> Record:
     """Screen a run, and reduce its sampling rate to about 200 Hz.
 
     Raises:
-        RunError: fewer readings follow the release, or follow one another without a gap, than a segment needs.
+        RunError: too few readings for a segment follow the release, or no sequence without a gap is long enough.
     """
     if (run.t >= THINNING.after_release_s).sum() < MIN_SAMPLES:
         raise RunError(f"{run.name}: fewer than {MIN_SAMPLES} samples after the release: nothing to diagnose")

@@ -34,7 +34,8 @@ class SegmentLengths:
     working: float = 0.5
     """Length at which effects are distinguished.
 
-    It is four to seven times as sensitive as the first length, and Gauss-Newton still converges.
+    Segments of this length are four to seven times as sensitive as the first segments, and Gauss-Newton still
+    converges.
     """
     steady: float = 2.0
     """Maximum length for a single rod, which is not chaotic; the influence of friction accumulates over swings."""
@@ -57,9 +58,9 @@ class InitialGuess:
     near_s: float = 0.03
     """Time before and after the start from which readings are used, s; a cubic fits any swing in this time."""
     fewest: int = 6
-    """Minimum number of readings for a cubic; if fewer are within this time, the nearest ones are used."""
+    """Minimum number of readings for a cubic. If fewer readings are within this time, the nearest readings are used."""
     before: int = 4
-    """Number of readings before the first one of a segment that are used in this case."""
+    """Number of readings before the start of a segment that are used in this case."""
 
 
 GUESS = InitialGuess()
@@ -88,13 +89,14 @@ class Recordings:
     torque_noise_Nm: tuple[float, float] = (np.inf, np.inf)
     """Upper limit of the standard deviation of the measured torques of joints 1 and 2, from a fit, N m."""
     tracking: TrackingNoise | None = None
-    """Correlated errors that a fit has found; None if the errors are white, or known from the recordings alone."""
+    """Correlated errors that a fit has found; None if the errors are white, or if the recordings themselves show
+    them."""
     shutter: Shutter | None = None
-    """Rolling shutter for which the readings are corrected; None without a correction."""
+    """Rolling shutter for which the readings are corrected; None if no correction was made."""
     torques_earlier: float = 0.0
     """Time by which known torques act before their rows, as a share of the interval between rows.
 
-    It is 0 if they are held from row to row, and one half for samples of a continuous signal.
+    It is 0 if the torques are held from row to row, and one half for samples of a continuous signal.
     """
 
     @property
@@ -135,7 +137,7 @@ class Recordings:
 
     @property
     def of_points(self) -> bool:
-        """Whether all angles are directions between points in a video, so that none depends on counts per turn."""
+        """Whether all angles are directions between points in a video and do not depend on counts per turn."""
         return all(record.run.film_noise is not None for record in self.records)
 
     @property

@@ -1,4 +1,4 @@
-"""Sensor faults that are detected without a model: each is named, and its readings are masked, split or weighted.
+"""Detection of sensor faults without a model; the readings of a fault are masked, split or weighted.
 
 A swing is smooth over a few milliseconds, so an encoder fault is visible in neighbouring readings:
 
@@ -10,7 +10,7 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
     non_white_noise             correlated errors of neighbouring readings
     noise_level                 noise that differs from the rig file
     undithered_quantisation     constant counts at rest: rounding does not average out
-    stamp_jitter                time stamps with jitter, readings taken evenly: replaced by even instants
+    stamp_jitter                time stamps with jitter, but readings at even instants: time stamps are replaced
     periodic_delay              every n-th reading is taken later than its stamp, or before it: excluded
     queued_rows                 rows that wait in the queue of a saturated link, with a varying delay: excluded
 """
@@ -48,37 +48,37 @@ class ScreenSettings:
     gap_near: int = 10
     """Number of samples compared before and after such a distance.
 
-    If one is missing, the later ones lag by half a period.
+    If a sample is missing, the later samples lag by at least half a period.
     """
     noise_ratio: float = 1.5
     """Minimum ratio of two noise levels that is a finding.
 
-    They are measured and stated noise, in either direction, or noise of wider spacings and of neighbours.
+    Compared are measured and stated noise (in either order), or the noise of wider spacings and of neighbours.
     """
     still_counts: float = 0.2
-    """Maximum noise before rounding for which the rounding errors of neighbouring readings are dependent, in counts."""
+    """Noise before rounding up to which the rounding errors of neighbouring readings are dependent, in counts."""
     fewest_at_rest: int = 20
     """Minimum number of readings at rest for the detection of constant counts."""
     colour_hz: float = 500.0
-    """Minimum sample rate for a comparison of the noise over spacings, Hz; at lower rates they contain the swing."""
+    """Minimum sample rate for a comparison of the noise over spacings, Hz; at lower rates it contains the swing."""
     significance: float = 6.0
     """Minimum significance of an increase of the noise with speed, in standard errors."""
     on_grid: float = 0.7
-    """Minimum mean of exp(2 pi i reading / count) for a table on the grid of counts; zero for an even distribution."""
+    """Minimum |mean of exp(2 pi i reading / count)| of a table on the grid of counts; zero for an even distribution."""
     repeating: float = 0.5
-    """Minimum fraction of repeated readings at one position of a cycle of repeated instead of late readings."""
+    """Minimum fraction of repeated readings at one position of a cycle of repeated, not late, readings."""
     repeating_in_part: float = 0.05
-    """Minimum difference between this fraction and the fraction of the other readings, if only a part repeats."""
+    """Minimum difference between this fraction and the fraction at the other positions, if only some readings
+    repeat."""
     rows_in_short_period: float = 80.0
     """Minimum number of samples in the faster small oscillation for the detection of steps of two free rods.
 
-    Large swings without a fault contained steps of 5 to 12 counts with 58 and 68 samples. There were none in 72 swings
-    with 75 samples or more.
+    Large swings without a fault contained apparent steps with 58 and 68 samples, but none with 75 or more (72 swings).
     """
     rows_in_period: float = 20.0
     """Minimum number of samples in a small oscillation for the detection of steps of a single rod.
 
-    Of 40 simulated swings without a fault, 29 contained a step with 6 samples, 2 with 15, and none with 20 or more.
+    Of 40 simulated swings without a fault, 29 contained an apparent step with 6 samples, 2 with 15, none with 20.
     """
     shown: int = 20
     """Maximum number of findings of one kind on one axis that are listed individually."""
@@ -128,7 +128,7 @@ class Screened:
     shared: Array
     """(n, 2) number of readings with the same rounding error: 1 unless readings stay within one step."""
     on_grid: Flags
-    """(2,) whether readings are on the grid of the encoder's counts; only then can counts be missed."""
+    """(2,) whether readings are on the grid of the encoder's counts. Counts can be missed only in this case."""
     findings: tuple[Finding, ...]
 
 

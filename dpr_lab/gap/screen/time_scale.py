@@ -28,22 +28,22 @@ class TimeScaleRules:
     longer: float = 1.5
     """Maximum ratio of the equivalent length to the length of the rod.
 
-    It exceeds 1 because a rod may extend past the specified length and may have a small counterweight.
+    The limit exceeds 1 because a rod may extend past the specified length and may have a small counterweight.
     """
     apart: float = 3.0
-    """Maximum factor between the equivalent length and its value from the rig file, above or below.
+    """Maximum factor between the equivalent length and its value from the rig file, in either direction.
 
-    It is large because some values in the file are guesses.
+    The factor is large because some values in the file are guesses.
     """
     swings: int = 10
-    """Number of swings that the evidence recommends to time with a stopwatch."""
+    """Number of swings that the message recommends to time with a stopwatch."""
 
 
 TIME_SCALE = TimeScaleRules()
 
 
 def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
-    """Recordings with a finding for the first one whose time stamps contradict gravity.
+    """Recordings with a finding for the first recording whose time stamps contradict gravity.
 
     Args:
         recordings: the runs

@@ -1,4 +1,4 @@
-"""Correlated errors of angles that were tracked in a video, if the recording does not show them at rest.
+"""Correlated errors of angles that were tracked in a video, if the recording contains no rest that shows these errors.
 
 A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
 errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model
@@ -44,11 +44,12 @@ class TrackingNoiseSettings:
     smooth: tuple[float, ...] = (0.5, 1.0)
     """Tested time scales l of the smooth remainder, in units of sqrt(L1 / g)."""
     significant: float = 10.8
-    """Minimum of twice the logarithm of the likelihood ratio to white noise; chance exceeds it in 0.1 % of cases."""
+    """Minimum of twice the logarithm of the likelihood ratio to white noise. Chance exceeds this minimum in 0.1 % of
+    cases."""
     rougher: float = 1.5
     """Maximum ratio of the estimated errors to the errors indicated by differences of neighbouring readings.
 
-    Abrupt stops of a sticking rod increase this ratio, but are not errors of a tracker.
+    Abrupt stops of a sticking rod increase this ratio, although they are not errors of a tracker.
     """
 
 

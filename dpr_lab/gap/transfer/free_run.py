@@ -47,7 +47,7 @@ class FreeRunError:
     def followed_s(self, limit_rad: float) -> float:
         """Time up to which the rms error from the beginning stays below a limit, s.
 
-        0 if it exceeds the limit at once.
+        0 if the error exceeds the limit from the beginning.
         """
         running = np.sqrt(np.cumsum(self.squares) / np.arange(1, len(self.t) + 1))
         below = np.logical_and.accumulate(running < limit_rad)
@@ -63,7 +63,7 @@ class FreeRuns:
     """Free runs of one model along a set of recordings."""
 
     items: tuple[Record, ...]
-    """Recordings, each from its first segment that can be simulated; the first readings before a gap may be too few."""
+    """Recordings, each from its first segment that can be simulated. Earlier readings before a gap may be too few."""
     problem: Problem
     """Problem with the compared readings, one segment for each recording."""
     start: Estimate
@@ -81,9 +81,9 @@ class FreeRuns:
 
     @property
     def errors(self) -> dict[str, FreeRunError]:
-        """Run -> error after the readings to which its initial state was fitted; runs that end there are omitted.
+        """Run -> error after the readings to which the initial state was fitted. Runs that end there are omitted.
 
-        An error is NaN from the instant on at which the simulation fails.
+        The error is NaN from the instant at which the simulation fails.
         """
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}
@@ -144,7 +144,7 @@ def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Es
 def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
     """(runs, 2) encoder zeros of each run by a fit to the whole run, if encoders are zeroed before each run.
 
-    Else (0, 2).
+    Otherwise an array of shape (0, 2).
     """
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))

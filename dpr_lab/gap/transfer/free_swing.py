@@ -1,4 +1,4 @@
-"""Prediction of one recording from its first readings, with its sensitivity to every uncertain input.
+"""Prediction of one recording from its first readings, and the sensitivity of the prediction to every uncertain input.
 
 Let J0 and J be the Jacobians of the readings r with respect to the initial state and to the fitted values, and W the
 inverse of the noise. The initial state is fitted to the first readings h. A change dr of the readings also changes this
@@ -114,7 +114,7 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
 
 
 def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]:
-    """Mean squared error of each run that the noise of its first readings alone causes.
+    """Mean squared error of each run that is caused only by the noise of its first readings.
 
     The result has the form of `FreeRuns.errors`.
 
@@ -132,7 +132,7 @@ def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
-    """Time until the uncertainty of the initial state causes a given error, s; None beyond the end of the run."""
+    """Time until the uncertainty of the initial state causes a given error, s; None if this time exceeds the run."""
     lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
     lost = lost[~swing.head[lost]]
     return float(swing.t[lost[0]]) if len(lost) else None

@@ -23,7 +23,8 @@ from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
-"""Segment lengths for which the gap is reported, s: from lengths at which every model fits to the onset of chaos."""
+"""Segment lengths for which the gap is reported, s: from lengths at which every model fits, up to the onset of
+chaos."""
 
 TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 """Tolerances of fits whose gap is reported with two digits."""
@@ -31,7 +32,7 @@ TWO_DIGITS = GaussNewton(converged=1e-3, converged_frozen=1e-4)
 TORQUE_HATS = 3
 """Number of torque functions of each joint per segment.
 
-There is one per quarter of a second; the readings of a segment limit their number.
+There is one function per quarter of a second. The number of readings in a segment limits the number of functions.
 """
 
 

@@ -1,4 +1,4 @@
-"""The one recording that the model leaves unexplained, although it explains all others if fitted to them alone.
+"""Detection of a single unexplained recording: the model, fitted to the others, explains all others.
 
 A kick, a draught or a caught cable acts in one recording and is not a property of the rig. The common fit then follows
 this recording with values and effects that the other recordings do not need. Let
@@ -29,7 +29,7 @@ class LoneRules:
     """Limits for a remainder that occurs in one recording only (docs/decisions/0044)."""
 
     recordings: int = 3
-    """Minimum number of recordings; with two, it is unknown which of them is the exception."""
+    """Minimum number of recordings. If there are two, it is unknown which of them is the exception."""
     ratio: float = 3.0
     """Minimum ratio of the remainder of this recording to the remainder of every other recording."""
     least: float = 0.5
@@ -41,7 +41,7 @@ LONE = LoneRules()
 
 @dataclass(frozen=True, slots=True)
 class LoneRecording:
-    """Recording with a remainder, and largest remainder of the others without it, both in units of the noise."""
+    """The only recording with a remainder, and the largest remainder of the others, both in units of the noise."""
 
     name: str
     remainder: float
@@ -49,7 +49,7 @@ class LoneRecording:
 
 
 def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) -> LoneRecording | None:
-    """Recording that alone has a remainder; None without one, or if a segment cannot be simulated.
+    """The only recording with a remainder; None if there is no such recording, or if a segment cannot be simulated.
 
     Args:
         problem: the segments

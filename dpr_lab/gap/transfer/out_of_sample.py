@@ -25,7 +25,7 @@ class BlockBootstrap:
     fewest: int = 4
     """Minimum number of blocks of segments; shorter recordings have shorter blocks."""
     draws: int = 400
-    """Number of bootstrap samples, which locates the ends of a 90 % interval to a twentieth of its width."""
+    """Number of bootstrap samples. It determines the ends of a 90 % interval to a twentieth of its width."""
 
 
 BOOTSTRAP = BlockBootstrap()
@@ -101,8 +101,8 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
 def reduction(above: Array, rng: np.random.Generator, block: int) -> GapReduction:
     """Relative reduction of the gap with a bootstrap interval, from (2, segments) chi2 above the noise.
 
-    The rows are before and after. The interval is the whole range for a single segment, which shows no scatter, and for
-    data without a gap to close.
+    The rows are before and after. The interval is the whole range for a single segment, because it shows no scatter,
+    and for data without a gap.
     """
     if above.shape[1] == 1 or above[0].sum() <= 0.0:
         return GapReduction(share(above), (-1.0, 1.0))

@@ -22,7 +22,7 @@ class TransferSettings:
     kept: float = 0.5
     """Minimum ratio of the share closed on held-out data to the share closed in the fitted recordings.
 
-    An effect whose interval reaches the ratio is not refuted.
+    An effect is not refuted if its interval reaches this ratio.
     """
     gap_from: float = 0.25
     """Minimum ratio of the excess chi2 to the chi2 of the noise for a meaningful share.
@@ -32,9 +32,9 @@ class TransferSettings:
     unproven: float = 0.5
     """Factor on the probability of an effect that does not carry over, so that the probability is at most one half."""
     weakly_tested: float = 0.87
-    """Factor as `unproven` for an effect that fails the test on the quarters of a single release (decision 61).
+    """Factor on the probability of an effect that fails the test on the quarters of a single release (decision 61).
 
-    It is the share of right names among those that failed this test.
+    It is the share of correct effects among the effects that failed this test in blind trials.
     """
     oversized: float = 0.1
     """Factor on the probability of an effect with an impossible size; another cause is then more probable."""
@@ -51,12 +51,12 @@ class TransferSettings:
     followed_rad: float = 0.3
     """Maximum rms error of a free run of the bare model, from its beginning, up to which free runs are compared, rad.
 
-    Beyond it, chaos dominates.
+    Beyond this error, chaos dominates.
     """
     followed_s: float = 0.6
     """Minimum time of the comparison of free runs, s after the beginning of the recording."""
     wildest: float = 1e12
-    """Maximum chi2 of a segment, which is used for a segment that cannot be simulated."""
+    """Maximum chi2 of a segment; also the value for a segment that cannot be simulated."""
 
 
 TRANSFER = TransferSettings()
@@ -115,10 +115,10 @@ class Transfer:
     """The only fitted recording with a remainder; None if there is none."""
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """Probabilities of the effects, reduced for effects that fail a test.
+        """Probabilities of the effects; the probability of an effect that fails a test is reduced.
 
-        The quarters of a single release are few and differ in amplitude. An effect that fails their test, or that
-        cannot be tested, is still probable, unless another test fails for all effects.
+        The quarters of a single release are few and differ in amplitude. An effect that fails the test on quarters, or
+        that cannot be tested, is still probable, unless all effects fail another test.
         """
         untested, everything = not self.tested, {posterior.name for posterior in posteriors}
         alone = self.basis == "one release"

@@ -6,11 +6,11 @@ the other:
     explained          by the corrected model, fitted to the other recordings
     unmodelled         by free torques and encoder errors over their coordinates, also fitted to the others
     varying            by model parameters that differ between recordings, fitted to the recording itself
-    not reproducible   by none of these, above the noise
+    not reproducible   not removed by any of these, above the noise
     noise              of the readings
 
 All shares are computed by linear algebra on the fits (`dpr_lab.gap.hypothesis.cross_validation`). A single recording is
-divided into quarters. They show changes within the recording, not changes between recordings.
+divided into quarters, which show changes within the recording but not changes between recordings.
 
 A parameter varies if its values d in the recordings scatter more than their errors allow,
 
@@ -53,7 +53,7 @@ class RepeatabilityRules:
     segments: int = 3
     """Minimum number of segments of each recording; fewer segments show no scatter."""
     varying: int = 3
-    """Maximum number of varying parameters; more of them would fit any residual."""
+    """Maximum number of varying parameters. A larger number would fit any residual."""
     gap_from: float = 3.0
     """Minimum residual that counts as a gap to divide, in standard deviations."""
     beyond_chance: float = 2.0
@@ -91,7 +91,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     noise, total = residuals.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < REPEATABILITY.gap_from or not followed.any() or total <= noise:
         return split(
-            [total] * 4, noise, names, (), "There is no gap above the noise, so there is no repeatability to compute."
+            [total] * 4, noise, names, (), "There is no gap above the noise whose repeatability could be computed."
         )
     parts = _Parts.of(problem, after, fold, followed)
     explained = parts.left_out()
@@ -128,7 +128,7 @@ def _shown(
 def split(
     levels: Sequence[float], noise: float, names: Sequence[str], varying: Sequence[VaryingParameter], undecided: str
 ) -> GapBudget:
-    """Shares from the chi2 that remains after each step: bare model, corrected model, free torques, own parameters."""
+    """Shares of the gap, from the chi2 after each step: bare model, corrected model, free torques, own parameters."""
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=REPEATABILITY.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
     total = max(float(falling[0]), np.finfo(np.float64).tiny)
@@ -181,7 +181,7 @@ class _Varying:
     """Reduction of chi2 that is expected from a fit of noise alone."""
 
     def shown(self, effect: str, name: str, common: float, unit: float, names: Sequence[str]) -> VaryingParameter:
-        """Result with public names, from the common value and the unit of the column, SI.
+        """Varying parameter with public names, from the common value and the unit of the column, SI.
 
         Quarters of a single recording are numbered.
         """

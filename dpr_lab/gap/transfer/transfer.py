@@ -1,4 +1,4 @@
-"""Transfer of the named effects: each must improve the prediction of recordings that were not fitted.
+"""Test of the named effects on recordings that were not fitted: each effect must improve their prediction.
 
 The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. Let
 
@@ -10,13 +10,13 @@ for each segment s, with neighbouring segments grouped. An effect carries over t
 2. d is significantly negative in no run.
 3. The share of the gap that the effect closes is not significantly below half of that in the fitted recordings.
 
-An effect that fails this test explains the fitted recordings only. Effects that worsen the free runs, of held-out runs
-if there are any, are not confirmed. If there is a single release, its quarters are held out in turn. An effect that
-fails is then not withdrawn, but is not certain either.
+An effect that fails this test explains only the fitted recordings. Effects that worsen the free runs are not confirmed;
+held-out runs are used for this test if there are any. If there is only one release, its quarters are held out in turn.
+An effect that fails the test on quarters is not withdrawn, but is not certain.
 
 No effect is certain if all effects together increase the gap of the data that were not fitted, or if one recording
-alone has a remainder (`dpr_lab.gap.transfer.lone_recording`). With fewer segments than quarters, no held-out test is
-possible: no effect is then refuted, and none is certain.
+alone has a remainder (`dpr_lab.gap.transfer.lone_recording`). If there are fewer segments than quarters, no held-out
+test is possible. No effect is then refuted, and no effect is certain.
 
 The sum alone has little power if the reduction is largest in a few segments, because its scatter is then as large as
 the sum. The signed ranks detect a reduction in all segments.
@@ -44,12 +44,12 @@ from dpr_lab.gap.which.selected import Selection
 def transfer(
     state: Classified, runs_by_model: Mapping[str, FreeRuns], expected: Mapping[str, FreeRunError]
 ) -> Transfer:
-    """Test the selected effects on held-out recordings; without any, each fitted run is held out in turn.
+    """Test the selected effects on held-out recordings; if there are none, each fitted run is held out in turn.
 
     Args:
         state: state with the selected set of effects
-        runs_by_model: free runs of the models before and after along all recordings
-        expected: error of the free runs of the model before that the noise of their first readings causes
+        runs_by_model: free runs of the models before and after correction along all recordings
+        expected: error of the free runs of the bare model that the noise of their first readings causes
     """
     recordings, problem, selection = state.recordings, state.problem, state.selection
     held_out, rng = state.held_out_prediction, np.random.default_rng(state.request.seed)
@@ -134,7 +134,7 @@ def worse_free_run(
     noise: Mapping[str, FreeRunError],
     compared: Collection[str],
 ) -> WorseFreeRun | None:
-    """Errors of free runs before and after, as geometric means over some runs, if the effects increase them; else None.
+    """Errors of free runs before and after correction (geometric means); None unless the effects increase them.
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
     confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase

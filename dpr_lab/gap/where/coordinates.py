@@ -11,7 +11,8 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import Trajectory
 
 BINS = 10
-"""Number of hat functions over a coordinate; it resolves a friction curve, and each function is determined."""
+"""Number of hat functions over a coordinate. This number resolves a friction curve, and the readings still determine
+each function."""
 
 
 def hats(x: Array, knots: Array) -> Array:

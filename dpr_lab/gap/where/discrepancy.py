@@ -1,4 +1,4 @@
-"""Discrepancy term: the residual of a fit as free torques and reading errors with a Gaussian prior.
+"""Discrepancy term: free torques and reading errors with a Gaussian prior that describe the residual of a fit.
 
     e = A p + M m + noise,    m ~ N(0, s^2)
 
@@ -38,11 +38,11 @@ class DiscrepancyRules:
     """Settings of the discrepancy term and of its description."""
 
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-    """Tested ratios of the noise variance to the prior variance: from a negligible term to a nearly free one."""
+    """Tested ratios of the noise variance to the prior variance: from a negligible term to a nearly free term."""
     likelier: float = 10.0
     """Minimum reduction of -2 log likelihood for which the discrepancy term is included in the model."""
     mostly: float = 2.0
-    """Minimum ratio of the mean squared torques at low and high speed for which the sentence names one of them."""
+    """Minimum ratio between the mean squared torques at low and high speed for which the sentence names the speed."""
 
 
 DISCREPANCY = DiscrepancyRules()
@@ -115,7 +115,7 @@ def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
 
 
 def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
-    """(segments, m, q) whitened change of the readings by each hat function; each group of functions has one scale."""
+    """(segments, m, q) whitened change of the readings by each hat function, with a common scale per group."""
     groups = _scaled(problem, fit, trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
     return np.concatenate([np.zeros((*fit.linear.e.shape, 0)), *(hats.columns for hats in groups)], axis=2)
 

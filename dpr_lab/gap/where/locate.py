@@ -1,9 +1,9 @@
 """Location of the gap before any effect is named: maps of torque and encoder error by generalised least squares.
 
 Each map is a sum of hat functions of one coordinate, for example the speed of joint 1. They are the torque of a joint
-or the error of an encoder. As for any effect, the ratios and initial states are projected out of the influence of a map
-on the readings, so no torque is ever computed from differentiated angles. The share of the excess chi2 that a map
-explains is the largest share of the gap that this location can cause.
+or the error of an encoder. The ratios and initial states are projected out of the influence of a map on the readings,
+as for any effect. No torque is computed from differentiated angles. The share of the excess chi2 that a map explains is
+the largest share of the gap that this location can cause.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -63,7 +63,7 @@ class Place:
 
 
 def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
-    """Residual maps of all locations, largest share first; empty without a gap."""
+    """Residual maps of all locations, largest share first; empty if there is no gap."""
     if base.residuals.z < SIGNIFICANT:
         return ()
     reference = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
@@ -95,8 +95,8 @@ def where_sentence(places: tuple[Place, ...]) -> str:
     best = places[0]
     if best.share < CONVINCING:
         return (
-            f"No single place explains the gap: the best, {best.site} by {best.coordinate}, explains"
-            f" {percent(best.share)}."
+            f"No single location explains the gap. The best location, {best.site} by {best.coordinate},"
+            f" explains {percent(best.share)} of the excess."
         )
     return best.sentence
 

@@ -1,9 +1,9 @@
-"""Sets of effects and their fits: each set is fitted once, with measures against local minima.
+"""Sets of effects and their fits; each set is fitted once, with measures against local minima.
 
-A fit far from the noise may end in a local minimum, caused by a few segments or by long segments. An effect is
-therefore started from several shapes, from short segments, and from the sets with one effect more and one effect fewer.
-The best of these fits counts. Each move adds its fits and score tests to its own copy, so that they change no earlier
-state of the search. All copies share the results of functions that depend on their arguments alone.
+A fit far from the noise may end in a local minimum, caused by a few segments or by long segments. The fit of an effect
+is therefore started from several shapes, from short segments, and from the sets with one effect more and one effect
+fewer. The best of these fits is used. Each move adds its fits and score tests to its own copy, so that they do not
+change an earlier state of the search. All copies share the results of functions that depend only on their arguments.
 """
 
 from collections.abc import Callable, Mapping
@@ -52,7 +52,7 @@ class Effort:
     fine: int = 15
     """Maximum number of iterations of a fit near the noise."""
     preview: int = 3
-    """Number of iterations from each of several shapes, of which the best is continued."""
+    """Number of iterations from each of several shapes. The best of these fits is continued."""
     thorough: int = 30
     """Maximum number of iterations from the best of several shapes."""
     short: int = 12
@@ -63,7 +63,7 @@ class Effort:
     Below it a fit is repeated from shorter segments.
     """
     outstanding: float = 5.0
-    """chi2 of a segment relative to the median above which the segment may keep a fit in a local minimum."""
+    """Ratio of the chi2 of a segment to the median above which the segment may hold a fit in a local minimum."""
     nowhere: float = 0.99
     """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
     starts: int = 4
@@ -94,7 +94,7 @@ class FittedSets:
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
     """Pairs of a smaller and a larger set, if the smaller one was fitted from the larger one."""
     _short: list[tuple[Problem, Hypothesis]] = field(default_factory=list)
-    """Recordings in short segments with the bare model fitted to them; empty until they are needed."""
+    """Recordings in short segments, and the bare model fitted to these segments; empty until a move needs them."""
     _results: dict[tuple[object, ...], Hypothesis] = field(default_factory=dict)
     """Fits by their arguments, because several moves request the same fits."""
 
@@ -118,7 +118,7 @@ class FittedSets:
         return replace(self, _fits=dict(fits), _tests=dict(tests))
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
-        """Copy with another fit of the bare model and without any other fit."""
+        """Copy that contains only another fit of the bare model."""
         return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], _results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
@@ -134,7 +134,7 @@ class FittedSets:
         return self._results[arguments]
 
     def possible(self, model: Hypothesis) -> bool:
-        """Whether a rig can have the sizes of the effects, and the gravity torque, of a set."""
+        """Whether the sizes of the effects and the gravity torque of a set are possible on a rig."""
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
@@ -143,7 +143,7 @@ class FittedSets:
         return (*sizes, *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Whether the sizes of a set are possible on a rig, or the sizes of the other set are impossible too."""
+        """Whether the sizes of a set are possible on a rig; true also if those of the other set are impossible."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
@@ -228,7 +228,7 @@ class FittedSets:
         return any(problem is self.problem for problem, _ in self._short)
 
     def on_short(self) -> "FittedSets":
-        """Sets fitted to short segments, in which the influence of an effect is closer to linear."""
+        """The same sets, fitted to short segments, in which the influence of an effect is closer to linear."""
         cut, bare = self._in_short_segments()
         return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, _short=self._short)
 
@@ -245,7 +245,7 @@ class FittedSets:
         return preliminary_fit(self.problem, start, near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Fit of a set after one attempt to leave a local minimum.
+        """Fit of a set after an attempt to leave a local minimum.
 
         A few segments, long segments or a wrong order may cause such a minimum.
         """
@@ -331,8 +331,8 @@ class FittedSets:
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
         """Set in which one effect is replaced by another; None if the other effect has no score.
 
-        The fit starts without either effect. If it fails, it is repeated from a fit with both, in which a related
-        effect gradually explains the share of the other.
+        The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects, in which
+        the new effect gradually takes over the share of the other effect.
         """
         smaller = self.without(model, effect)
         score = self.test(smaller).of(other)
@@ -348,8 +348,8 @@ class FittedSets:
     def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
         """Set in which one effect is replaced by another, started at the linear prediction from the fit `model`.
 
-        From this start, two indistinguishable effects fit equally well. A fit that starts with neither of them may end
-        in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
+        From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may
+        end in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
         """
         return self.keep(self._once((model, effect, score), lambda: self._at_image(model, effect, score)))
 
@@ -383,7 +383,7 @@ class FittedSets:
         return self.keep(model if other is None or other.cost >= model.cost else other)
 
     def converged(self, model: Hypothesis) -> Hypothesis:
-        """Fit of a set, continued until it converges, without effects whose size is then zero."""
+        """Converged fit of a set, without effects whose fitted size is zero."""
         model = self._fits[model.key]
         if model.effects and not model.fit.converged:
             refitted = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)

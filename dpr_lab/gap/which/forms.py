@@ -1,15 +1,15 @@
-"""Other functional forms of the effects: the torque or reading error of each, multiplied by a free function.
+"""Other functional forms of the effects: the torque or reading error of an effect, multiplied by a free function.
 
 The library contains each effect in one functional form, and a real effect may have another: friction that grows with a
 power of the load, a softening spring, a delay that decreases with speed. While a residual remains, an additional effect
 may merely compensate for such a deviation. It must therefore explain a part of the residual that no other form of the
-remaining effects can explain. A torque that takes no energy, and the error of an encoder, have no form that depends on
-the speed: a tilt whose sign changes with the speed would be friction.
+remaining effects can explain. A torque that dissipates no energy, and the error of an encoder, have no form that
+depends on the speed: for example, a tilt whose sign changes with the speed would be friction.
 
 A form that contains the tested effect itself is not an alternative explanation. Air drag, for example, is Coulomb
-friction multiplied by a function of the speed. Two losses at a joint therefore have no other forms over the speed. They
-have none over the time either, because the amplitude of a free swing decreases with time. The free function of the
-speed is an effect of the library (`friction_curve`), with which the search compares both.
+friction multiplied by a function of the speed. Two losses at a joint therefore have no other forms that depend on the
+speed. They also have no forms that depend on time, because the amplitude of a free swing decreases with time. The free
+function of the speed is an effect of the library (`friction_curve`), with which the search compares both.
 """
 
 import numpy as np
@@ -35,13 +35,14 @@ from dpr_lab.gap.where.coordinates import (
 )
 
 READINGS_PER_FORM = 8
-"""Minimum number of readings for each column of the other forms; with fewer, free functions follow any residual."""
+"""Minimum number of readings per column of the other forms. With fewer readings, free functions follow any residual."""
 
 
 def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
     """Own share: the fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
 
-    It is 1 if the recordings are too short to determine the other forms, and None if the effect was not tested.
+    The share is 1 if the recordings are too short to determine the other forms. It is None if the effect was not
+    tested.
 
     Args:
         problem: segments and noise

@@ -1,4 +1,4 @@
-"""Forward selection: the score test ranks candidates, the best are fitted, and two sets are extended further."""
+"""Forward selection: the score test ranks candidates, the best of them are fitted, and two sets are extended."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Beam:
     exceeded: float = GAUSS_NEWTON.exceeded
     """Largest expected ratio of a fitted to the predicted reduction, far from the noise."""
     as_promising: float = 0.5
-    """Minimum predicted reduction of a further candidate to be fitted, relative to the reduction to the noise floor."""
+    """Minimum predicted reduction of a further candidate to fit, relative to the reduction to the noise floor."""
     same_gain: float = 1e-3
     """Relative difference of predicted reductions within which only one of several similar effects is fitted."""
 
@@ -51,7 +51,7 @@ BEAM = Beam()
 
 
 def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
-    """Move that adds effects one at a time.
+    """Create the move that adds effects one at a time.
 
     Args:
         max_effects: maximum number of effects

@@ -1,4 +1,4 @@
-"""Moves that remove effects which are not required by the recordings, not transferable, or merely compensating."""
+"""Moves that remove effects that the recordings do not require, that do not carry over, or that merely compensate."""
 
 from collections.abc import Iterator
 

@@ -217,8 +217,8 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
     """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
 
     Alternatives are effects that the linear scores can hardly distinguish from the effect, or rank above it. If an
-    indistinguishable effect fits worse, its fit ended in a local minimum, and is repeated from the chosen solution.
-    While a residual remains, the simpler forms of each effect are fitted as well.
+    indistinguishable effect fits worse, its fit ended in a local minimum and is repeated from the selected solution.
+    While a residual remains, the simpler forms of each effect are also fitted.
     """
     if not at_noise_floor(chosen):
         for proposal in _simpler(sets, chosen):

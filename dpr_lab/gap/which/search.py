@@ -1,4 +1,7 @@
-"""Execution of the moves of the search in order: each proposes sets of effects and accepts or rejects them."""
+"""Execution of the moves of the search, in order.
+
+Each move proposes sets of effects, and accepts or rejects them.
+"""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +21,8 @@ class Proposal(NamedTuple):
 
     model: Hypothesis
     value: float = float("nan")
-    """Quantity by which the move selected the set, if the criterion alone does not decide; nan otherwise."""
+    """Quantity by which the move selected the set, if the move uses another quantity than the criterion; otherwise
+    nan."""
     trials: tuple[SearchStep, ...] = ()
     """Trials of a nested search that resulted in the proposed set."""
 
@@ -42,7 +46,7 @@ class Move:
     accept: Callable[[FittedSets, Hypothesis, Proposal], Decision]
     """Function that decides whether a proposed set replaces the current one."""
     then: Literal["stop", "repeat", "go on"] = "stop"
-    """After an acceptance: stop, propose again from the accepted set, or continue with the same proposals."""
+    """Action after an acceptance: stop, propose again from the accepted set, or continue with the same proposals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +101,8 @@ def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchSt
 def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
     """Run one move.
 
-    No move replaces a set by one with a curve that follows only small unknown causes, or by a larger set with more than
-    the maximum number of effects.
+    Two kinds of proposals are never accepted: a set with a curve that follows only small unknown causes, and a larger
+    set with more than the maximum number of effects.
 
     Args:
         move: the move

@@ -76,10 +76,12 @@ def _one_search(sets: FittedSets, state: SearchState) -> Selection:
 
 
 def short_segments(max_effects: int) -> Move:
-    """Move that searches in short segments far from the noise, and refits the selected set in the full segments.
+    """Create the move that searches in short segments and refits the selected set in the full segments.
+
+    The move applies far from the noise.
 
     If forward selection refutes the noise of known torques, nothing is proposed: the search is repeated without this
-    noise (`dpr_lab.gap.known_torques`). Full segments have fewer free initial states, and thus no smaller residual.
+    noise (`dpr_lab.gap.known_torques`). Full segments have fewer free initial states, so their residual is not smaller.
 
     Args:
         max_effects: maximum number of effects

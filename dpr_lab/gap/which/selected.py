@@ -1,4 +1,4 @@
-"""Selected set of effects, with the sets that it was compared with and the trials of the search."""
+"""Result of the search: the selected set of effects, the compared sets, and the trials of the search."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from dpr_lab.gap.result.search_step import SearchStep
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Selected set of effects, with the candidates from which it was selected."""
+    """Result of the search: the selected set of effects, and the fitted sets from which it was selected."""
 
     base: Hypothesis
     chosen: Hypothesis
@@ -30,13 +30,14 @@ class Selection:
     tests_without: Mapping[str, ScoreTest]
     """Effect of the selected set -> score test of the set without it."""
     own_shares: Mapping[str, float]
-    """Own share of secondary effects, unless every rig has them, 0 to 1.
+    """Own share, 0 to 1, of each secondary effect that not every rig has.
 
     The own share is the part of the reduction by an effect that no other functional form of the other effects explains
     (`dpr_lab.gap.which.forms.own_share`). Secondary effects are below the share `THRESHOLDS.secondary` of the gap.
     """
     path: tuple[tuple[str, Hypothesis], ...]
-    """Sets from the bare model to the selected one, which differ by one effect each, largest effect first."""
+    """Sets from the bare model to the selected set. Each set adds one effect to the previous set, the largest effect
+    first."""
     expected: frozenset[str] = frozenset()
     """Effects that the rig is known to have; they may stay in the model at any size."""
     impossible: frozenset[frozenset[str]] = frozenset()

@@ -1,4 +1,4 @@
-"""Sizes that no rig has, beyond the errors of their fit: of the amplitudes of one effect, and of gravity.
+"""Detection of sizes that are impossible on a rig, beyond the errors of the fit: amplitudes of an effect, and gravity.
 
 Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
 have a stiffness. A fit may estimate this stiffness as zero although its interval contains the right value.
@@ -21,7 +21,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 
 def significantly_oversized(model: Hypothesis, limits: Array | None, deviations: float = 2.0) -> tuple[str, ...]:
-    """Effects of a set with sizes that no rig has: at a limit, or impossible together beyond the errors of the fit.
+    """Effects of a set with impossible sizes: at a limit, or not possible together within the errors of the fit.
 
     Args:
         model: the fitted set
@@ -45,7 +45,8 @@ def significantly_oversized(model: Hypothesis, limits: Array | None, deviations:
 def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, float]) -> bool:
     """Whether no combination of the sizes of an effect is possible within their intervals.
 
-    Each amplitude takes the values of its estimate, of the ends of its interval, and zero if the interval contains it.
+    The tested values of each amplitude are its estimate, the ends of its interval, and zero if the interval contains
+    zero.
 
     Args:
         effect: the effect

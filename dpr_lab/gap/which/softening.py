@@ -6,8 +6,8 @@ An encoder of a single rod that reads q = (1 + x) theta changes the acceleration
 
 Up to terms in q^7, this is the change by a spring k q + k3 q^3 with k / a = 4 x w and k3 = -k / 12, together with a
 gravity torque that is smaller by k. On an arc of 3 rad the best ratio k3 / k is -0.071, and 0.4 % of the change remain.
-The recordings of one rod therefore do not distinguish the two causes. It would be a coincidence if a real spring had
-exactly this ratio.
+The recordings of one rod therefore do not distinguish the two causes. A real spring would have exactly this ratio only
+by coincidence.
 """
 
 from collections.abc import Container
