@@ -1,4 +1,4 @@
-"""Published search over several seeds, with the true values on and off the coding grid."""
+"""Repetition of the published search with several seeds, with true values on and off the coding grid."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -53,7 +53,7 @@ class Found:
     generations: int
     evaluations: int
     gate_opened: int | None
-    """First generation in which step (4) permits dynamic encoding and feedback mutation; None: never."""
+    """First generation in which step (4) permits dynamic encoding and feedback mutation; None if there is none."""
     wall_s: float
     cpu_s: float
     history: dict[str, list[float]]
@@ -70,7 +70,7 @@ class Found:
 
     @property
     def as_good_as_printed(self) -> bool:
-        """Whether H is at most that of the published best row."""
+        """Whether H is at most the H of the best published row."""
         return self.H <= BEST_H
 
     def record(self, rig: Rig) -> dict[str, Any]:

@@ -37,7 +37,7 @@ def contradictions(ours: Recomputed, rig: Rig) -> list[Contradiction]:
 def _group_four(ours: Recomputed) -> Contradiction:
     E = ours.table1["angles"][:, 0]
     return Contradiction(
-        "Table 2 gives group 4 the value 0.149 from X1, but in Table 1 that is row 3; row 4 has 17.45.",
+        "Table 2 gives group 4 the value 0.149 from X1, but in Table 1 this is the value of row 3; row 4 has 17.45.",
         f"Our values, angles from X1: row 3 as printed {E[2]:.4g}, row 4 {E[3]:.4g}. "
         "Table 1 is the X1 column of Table 2 (row 6 agrees), so one of the two numbers of the group is wrong.",
     )

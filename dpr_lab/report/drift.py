@@ -18,21 +18,23 @@ COLUMNS = ("parameter", "significant", "mean of first group", "change", "simulta
 GROUP_COLUMNS = ("parameter", "groups", "change", "simultaneous interval")
 CHART = (
     "Control charts: each parameter over the runs in chronological order, with mean and limits of the first group.",
-    "Estimate of each run as the change from the mean of the first group. Shaded: control limits of single runs of the"
-    " first group (critical value times the standard deviation of a run). Differences between poses are not removed."
-    " Dotted line: change point of a significant change.",
+    "Estimate of each run: change from the mean of the first group. Shaded band: control limits of single"
+    " runs of the first group (critical value times the standard deviation of a run). Differences between"
+    " poses are not removed. Dotted line: change point of a significant change.",
 )
 BASES = {
     "runs of one group": "from runs of the same group and pose",
     "neighbouring runs": "from successive runs, because no group has several runs",
-    "the noise of each run": "from the noise of each run alone, because too few runs are repeated. The variation from"
-    " run to run is unknown, so confirm a significant change with more runs",
+    "the noise of each run": (
+        "only from the noise of each run, because too few runs are repeated. The"
+        " variation from run to run is unknown, so confirm a significant change with more runs"
+    ),
 }
-"""`Drift.basis` -> in words, the source of the standard deviation of a run."""
+"""`Drift.basis` -> phrase for the source of the standard deviation of a run."""
 
 
 def sentence(drift: Drift) -> str:
-    """The verdict in one sentence."""
+    """Verdict on the drift as a sentence."""
     counts = f"{sum(drift.runs_of)} runs in {len(drift.groups)} groups"
     if not drift.moved:
         return f"No significant change between {listed(drift.groups)} ({counts})."

@@ -12,9 +12,9 @@ POINTS = 2400
 def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> tuple[Array, Array]:
     """Reduce a record for drawing.
 
-    Short records are not reduced, and gaps become NaN. A long record is divided into `points` / 2 blocks of equal
-    length. Each block keeps its smallest and its largest sample at their own times, so that no peak is lost and no
-    value is interpolated.
+    Short records are not reduced. Gaps become NaN. A long record is divided into `points` / 2 blocks of equal length,
+    and the smallest and the largest sample of each block are kept with their instants. No peak is lost, and no value is
+    interpolated.
 
     Args:
         t: (n,) increasing instants, s

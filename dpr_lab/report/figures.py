@@ -39,7 +39,7 @@ NOISE_SIGMAS = 2
 NO_COMPARISON = "No run was compared."
 
 Compared: TypeAlias = Comparison | ArmComparison | Sequence[Comparison] | Sequence[ArmComparison]
-"""One comparison or several, all with a clamped arm or all with a moving arm."""
+"""One or several comparisons, either all with a clamped arm or all with a moving arm."""
 
 _EVOLUTION = {
     "best_cost": "cost of the best\nindividual",
@@ -178,7 +178,7 @@ def evolution_figure(model: Model | MovingArmModel) -> Figure:
     """Evolution of the search: cost and fitness over generations (figure 4 of the publication).
 
     Raises:
-        DprError: a model with a moving arm, whose fit starts from the rig file and records no search.
+        DprError: the model has a moving arm; its fit starts from the rig file, so there is no search.
     """
     if isinstance(model, MovingArmModel):
         raise DprError("a model of a moving arm has no search to plot: its fit starts from the rig file")

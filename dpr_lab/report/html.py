@@ -23,7 +23,7 @@ FIGURES = {
     ),
     "evolution": (
         "Line charts of cost, fitness and population fitness over the generations of the search.",
-        "Cost and fitness of the best individual and of the population, until the local solver starts.",
+        "Cost and fitness of the best individual, and fitness of the population, until the local solver starts.",
     ),
 }
 """Name of a figure -> text alternative and caption. The tables contain the values of the figures."""
@@ -33,15 +33,16 @@ _RATIO_FORMULAS = (
     "e1 = (m1 l1 + (m2 + mb) L1) g         d = m2 L1 l2",
 )
 _SCALE = (
-    "If the arm is clamped, no external torque acts on the rods. Every term of the equation of motion is a"
-    " mass, an inertia or a friction, so multiplying all of them by one factor leaves the motion unchanged."
-    " They enter only through a, b, d, e1, c1 and c2. Six numbers up to a common factor are five ratios: four"
-    " of the nine parameters are not identifiable from a free swing. Weigh or measure them."
+    "If the arm is clamped, no external torque acts on the rods. Every term of the equation of motion is"
+    " proportional to a mass, an inertia or a friction coefficient. Multiplying all of them by one factor"
+    " therefore leaves the motion unchanged. The parameters enter only through a, b, d, e1, c1 and c2. Six"
+    " numbers up to a common factor are five ratios, so four of the nine parameters are not identifiable"
+    " from a free swing. Weigh or measure these four."
 )
 _DETERMINED_BY = {
     "the recordings": "determined by the recordings, given the measured values",
     "a measured value": "measured on the bench and given in the rig file",
-    "only its bounds": "not identifiable: all values between the bounds of the rig file fit equally well",
+    "only its bounds": "not identifiable: all values within the bounds of the rig file fit equally well",
 }
 
 
@@ -68,11 +69,11 @@ def _page(model: Model, comparisons: Sequence[Comparison], figures: Mapping[str,
     compared = PageTable(tables.COMPARISON_COLUMNS, tables.comparison_rows(comparisons), tables.COMPARISON_NOTE)
     base_rows = tables.base_rows(model)
     ratios = [
-        f"Free swings identify these five ratios. A simulation of a free swing needs nothing else, apart from"
-        f" L1 = {model.rig.L1:g} m and g = {model.rig.g:g} m/s².",
+        "Free swings identify these five ratios. A simulation of a free swing needs only these ratios, L1"
+        f" = {model.rig.L1:g} m and g = {model.rig.g:g} m/s².",
         PageTable(tables.RATIO_COLUMNS, tables.ratio_rows(model)),
         tables.ratio_note(model),
-        "These runs also identify the scale, and with it the base parameters." if base_rows else None,
+        "These runs also identify the scale, and therefore the base parameters." if base_rows else None,
         PageTable(tables.BASE_COLUMNS, base_rows),
         Formula(_RATIO_FORMULAS),
     ]

@@ -1,6 +1,6 @@
 """Results as JSON.
 
-No result may contain a number that is not finite. Such a number is a bug; it is written as null, with a warning.
+A result must contain only finite numbers. Any other number is a bug; it is written as null, with a warning.
 """
 
 import json

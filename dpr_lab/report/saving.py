@@ -58,8 +58,8 @@ def save_diagnosis(
         runs: the diagnosed runs, without held-out runs
         rig: the rig
         out: the folder
-        on_loss: called with a sentence on the effects that a format cannot represent and on the resulting error
-        acceptance: results of limits, for their section of the report
+        on_loss: called with a sentence that states the effects that a format cannot represent, and the resulting error
+        acceptance: results of limits, for the section of the report on limits
 
     Raises:
         DprError: the folder or a file cannot be written.

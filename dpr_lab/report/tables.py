@@ -26,7 +26,8 @@ RATIO_NOTE = (
     " All are divided by b, the inertia of the outer rod about joint 2."
 )
 RATIO_NOTE_ALONE = (
-    "e1: gravity on joint 1, c1: its viscous friction; both divided by a, the inertia of the rod about it."
+    "e1: gravity on joint 1; c1: viscous friction of joint 1. Both are divided by a, the inertia of the rod"
+    " about joint 1."
 )
 PARAMETER_COLUMNS = ("parameter", "value ± std", "90 % interval", "unit", "determined by", "meaning")
 PARAMETER_NOTE = (
@@ -47,8 +48,8 @@ COMPARISON_COLUMNS = (
 )
 COMPARISON_NOTE = (
     "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments with free initial states. Free run: rms"
-    " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time until which the"
-    " swing is predictable; ≥: up to the end of the recording."
+    " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time until"
+    " which the swing is predictable; ≥: at least until the end of the recording."
 )
 RUN_COLUMNS = ("file", "pose", "samples", "duration (s)", "segments", "χ² per dof", "SHA-256")
 SEARCH_COLUMNS = ("quantity", "value")
@@ -62,7 +63,7 @@ BASE_UNITS = {
     "c2": ("N m s/rad", "viscous friction of joint 2"),
 }
 OF_OUTER_ROD = ("l2", "m2", "mb", "c2", "J2")
-"""Parameters of the outer rod, which is not mounted if the inner rod is alone."""
+"""Parameters of the outer rod, which are omitted if only the inner rod is mounted."""
 
 RATIO_STD_COLUMNS = ("ratio", "now", "after the plan", "unit")
 LIMIT_FORECAST_COLUMNS = ("quantity", "undecided range", "unit", "decidable after the plan")
@@ -83,7 +84,7 @@ PARAMETER_UNITS = {
 class NoiseLike:
     """Range of the ratio of residual to noise floor in which the residual counts as noise.
 
-    The noise floor is an estimate too, from few samples if there was no rest.
+    The noise floor is also an estimate; if there was no rest, it comes from few samples.
     """
 
     least: float = 0.8
@@ -116,10 +117,9 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
     sizes = f"rms residual {', '.join(('θ1', 'θ2')[:rods])}: {residual}; noise floor: {floor}"
     if fitted > NOISE_LIKE.most and _driven_by_noise(fitted, model.fit.chi2_per_dof):
         verdict = (
-            f"The residual is {three(fitted)} times the noise of the readings. Noise alone explains this,"
-            " because the noise of the prescribed motion or of the measured torques also moves the rods. With this"
-            " noise"
-            f" the reduced chi-square is {three(model.fit.chi2_per_dof)}"
+            f"The residual is {three(fitted)} times the noise of the readings. Noise alone explains this"
+            " residual, because the noise of the prescribed motion or of the measured torques also moves"
+            f" the rods. With this noise, the reduced chi-square is {three(model.fit.chi2_per_dof)}"
         )
         return f"{verdict} ({sizes}; {_held_out(held_out)}). {SMALL_EFFECTS}"
     verdict = f"{_verdict(fitted, held_out)} ({sizes}; {_held_out(held_out)})."
@@ -170,7 +170,7 @@ def _too_slow(limit: "LimitForecast") -> str:
 def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
     """Standard deviation of each ratio now and after a planned release, in the columns `RATIO_STD_COLUMNS`.
 
-    Before any recording, the rig file bounds only the ratios of the rods; those of arm and drive are unknown.
+    Before any recording, the rig file bounds only the ratios of the rods. The ratios of arm and drive are unknown.
     """
     return [
         (
@@ -239,7 +239,7 @@ def interval_words(parameter: "ParameterValue") -> str:
 
 
 def parameter_note(model: "Model") -> str:
-    """Sentences on the origin of the nine values and on the b that they assume if only ratios are identified."""
+    """Sentences on the origin of the nine values, and on the assumed value of b if only ratios are identified."""
     return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
@@ -355,7 +355,7 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
     if not all(multiple <= NOISE_LIKE.most for multiple in held_out):
         return "The residual of the fitted runs is at the noise floor; the residual of the held-out runs is larger"
     if fitted < NOISE_LIKE.least:
-        return f"The residual is {three(fitted)} times the noise floor: noise floor and intervals are overestimated"
+        return f"The residual is {three(fitted)} times the noise floor, so noise floor and intervals are overestimated"
     return "The residual is at the noise floor"
 
 

@@ -57,8 +57,8 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
     and `fault` (NAME=VALUE, several separated by commas).
 
     Raises:
-        LinkUrlError: an option is unknown, or the device refuses it; the device writes the message. LinkError: the
-        device did not start; the device writes the message.
+        LinkUrlError: an option is unknown, or the device refuses it; the device writes the message.
+        LinkError: the device did not start; the device writes the message.
     """
     options = url.options(_OPTIONS)
     if url.host or url.path.strip("/"):

@@ -75,7 +75,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         keymap: the operator's keys, see `dpr_lab.tui.keys`
         notices: messages at the start
         steps: the steps to show
-        sight: confirms that the operator sees the screen; default: the terminal
+        sight: evidence that the operator sees the screen; default: the terminal
         allow_release: whether a browser may release too
         read_only: whether the screen is read-only: no command to a device, no file written
     """
@@ -172,7 +172,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.query_one(StatusLine).show(self.device, urgent, work, self.workspace.out, time.monotonic())
 
     def get_driver_class(self) -> type[Driver]:
-        """Terminal driver: the driver of this package if it supports this terminal, otherwise that of Textual."""
+        """Terminal driver: the driver of this package if it supports this terminal, otherwise the driver of Textual."""
         return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
@@ -188,7 +188,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(f"{key} has no function here; {keys} shows the keys", timeout=NOTICES.hint_s, markup=False)
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
-        """Register that the terminal confirmed a frame."""
+        """Record that the terminal confirmed a frame."""
         self.terminal.confirmed(event.x, event.y)
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
@@ -218,7 +218,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def save(self) -> None:
         """Save the workspace and redraw.
 
-        A failure to save is reported only once.
+        If the workspace cannot be saved, this is reported only once.
         """
         try:
             if not self.read_only:
@@ -245,7 +245,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         if small and not main.has_class("-too-small"):
             self._had_focus = main.focused  # a hidden widget loses the focus
         main.set_class(small, "-too-small")
-        need = f"{width}x{height} is too small: the screen needs {LEAST[0]}x{LEAST[1]}. Make the window larger"
+        need = f"{width}x{height} is too small: the screen needs {LEAST[0]}x{LEAST[1]}. Enlarge the window"
         self.query_one("#too-small", Static).update(f"{need}, or the font smaller. A recording continues meanwhile.")
         self.call_after_refresh(self._resized)
 
@@ -360,7 +360,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         """Open the report of the step."""
         page = self.current.report()
         if page is None or not page.is_file():
-            raise DprError("No report in this step yet: Compare and Diagnose each write one")
+            raise DprError("This step has no report yet: the steps Compare and Diagnose write reports")
         open_page(self, page)
 
     def mishap(self, error: Exception) -> None:

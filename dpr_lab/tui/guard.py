@@ -12,7 +12,7 @@ from textual.message_pump import MessagePump
 class Guarded(MessagePump):
     """Mixin for widgets of this package that continue after an error.
 
-    Textual ends a widget whose handler raises.
+    Textual ends a widget if one of its handlers raises an exception.
     """
 
     async def _dispatch_message(self, message: Message) -> None:
@@ -36,7 +36,7 @@ ERROR_LOG = ErrorLogSettings()
 def log(error: Exception, folder: Path) -> str:
     """Append an error with its traceback to `errors.log`.
 
-    Returns the path of the log, or why it could not be written.
+    Returns a sentence with the path of the log, or with the reason why it could not be written.
     """
     file = folder / "errors.log"
     try:

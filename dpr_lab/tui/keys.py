@@ -68,7 +68,7 @@ def about_keys() -> str:
     release = "space"
 
 The sections are `app`, `chart`, `slider`, `runs` and the names of the steps. The README lists the actions. A file with
-an unknown action or key, or with one key for two actions of a section, is rejected with the reason.
+an unknown action or key, or with the same key for two actions of a section, is rejected with a message.
 """
 
 

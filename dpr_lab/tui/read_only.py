@@ -1,6 +1,6 @@
 """Permissions of a page in a browser without `--allow-release`, which is only for display.
 
-Each action, screen or job that is not listed below is refused, including those added later.
+Each action, screen or job that is not listed below is refused. This also applies to later additions.
 """
 
 import errno
@@ -75,8 +75,8 @@ _CHANGES = frozenset(
 def forbid_writing() -> None:
     """Refuse every later call of this process that writes a file, changes a folder or starts a program.
 
-    The tables above give the operator a reason. This is a second protection, in case a table is incomplete. It cannot
-    be undone.
+    The tables above give the operator a reason. This function is a second protection, in case a table is incomplete.
+    Its effect cannot be undone.
     """
     sys.dont_write_bytecode = True
     sys.addaudithook(_refuse_writing)

@@ -36,7 +36,7 @@ class NoticeTimes:
 
 
 ABOUT_TERMS = (
-    "The glossary (docs/glossary.md) defines the terms; the section Terms of every report has those that it uses."
+    "The glossary (docs/glossary.md) defines the terms. The section Terms of a report defines the terms that it uses."
 )
 
 NOTICES = NoticeTimes()
@@ -60,7 +60,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: bool = False) -> RenderableType:
-    """A list of sentences below a title, with a mark or numbers from 1; empty without sentences."""
+    """A list of sentences below a title, with a mark or numbers from 1; empty if there are no sentences."""
     if not lines:
         return Text("")
     items = Table.grid(padding=(0, 1))
@@ -70,18 +70,18 @@ def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: 
 
 
 def counted_runs(count: int) -> str:
-    """Number of runs in words, for example `1 run` or `2 runs`."""
+    """Text with the number of runs, for example `1 run` or `2 runs`."""
     return f"{count} run" if count == 1 else f"{count} runs"
 
 
 def shorter(names: Sequence[str], most: int = 6) -> str:
-    """The first names of a list, separated by commas, and the number of the others."""
+    """Text of the first names of a list, separated by commas, and the number of the other names."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def named_runs(runs: Sequence[Path]) -> str:
-    """Number and names of runs, for example `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; empty without runs."""
+    """Number and names of runs, for example `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; may be empty."""
     names = [run_name(run) for run in runs]
     poses, times = {run_pose(run) for run in runs}, sorted(filter(None, map(recorded, runs)))
     if len(runs) > 1 and len(times) == len(poses) == len(runs) and times[0][:10] == times[-1][:10]:
@@ -98,7 +98,7 @@ class Bars:
 
     rows: Sequence[tuple[str, float, tuple[float, float] | None, str]]
     top: float | None = None
-    """Value of a full bar; default: the largest one."""
+    """Value of a full bar; default: the largest value."""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """One line for each bar."""

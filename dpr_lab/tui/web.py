@@ -24,7 +24,7 @@ def serve(command: Sequence[str], port: int) -> None:
 
     Other computers cannot reach the page. Other users of this computer can reach the port, so every address starts with
     a random token, which is only printed: `http://127.0.0.1:PORT/TOKEN/`. Requests without the token are answered with
-    403. Requests from other pages in the same browser are refused, and the page may load nothing from other servers.
+    403. Requests from other pages in the same browser are refused. The page cannot load anything from other servers.
 
     Args:
         command: command that runs the screen

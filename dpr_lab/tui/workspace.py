@@ -18,8 +18,8 @@ FILE = "bench.json"
 RECENT = 5
 """Maximum number of remembered rigs and folders."""
 UNSAVED = (
-    "the current rig, link and runs will not be remembered at the next start (runs and results are kept):"
-    " free disk space, or set another folder in DPR_LAB_STATE"
+    "the next session will not remember the current rig, link and runs (runs and results are kept): free"
+    " disk space, or set another folder in DPR_LAB_STATE"
 )
 
 FRESH = "the screen starts with an empty workspace; choose rig, link and runs again (recordings and results are kept)"
@@ -47,7 +47,7 @@ class Workspace:
     recent_folders: list[Path] = field(default_factory=list)
     """Recently shown folders of runs, the latest first."""
     torque: str = ""
-    """Torques of runs that contain both kinds: `commanded`, or empty for the measured ones."""
+    """Torques of runs that contain both kinds: `commanded`, or empty for the measured torques."""
     held_out: list[Path] = field(default_factory=list)
     """Held-out run files, which only validate a diagnosis."""
     next_pose: str = ""
@@ -80,7 +80,7 @@ class Workspace:
 
     @property
     def driven_by(self) -> str | None:
-        """`commanded` if these torques are selected and some run contains both kinds; otherwise None."""
+        """`commanded` if these torques are selected and at least one run contains both kinds; otherwise None."""
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:

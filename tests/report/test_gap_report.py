@@ -212,7 +212,7 @@ def test_an_improbable_alternative_of_the_same_shape_has_a_reason(diagnosis) -> 
     ]
     rows = {row[1]: row[-1] for row in gap_tables.standing_rows(diagnosis(rivals=alternatives))}
     reasons = [reason for name, reason in rows.items() if "friction_curve_joint1" in name]
-    assert "a more general form; not needed" in reasons[0]
+    assert "a more general form, which is not needed" in reasons[0]
     assert [reason for name, reason in rows.items() if "hysteresis_joint1" in name] == [gap_tables.SPLIT]
 
 

@@ -91,7 +91,7 @@ def test_a_run_without_pose_or_noise_floor_shows_dashes(comparison):
     [
         (1.0, "The residual is at the noise floor (rms residual"),
         (3.4, "3.40 times the noise floor: the model lacks an effect"),
-        (0.5, "0.500 times the noise floor: noise floor and intervals are overestimated"),
+        (0.5, "0.500 times the noise floor, so noise floor and intervals are overestimated"),
     ],
 )
 def test_the_summary_judges_the_residual_by_the_noise_floor(times_noise, verdict, model):

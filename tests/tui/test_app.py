@@ -327,7 +327,7 @@ async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, un
     app = DprApp(Workspace(out=tmp_path / "my bench"), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("5", "f2")
-        assert "No report in this step yet" in said(app)
+        assert "This step has no report yet" in said(app)
         page.parent.mkdir(parents=True)
         page.touch()
         await pilot.press("f2")

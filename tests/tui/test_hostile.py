@@ -84,10 +84,10 @@ async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Pat
     app = DprApp(workspace, state, notices=notices, steps=STEPS[:3])
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
-        assert f"{state}: Not a directory: the current rig, link and runs will not be remembered" in said(app)
+        assert f"{state}: Not a directory: the next session will not remember the current rig" in said(app)
         await pilot.press("escape", "2", "3", "t")
         await pilot.pause()
-        assert "will not be remembered" not in said(app)  # once is enough
+        assert "will not remember" not in said(app)  # once is enough
         app.mishap(RuntimeError("sums"))
         await pilot.pause()
         assert f"Unexpected: RuntimeError: sums. Your work is kept; details cannot be written to {state}" in said(app)

@@ -8,8 +8,8 @@ from dpr_lab.shown import listed
 LIMIT_COLUMNS = ("quantity", "limits", "90 % interval", "unit", "answer", "reason")
 
 RULE = (
-    "Equivalence tests at 95 %: a limit passes if the 90 % interval lies inside it, fails if the interval lies outside,"
-    " and is not decidable with these recordings otherwise."
+    "Equivalence tests at 95 %. A limit passes if the 90 % interval lies inside the limit, and fails if the"
+    " interval lies outside. Otherwise it is not decidable with these recordings."
 )
 
 
@@ -35,7 +35,7 @@ def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
 
 
 def deciding_sentence(acceptance: Acceptance) -> str:
-    """Introductory sentence for the releases that are expected to decide limits; empty without such releases."""
+    """Introductory sentence for the releases that are expected to decide limits; empty if there are none."""
     if not acceptance.would_decide:
         return ""
     return f"These releases are expected to decide {listed(acceptance.would_decide)}:"

@@ -16,7 +16,10 @@ MOVED_NOTE = (
     " contradicts the cause. Above 20 or below 1/20 the evidence is strong."
 )
 CHECK_COLUMNS = ("check", "kind", "action", "expected result", "distinguished effects", "expected information (bits)")
-EXPECTED_NOTE = "Expected result: size and 90 % interval if the measured effect is the cause; otherwise about zero."
+EXPECTED_NOTE = (
+    "Expected result: size and 90 % interval if the measured effect is the cause. If it is not"
+    " the cause, the expected result is about zero."
+)
 
 
 def how_to_record(diagnosis: Diagnosis, file: str) -> str:
@@ -46,7 +49,10 @@ def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
 
 
 def informative(checks: Sequence[AdvisedCheck]) -> bool:
-    """Whether any check is expected to give at least 0.05 bits, the entropy of the probabilities 0.994 and 0.006."""
+    """Whether the expected information of any check is at least 0.05 bits.
+
+    This is the entropy of the probabilities 0.994 and 0.006.
+    """
     return any(check.expected_bits >= 0.05 for check in checks)
 
 

@@ -1,4 +1,4 @@
-"""HTML report of a diagnosis: verdict, gap budget and causes first; the details below are folded."""
+"""HTML report of a diagnosis: verdict, gap budget and causes first, then the folded details."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -24,7 +24,7 @@ FIGURES = {
     ),
     "waterfall": (
         "Bar chart of the gap after each effect is added.",
-        "Gap (rms above the noise) as effects are added one at a time, the largest contribution first.",
+        "Gap (rms above the noise) after each added effect, the largest contribution first.",
     ),
     "gap_horizon": (
         "Line chart of the gap of the bare and of the corrected model over the segment length.",
@@ -33,13 +33,13 @@ FIGURES = {
 }
 
 _MAPS = (
-    "Torque or reading error that the bare model would need at each place, before any effect is named. These maps are"
-    " hints: a sensor error looks like a torque here, and several places can compensate for one cause. The named"
-    " effects are the result."
+    "Torque or reading error that the bare model would need at each location, before any effect is named."
+    " These maps are only hints: a sensor error can look like a torque, and several locations can"
+    " compensate for one cause. The named effects are the result."
 )
 _FAULTS = (
-    "Faults of the readings, found before the fit. Outliers and repeated samples were excluded from all fits."
-    " diagnosis.json lists every one."
+    "Faults of the readings, found before the fit. Outliers and repeated samples were excluded from all"
+    " fits. diagnosis.json lists every fault."
 )
 
 
@@ -57,7 +57,7 @@ def write_gap_report(
         title: heading of the page
         out_dir: folder of the page
         figures: figures by name, from `save_gap_figures`
-        acceptance: results of limits, shown first; None without limits
+        acceptance: results of limits, shown first; None if no limits were tested
 
     Raises:
         DprError: the page cannot be written.

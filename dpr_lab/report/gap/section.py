@@ -1,4 +1,4 @@
-"""Section of the report with evidence: sentences, a figure with its folded table, and equations."""
+"""Sections of the report with evidence: sentences, a figure with its folded table, and equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class EvidenceSection:
     tables: tuple[FoldedTable, ...]
     """Folded tables of the section."""
     figure: Callable[[Diagnosis], Figure | None] | None = None
-    """Function that draws the figure; None without a figure."""
+    """Function that draws the figure; None if the section has no figure."""
     alternative: str = ""
     """Text alternative of the figure."""
     caption: str = ""

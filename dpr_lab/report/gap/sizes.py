@@ -13,7 +13,7 @@ from dpr_lab.report.digits import NONE, superscripts, three, with_interval, with
 from dpr_lab.report.words import negative_words, parameter_words, size_words
 
 RUN = "run"
-"""Name of a parameter that is the index of a recording and not a size. The remedy names this recording."""
+"""Name of the parameter that is not a size but the index of a recording. The remedy names this recording."""
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
@@ -34,8 +34,8 @@ def scale_note(diagnosis: Diagnosis) -> str:
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
     """Parameters of an effect with intervals, as one cell.
 
-    Ratios come first if only ratios are identified; parameters held at zero come last. With `brief`, amplitudes whose
-    interval contains zero are listed by name only, unless this applies to all of them.
+    Ratios come first if only ratios are identified; parameters held at zero come last. If `brief`, amplitudes whose
+    interval contains zero are listed only by name, unless this applies to all amplitudes.
     """
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}

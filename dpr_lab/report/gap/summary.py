@@ -33,8 +33,9 @@ def held_out_words(diagnosis: Diagnosis) -> str:
 def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
     """The gap of the bare model, split into the reduction by each effect and the remainder.
 
-    A part is the difference of rms values, rad, when an effect is added to the previous ones. Each probable cause has
-    its own part, and the terms of improbable causes share one part. The result is None if there is no gap.
+    The part of an effect is the difference between the rms values, rad, without and with it, given the previous
+    effects. Each probable cause has its own part, and the terms of improbable causes share one part. The result is None
+    if there is no gap.
     """
     if diagnosis.evidence is not None and diagnosis.evidence.closing:
         gaps = [(step.effect or "", step.left_rad) for step in diagnosis.evidence.closing]
@@ -63,7 +64,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and share of each part of the mean squared residual; empty without a gap."""
+    """Label and share of each part of the mean squared residual; empty if there is no gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -79,7 +80,7 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """Bar of the mean squared residual, split by reproducibility; None without a gap."""
+    """Bar of the mean squared residual, split by reproducibility; None if there is no gap."""
     parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
     budget = diagnosis.gap.budget
     pieces = (budget is not None and budget.basis != "recordings") or are_pieces(diagnosis.gap.closed_held_out.held_out)
@@ -89,7 +90,7 @@ def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the explained share of the reproducible gap and on parameters that vary; empty without a gap."""
+    """Sentences on the explained share of the reproducible gap and on varying parameters; empty if there is no gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -102,7 +103,7 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
             f" {percent(budget.of_gap)} of the whole mean squared gap."
         ]
     if budget.basis == "pieces of one recording":
-        sentences.append("Pieces of a single recording do not show differences between releases.")
+        sentences.append("Pieces of a single recording cannot show differences between releases.")
     between = "recordings" if budget.basis == "recordings" else "pieces"
     return [*sentences, *(f"Between {between} {_varying(parameter)}." for parameter in budget.parameters)]
 

@@ -36,23 +36,23 @@ MAP_COLUMNS = ("place", "coordinate", "coordinate value", "quantity", "value", "
 FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
 
 EFFECT_NOTE = (
-    "Unique contribution: share of the excess chi-square that returns when this effect is removed and the others are"
-    " refitted. The excess grows with the square of the gap. Effects can partly replace each other, so these shares"
-    " need not add up to 100 %. Indistinguishable effects share one probability."
+    "Unique contribution: share of the excess chi-square that returns when this effect is removed and the"
+    " others are refitted. The excess is proportional to the square of the gap. Effects can partly replace"
+    " each other, so the shares need not add up to 100 %. Indistinguishable effects share one probability."
 )
 STEP_NOTE = (
     "Gap: rms of a reading above the noise, over all joints, in segments of 0.5 s (longer for single rods)."
     " Effects are added one at a time, the largest contribution first. The excess explained is cumulative."
 )
 STANDING_NOTE = (
-    "The first line gives the effect and the effects indistinguishable from it. If the additional term of a richer form"
-    " is excluded, e.g. the drift of an offset, the form is not a separate alternative. The probabilities of all lines"
-    " of one effect add up to 100 %. A cosine similarity of 1 means that both effects change the readings equally."
+    "The first line of an effect contains the effect and its indistinguishable effects. A richer form is not a separate"
+    " alternative if its additional term is excluded, e.g. the drift of an offset. The probabilities of all lines of"
+    " one effect add up to 100 %. A cosine similarity of 1: both effects change the readings in the same way."
 )
 CLOSED_NOTE = (
-    "Gap reduction: relative decrease of the rms above the noise; each run is predicted from the others (a single run:"
-    " each quarter from the others). Free run: rms error over 2.6 s, even beyond the predictability horizon, from an"
-    " initial state fitted to the first 0.3 s. Bare model: the fitted rods with viscous friction, without effects."
+    "Gap reduction: relative decrease of the rms above the noise. Each run is predicted from the other runs (a single"
+    " run: each quarter from the other quarters). Free run: rms error over 2.6 s, even beyond the predictability"
+    " horizon, from an initial state fitted to the first 0.3 s. Bare model: rods with viscous friction, no effects."
 )
 
 ALONE = "none"
@@ -98,7 +98,7 @@ def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
 
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in words, without sizes."""
+    """Sentences of the verdict, without sizes."""
     return in_words(diagnosis.sentence)
 
 
@@ -216,8 +216,8 @@ def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative
     if alternative.probability >= ALTERNATIVE_WORDS.improbable or alternative.cosine < ALTERNATIVE_WORDS.same_shape:
         return SPLIT
     if alternative.name in EFFECTS and candidate.name in EFFECTS[alternative.name].nested:
-        return f"{SPLIT}: a more general form; not needed, because the simpler one explains as much"
-    return f"{SPLIT}: of the same shape to first order, but the fit is worse"
+        return f"{SPLIT}: a more general form, which is not needed because the simpler form explains as much"
+    return f"{SPLIT}: same shape to first order, but a worse fit"
 
 
 def _next_step(diagnosis: Diagnosis, *names: str) -> str:
@@ -270,7 +270,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
     elif per_reading(diagnosis.gap.after_rad) < per_reading(diagnosis.gap.floor_rad):
-        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if this matters to you."
+        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
     likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
     more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
     cause = more if likely else "No effect of the library is the cause:"
@@ -310,8 +310,8 @@ def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
 def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -> tuple[Array, Array, Array]:
     """Knots of a residual map, its values, and the half widths of their 90 % intervals, in displayed units.
 
-    At a knot outside the recorded range, value and half width are NaN. There the standard deviation exceeds `unknown`
-    times the largest value of the map.
+    At a knot outside the recorded range, value and half width are NaN. Such a knot is recognised by a standard
+    deviation above `unknown` times the largest value of the map.
     """
     (_, factor), (_, knot_factor) = quantity(place, angles), coordinate(place, angles)
     knots, values, std = knot_factor * np.array(place.knots), np.array(place.values), np.array(place.std)
@@ -340,7 +340,7 @@ def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | N
     Args:
         diagnosis: the diagnosis
         angles: the unit of angles
-        most: maximum number of runs; those with the smallest reduction are listed, in increasing order; None: all runs
+        most: maximum number of runs: the runs with the smallest reduction, in increasing order; None: all runs
     """
     gap, closed = diagnosis.gap, diagnosis.gap.closed_held_out
     shares = {name: (run_words(name), share) for name, share in closed.per_run.items()}

@@ -9,9 +9,9 @@ from dpr_lab.report.words import in_words
 
 TRIAL_COLUMNS = ("move", "change of the set", "criterion", "change", "decision", "reason")
 TRIAL_NOTE = (
-    "Every trial of the model search in order; each starts from the last accepted set. Criterion of the tested"
-    " set: held-out chi-square plus a penalty for the parameters; negative changes are better. Trials above"
-    " the row 'short segments' were made with short segments."
+    "Every trial of the model search in order. Each trial starts from the last accepted set. Criterion of"
+    " the tested set: held-out chi-square plus a penalty for the parameters; a negative change is an"
+    " improvement. Trials above the row 'short segments' were made with short segments."
 )
 
 

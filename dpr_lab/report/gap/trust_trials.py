@@ -19,14 +19,14 @@ def trust_words(diagnosis: Diagnosis) -> list[str]:
         return ["No blind trials were made on plants like this rig. To run them: `dpr-lab diagnose --trust 40`."]
     return [
         f"Blind trials: {len(trust.trials)} plants with the fitted parameters were simulated with the named"
-        " effects, with another effect, or with none; recorded like this rig, each with different noise; and"
-        " diagnosed without access to the hidden effects. Exactly the hidden effects were named in"
+        " effects, with another effect, or with no effect. They were recorded like this rig, each with"
+        " different noise, and diagnosed without access to the hidden effects. Exactly the hidden effects were named in"
         f" {_share(trust.right)}. An absent effect was named in {_share(trust.wrong)}. False alarms on plants"
         f" without an effect: {_share(trust.false_alarms)}.{_refused(trust.trials)} Time per trial:"
         f" {trust.seconds_each:.0f} s.",
         (
-            "All hidden effects are in the library. A real rig can have others, so its diagnosis can only be more"
-            " difficult."
+            "All hidden effects are in the library. A real rig can have effects outside the library, which"
+            " makes its diagnosis more difficult."
         ),
     ]
 

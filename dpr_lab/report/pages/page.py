@@ -102,7 +102,7 @@ class ShareBar:
 
 
 Block = Paragraph | Heading | Items | PageTable | Picture | Definitions | Formula | ShareBar | str
-"""Part of a section; a string is a paragraph."""
+"""One part of a section; a string is a paragraph."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,10 @@ TERMS = {
     "alternatives": "effects that could be the cause instead of the named effect",
     "indistinguishable effects": "effects that no algorithm can separate on these recordings; they share one"
     " probability",
-    "probability": "probability that the effect, or one indistinguishable from it, is a cause; calibrated on blind"
-    " trials",
-    "size, 90 % interval": "amplitude of the effect with its 90 % interval",
+    "probability": (
+        "probability that the effect, or an indistinguishable effect, is a cause; calibrated on blind trials"
+    ),
+    "size, 90 % interval": "amplitude of the effect, with its 90 % interval",
     "90 % interval": "interval that contains the true value in 90 of 100 cases, if the model is right",
     "unique contribution": "share of the excess chi-square that returns when this effect is removed and the others are"
     " refitted",
@@ -24,7 +25,9 @@ TERMS = {
     "Bayes factor": "ratio by which the result of a check changes the odds of a cause",
     "minimum detectable size": "smallest size that would be visible in these recordings",
     "confidence": "probability that an effect of this size or larger would have been detected",
-    "determined by": "source of a value: the recordings, a measured value of the rig file, or its bounds only",
+    "determined by": (
+        "source of a value: the recordings, a measured value in the rig file, or only the bounds in the rig file"
+    ),
     "gap reduction": "relative decrease of the gap: the rms residual above the noise",
     "horizon (s)": "predictability horizon: time at which the uncertainty of the initial state alone moves an angle by"
     " 0.1 rad",

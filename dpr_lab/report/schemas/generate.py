@@ -1,4 +1,4 @@
-"""JSON Schemas (2020-12) of the results, generated from their types with the same fields, bounds and descriptions."""
+"""Generation of the JSON Schemas (2020-12) of the results from their types, with fields, bounds and descriptions."""
 
 import ast
 import inspect

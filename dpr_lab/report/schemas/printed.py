@@ -39,7 +39,8 @@ class PrintedSimulator(BaseModel):
     lost: dict[str, str]
     """Effect -> reason why the file cannot contain it."""
     passive: list[str]
-    """Lost effects that the module of passive forces (MuJoCo) contains. This module has a model file of its own."""
+    """Effects that the file cannot contain, but the module of passive forces (MuJoCo) contains. This module has its own
+    model file."""
     replays: list[FileReplay]
     """Errors on held-out recordings, or on the fitted ones if none are held out; empty without MuJoCo."""
     refused: str
@@ -52,7 +53,7 @@ class PrintedDiagnosis(Diagnosis):
     files: dict[str, str] = Field(default={})
     """Name of each written file -> its path."""
     simulator: PrintedSimulator | None = None
-    """With `--simulator`: the causes as numbers of the user's model, and the changes of this model."""
+    """With `--simulator`: recommended changes of the user's model."""
 
 
 class CheckedDiagnosis(Diagnosis):
@@ -102,9 +103,9 @@ class PrintedDrift(Drift):
     drifted: bool
     """Whether any parameter changed significantly."""
     sentence: str
-    """The result in words."""
+    """Sentence with the result."""
     assumed_b: float | None
-    """Assumed b of absolute sizes, kg m^2; null if the runs identify b."""
+    """Value of b that absolute sizes assume, kg m^2; null if the runs identify b."""
     runs: tuple[DriftRun, ...]
     """Runs with their estimates, in chronological order."""
     torques: tuple[str, ...]

@@ -16,12 +16,12 @@ FIGURES = {
     ),
     "confusion": (
         "Confusion matrix of hidden and first named effects; the list of wrong answers contains its values.",
-        "Rows: hidden effect, the largest if there were several. Columns: first named effect, or the verdict if none"
-        " was named. Shade: share of the row.",
+        "Rows: hidden effect (the largest of several). Columns: first named effect, or the verdict if no"
+        " effect was named. Shade: share of the row.",
     ),
     "reliability": (
         "Line chart of the observed frequency over the stated probability; the table contains its values.",
-        "Share of the claims of a stated probability that were right. Dotted line: perfect calibration.",
+        "Share of correct claims among the claims with a stated probability. Dotted line: perfect calibration.",
     ),
 }
 """Name of a figure -> text alternative and caption."""

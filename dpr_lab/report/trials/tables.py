@@ -131,12 +131,12 @@ def size_range(row: Mapping[str, Any]) -> str:
 
 
 def percent(share: float | None) -> str:
-    """Format a share in per cent; a missing share is a dash."""
+    """Format a share in per cent, or a missing share as a dash."""
     return NONE if share is None or share != share else f"{100 * share:.3g} %"
 
 
 def number(value: float | None) -> str:
-    """Format a number; a missing number is a dash."""
+    """Format a number, or a missing number as a dash."""
     return NONE if value is None else three(value)
 
 

@@ -36,7 +36,7 @@ class JobControl:
         return not self._stop.is_set()
 
     def questions(self) -> Iterator[Any]:
-        """Yield questions without end; if several are pending, only the newest."""
+        """Yield questions indefinitely; if several are pending, only the newest."""
         while True:
             question = self._asked.get()
             while not self._asked.empty():

@@ -81,7 +81,7 @@ class JobProcess:
             return JobCancelled()
         return JobFailed(
             f"the process of the job ended unexpectedly (exit code {self._process.exit_code}); only its"
-            f" result was lost: start it again, and close other programs if memory was short"
+            " result was lost. Start it again, and close other programs if memory was short"
         )
 
 

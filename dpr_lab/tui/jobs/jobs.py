@@ -70,7 +70,7 @@ class FreeRunFrom:
 def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
     """Compare and save the result; then answer each `FreeRunStart` with a free run until cancelled.
 
-    For a model with a moving arm only the comparison by segment exists.
+    If the arm moves, the comparison consists only of segments.
     """
     folder, of_arm = request.out, []
 

@@ -22,7 +22,7 @@ class KeptComparison:
 
     file: Path
     subject: str
-    """Description of the current model and runs. Stored comparisons of others are ignored."""
+    """Description of the current model and runs. Stored comparisons of other inputs are ignored."""
 
     def save(self, comparisons: "Sequence[Comparison] | Sequence[ArmComparison]") -> None:
         """Save the comparisons in one file, atomically.

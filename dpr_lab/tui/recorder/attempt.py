@@ -38,7 +38,7 @@ class Attempt:
     theta: tuple[float, float, float] | None = None
     """Newest absolute angles, rad."""
     error: tuple[float, float] | None = None
-    """Measured minus required angle of both rods, rad."""
+    """Measured minus required angles of both rods, rad."""
     rest: RestReading | None = None
     latched: bool | None = None
     lost: Mapping[str, int] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Attempt:
 
     @property
     def obstacle(self) -> str:
-        """Reason why the rods may not be released now; empty if they may."""
+        """Reason why the rods may not be released now; empty if a release is permitted."""
         if self.phase is Phase.READY:
             return ""
         if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:

@@ -32,17 +32,17 @@ class DeviceConnection:
     connected: Connected | None = None
     """Handshake with the device; None while no device is connected."""
     opening: float | None = None
-    """Start of the pending handshake, `time.monotonic()`, s; None without one."""
+    """Start of the pending handshake, `time.monotonic()`, s; None if no handshake is pending."""
     message: str = ""
     """Reason why the device was lost or did not answer."""
     lost: Connected | None = None
     """The last device, if it was lost; None otherwise."""
     attempt: int | None = None
-    """Number of the current attempt; None without one."""
+    """Number of the current attempt; None if there is no attempt."""
     seen: Sighting = field(default_factory=Sighting)
     """Last known angles of the rods and state of the latch; kept after the device is lost."""
     ordered: float | None = None
-    """Time of a release command whose result is unknown, `time.monotonic()`, s; None without one."""
+    """Time of a release command whose result is unknown, `time.monotonic()`, s; None if there is no such command."""
     read_only: bool = False
     """Whether this page may neither open devices nor send commands."""
     _recorder: Recorder | None = None
@@ -70,7 +70,7 @@ class DeviceConnection:
         return self.connected is not None and self.seen.fresh(now)
 
     def tell(self, order: RecorderOrder) -> None:
-        """Send a command to the recorder; ignored without a recorder."""
+        """Send a command to the recorder; without a recorder, the command is ignored."""
         self._refuse()
         if self._recorder is not None:
             self.attempt = order.attempt if isinstance(order, CaptureAttempt) else self.attempt

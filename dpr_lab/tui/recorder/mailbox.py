@@ -31,7 +31,7 @@ class Inbox:
         return None
 
     def take_go_ahead(self) -> GoAhead | None:
-        """The latest release command; it and all earlier ones are removed."""
+        """Return the latest release command, and remove all release commands from the queue."""
         latest = None
         with contextlib.suppress(queue.Empty):
             while True:
@@ -39,7 +39,7 @@ class Inbox:
         return latest
 
     def why_to_end(self, attempt: int) -> str:
-        """Reason why an attempt must end; empty if it need not."""
+        """Reason why an attempt must end; empty if the attempt may continue."""
         if self.gone:
             return "the screen has ended"
         return "stopped by the operator" if attempt in self._cancelled else ""

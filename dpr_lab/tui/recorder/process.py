@@ -1,8 +1,8 @@
 """Process that owns the device.
 
 Link, driver and capture run in this process, so that drawing the screen cannot lose samples. It executes commands from
-a pipe and sends reports. If the other side of the pipe is lost, no operator is present: nothing is released any more, a
-recording in progress is closed as incomplete, and the process ends.
+a pipe and sends reports. If the other side of the pipe is lost, no operator is present. The process then releases
+nothing, closes a recording in progress as incomplete, and ends.
 """
 
 import contextlib

@@ -8,7 +8,7 @@ class RecorderSettings:
     """Time limits and message limits of the recorder."""
 
     go_ahead_lasts_s: float = 2.0
-    """Maximum age of a release command, s. The operator may no longer intend an older one."""
+    """Maximum age of a release command, s. The operator may no longer intend an older command."""
     look_s: float = 0.1
     """Duration of one read of the device, s. Commands and displayed readings are delayed by up to this time."""
     idle_s: float = 0.5

@@ -45,7 +45,7 @@ class CaptureChoices:
     most_repeats: int = 5
     """Maximum number of recordings per pose. Further swings from one pose add little information."""
     pose_timeout: float = 1800.0
-    """Maximum time to reach a pose, s. It is long, because the screen shows the operator the remaining error."""
+    """Maximum time to reach a pose, s. It can be long, because the screen shows the operator the remaining error."""
     rest_timeout: float = 120.0
     """Maximum time for the held rods to come to rest, s."""
 
@@ -140,7 +140,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         return ""
 
     def at_stake(self) -> str:
-        """Sentence on the recording that quitting would end or leave without a decision; empty without one."""
+        """Sentence on a recording that quitting would end or leave undecided; empty if there is none."""
         if self.recording is not None:
             return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:
@@ -307,9 +307,9 @@ Grey values are old: no message has arrived from the device since then, and the 
         countdown, self._countdown = self._countdown, None
         attempt, obstacle = self.attempt, self._obstacle()
         if not release or attempt is None:
-            held = "nothing was released, the rods stay held"
+            held = "the rods were not released and stay held"
             if not self.device.fresh(time.monotonic()):
-                held = "no release was ordered, but the device is silent, so the latch is UNKNOWN: keep clear"
+                held = "no release was commanded, but the device is silent, so the latch is UNKNOWN: keep clear"
             reason = obstacle if countdown is None else countdown.why
             self.notify(f"Not released: {reason}; {held}", severity="warning", timeout=NOTICES.news_s, markup=False)
         elif obstacle:
@@ -343,8 +343,8 @@ Grey values are old: no message has arrived from the device since then, and the 
         elif isinstance(report, AttemptSeen) and isinstance(report.progress, HangReading) and not report.progress.ok:
             errors = ", ".join(map(self.workspace.unit.text, report.progress.error))
             warning = (
-                f"The hanging rods deviate by {errors} from the vertical: counts were lost, or the zero"
-                f" in the rig file is wrong"
+                f"The hanging rods deviate by {errors} from the vertical: either counts were lost, or the"
+                " zero in the rig file is wrong"
             )
             self.notify(warning, severity="warning", markup=False)
 

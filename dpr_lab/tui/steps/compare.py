@@ -42,8 +42,8 @@ class CompareStep(JobStep):
     HELP = f"""
 Simulates every selected run with the model. A **free run** starts from the state fitted at one instant and is not
 corrected afterwards; the slider moves that instant. The free run is predictable up to the horizon (bar on the slider,
-line in the chart). Beyond it, the uncertainty of the initial state alone changes the simulation visibly, so the
-difference does not test the model. A rig whose arm moves is compared by segment only.
+line in the chart). Beyond the horizon, the uncertainty of the initial state alone changes the simulation visibly, so
+the difference does not test the model. A rig whose arm moves is compared by segment only.
 
 The **segment residual** is the residual of half-second segments with free initial states; inside the band
 (±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern it is noise.
@@ -52,8 +52,8 @@ The **segment residual** is the residual of half-second segments with free initi
 Enter the file of that model in the field (`{{compare.edit}}`), for example the corrected `diagnosis/model.json`.
 
 In the chart: + and - zoom, arrows move, shift with up and down scales, 0 shows everything again. `{{chart.cursors}}`
-sets two cursors that show values and differences; pressed again, it selects the other cursor, and pressed a third time,
-it removes both. `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move the cursor, `{{chart.cursor_far_back}}` and
+sets two cursors that show values and differences. Pressing it again selects the other cursor; pressing it a third time
+removes both. `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move the cursor, `{{chart.cursor_far_back}}` and
 `{{chart.cursor_far_on}}` by larger steps. Figures, report and numbers are written to `report/` in the folder of the
 workspace, as by `dpr-lab compare`.
 """

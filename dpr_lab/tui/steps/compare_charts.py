@@ -21,7 +21,7 @@ class CompareSettings:
     """Settings of the comparison charts."""
 
     noise_sigmas: int = 2
-    """Half width of the noise band, in standard deviations; the band contains 95 % of pure noise."""
+    """Half width of the noise band, in standard deviations. The band contains 95 % of pure noise."""
     tall: int = 36
     """Minimum height of the step, in rows, for showing angle and error below each other."""
     start_step_s: float = 0.5

@@ -76,7 +76,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self.action_look()
 
     def outcome(self) -> str:
-        """Short name of the connected device; empty without one."""
+        """Short name of the connected device; empty if no device is connected."""
         connected = self.device.connected
         if connected is None:
             return ""
@@ -273,7 +273,8 @@ def _clock_fit(exercised: Exercised) -> str:
     if clock is None:
         return "not compared, because the time of this device is simulated"
     return (
-        f"known to ±{1e6 * clock.offset_std:.0f} µs, runs {clock.rate_ppm:+.0f} ± {clock.rate_ppm_std:.0f} ppm"
+        f"offset known to ±{1e6 * clock.offset_std:.0f} µs, rate error {clock.rate_ppm:+.0f} ±"
+        f" {clock.rate_ppm_std:.0f} ppm"
         f" ({clock.n} pings, shortest {1e6 * clock.rtt_min:.0f} µs)"
     )
 

@@ -54,7 +54,9 @@ STAGES_S: Mapping[str, float] = {
 STEADY = ("bare model", "transfer", "evidence")
 """Stages whose duration does not depend on the result."""
 
-NONE_LEFT = "every selected run is held out: hold out fewer ({diagnose.hold_out}), or select more ({app.browse})"
+NONE_LEFT = (
+    "every selected run is held out: hold out fewer runs ({diagnose.hold_out}), or select more runs ({app.browse})"
+)
 
 
 class DiagnoseStep(JobStep):
@@ -126,7 +128,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """Verdict in a few words."""
+        """Short verdict for the list of steps."""
         if self._diagnosis is None:
             return ""
         named = len(self._diagnosis.effects)
@@ -172,7 +174,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         return f"about {left:.0f} s left" if left is not None else ""
 
     def compiling(self, now: float) -> None:
-        """Report once that compilation makes this stage longer."""
+        """Report, once, that compilation prolongs this stage."""
         super().compiling(now)
         if self._pace is not None:
             self._pace.compiling(now)
@@ -205,7 +207,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:
-        """Report of the displayed diagnosis; None without one."""
+        """Report of the displayed diagnosis; None if there is no report."""
         return self._shown.with_name("diagnosis.html") if self._shown is not None else None
 
     def action_hold_out(self) -> None:

@@ -1,6 +1,6 @@
 """Step Identify: identification with a live plot of the convergence.
 
-It can be paused, or stopped with the best result so far.
+The search can be paused, or stopped with the best result so far.
 """
 
 import time
@@ -51,12 +51,13 @@ local fit down to the noise floor.
   published E(Z), one free run over the whole record.
 - **search** is the algorithm, **seed** makes it repeatable.
 - **torques** (`{identify.torque}`): selects measured or commanded torques for runs that contain both.
-- A search that is stopped early continues with the local fit from its best individual; a cancelled one has no result.
+- A search that is stopped early continues with the local fit from its best individual. A cancelled search has no
+  result.
 
-A free swing determines five ratios. Which of the nine parameters are determined, and by what, is shown under *Nine
-parameters*; the measurements that determine the others are shown under *Identifiability*. With a free or driven arm,
-the ratios of rods, arm and drive are estimated by a local fit from the values of the rig file. The model is written to
-`model.json` in the folder of the workspace.
+A free swing determines five ratios. *Nine parameters* shows which of the nine parameters are determined, and by what.
+*Identifiability* shows the measurements that determine the others. With a free or driven arm, the ratios of rods, arm
+and drive are estimated by a local fit from the values of the rig file. The model is written to `model.json` in the
+folder of the workspace.
 """
     BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
     DEFAULT_CSS = """
@@ -229,7 +230,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
         base = [
             table("Base parameters, because these runs also determine the scale", tables.BASE_COLUMNS, absolute)
         ] * bool(absolute)
-        nine = table("Nine parameters and what determined them", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
+        nine = table("Nine parameters and what determines them", tables.PARAMETER_COLUMNS, tables.parameter_rows(model))
         self.query_one("#ratios-text", Static).update(
             Group(ratios, Text(tables.ratio_note(model), "dim"), *base, warnings)
         )
@@ -267,7 +268,7 @@ the ratios of rods, arm and drive are estimated by a local fit from the values o
 
 
 def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
-    """Estimated time of the remaining generations, s; None without data.
+    """Estimated time of the remaining generations, s; None if there are no data.
 
     Args:
         instants: end of each generation since the start or the last pause, s
@@ -300,7 +301,7 @@ def _identifiability(model: "Model") -> Group:
         f"The recordings determine {identifiability.rank} of 9 combinations of parameters.\n",
         sentences("Parameter changes that neither recordings nor measured values can detect:", free),
         sentences("Additional measurements on the bench, best first:", identifiability.advice),
-        "" if free else "All nine are determined; a further measurement only reduces their uncertainty.",
+        "" if free else "All nine parameters are determined. A further measurement only reduces their uncertainty.",
     )
 
 

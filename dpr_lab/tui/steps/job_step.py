@@ -74,7 +74,7 @@ class JobStep(Step):
         self._basis: dict[str, str] = {}
 
     def stale(self) -> str:
-        """Sentence on the inputs that changed since the result was computed; empty if none did."""
+        """Sentence on the inputs that changed since the result was computed; empty if no input changed."""
         made, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
         changed = [kind for kind in self.RESTS_ON if made.get(kind, now[kind]) != now[kind]]
         if not changed or not self.outcome() or self.job is not None:
@@ -83,7 +83,7 @@ class JobStep(Step):
 
     @property
     def work(self) -> str:
-        """Running job with its elapsed and remaining time; empty without a job."""
+        """Running job with its elapsed and remaining time; empty if no job is running."""
         if self.job is None or self.job.paused:
             return "" if self.job is None else f"{self.NAME} PAUSED"
         now = time.monotonic()
@@ -95,7 +95,7 @@ class JobStep(Step):
         return f"{text}, {pace}" if pace else text
 
     def pace(self, now: float) -> str:
-        """Remaining time in words, estimated from the progress alone, without durations of earlier jobs.
+        """Text with the remaining time, estimated only from the progress, not from earlier jobs.
 
         Empty if unknown.
         """
@@ -111,7 +111,7 @@ class JobStep(Step):
         return max(len(self.workspace.runs), 1)
 
     def missing(self) -> str:
-        """Message that no runs are selected; empty if there are some."""
+        """Message that no runs are selected; empty if runs are selected."""
         step = self.services.key_of("Capture")
         no_runs = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
         return "" if self.workspace.runs else no_runs
@@ -147,7 +147,7 @@ class JobStep(Step):
         """
 
     def at_stake(self) -> str:
-        """Sentence that quitting would end the running job; empty without a job."""
+        """Sentence that quitting would end the running job; empty if no job is running."""
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:

@@ -34,8 +34,8 @@ FORECAST = "P(decided)"
 PLANNING = "planning the next releases"
 ONE = "select a release in the list first; {plan.start} makes the list"
 OTHER_SETUP = (
-    "{text}: the rig file describes other rods or masses. Change [rods] or [added_mass] in it ({rig.write} in step"
-    " {rig}), then plan again"
+    "{text}: the rig file describes other rods or masses. Change [rods] or [added_mass] in the rig file"
+    " ({rig.write} in step {rig}), then plan again"
 )
 DRIVEN = "{text}: the device must replay {file}; record it with dpr-lab capture"
 
@@ -44,22 +44,22 @@ class PlanStep(JobStep):
     """Plan of the next releases; writes plan.json and a rig file with the planned poses."""
 
     NAME = "Plan"
-    PURPOSE = "recommends the next recordings, with reason and minutes, and reports when no more are needed"
+    PURPOSE = "recommends the next recordings, with reason and duration, and reports when no more recordings are needed"
     WORK = "the current plan"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the torques")
     HELP = """
-Recommends the next releases as a ranked list: start pose, duration, reason, and minutes at the rig. Before any
-recording it uses the rig file alone; afterwards also the runs and their diagnosis. Runs that are not diagnosed yet
-are diagnosed first.
+Recommends the next releases as a ranked list: start pose, duration, reason, and minutes at the rig. The first plan is
+based only on the rig file, later plans also on the runs and their diagnosis. Runs that are not diagnosed yet are
+diagnosed first.
 
 - **limits file**: which poses can be reached, what can be mounted, and how many minutes each step takes.
-- **budget**: time at the rig, such as `10min`; without it three releases are planned.
-- **distinguished**: mean expected information about two effects of the library, from all releases up to this
-  one; 0 % if they distinguish no two effects, 100 % if all.
-- **P(decided)**: probability that the causes are decided after this release; causes that no release separates
-  count as one.
+- **budget**: time at the rig, such as `10min`; if it is empty, three releases are planned.
+- **distinguished**: mean expected information about a pair of effects of the library, from all releases up to this one.
+  0 %: no pair is distinguished; 100 %: all pairs are.
+- **P(decided)**: probability that the causes are decided after this release. Causes that no release separates count as
+  one cause.
 - `{plan.take}` takes the marked release as the next pose and duration of Capture, with the rig file that describes
-  its rods, mass and arm. Nothing moves and nothing is released: Capture guides you to the pose as to any other.
+  its rods, mass and arm. The rods are not released: Capture guides you to the pose as to any other pose.
 
 `plan.json` and rig files with the planned poses are written to `plan/` in the folder of the workspace, as
 `dpr-lab plan --out` writes them.
@@ -233,7 +233,7 @@ def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
         lines = [
             release.text,
             f"reason: {in_words(release.reason)}",
-            f"horizon: {release.horizon_s:.1f} s; after it, small errors of the start pose change the swing",
+            f"horizon: {release.horizon_s:.1f} s; later, small errors of the start pose change the swing",
         ]
         shown.append(sentences(f"Release {release.number}", lines))
         if release.pairs:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
 
 NOTHING, OTHER_MODEL = -1, -2
-"""Choices in addition to the runs, which have the numbers from 0."""
+"""Choices in addition to the runs. The runs are numbered from 0."""
 
 
 class SecondCurve(Guarded, Horizontal):
@@ -79,7 +79,7 @@ class SecondCurve(Guarded, Horizontal):
 
     @property
     def chosen(self) -> "Comparison | None":
-        """Comparison for the second curve: another run, or the same run with the other model; None without one."""
+        """Comparison for the second curve: another run, or the same run with the other model; None if not chosen."""
         number = self.query_one(Select).value
         if number == OTHER_MODEL and self._shown < len(self._runs):
             return self._model.get(self._runs[self._shown].run)

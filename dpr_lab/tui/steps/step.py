@@ -54,7 +54,7 @@ class Step(Guarded, Vertical, can_focus=True):
 
     @property
     def recording(self) -> RecordingNow | None:
-        """State of the recording in progress; None without one."""
+        """State of the recording in progress; None if there is none."""
         return None
 
     @property
@@ -63,7 +63,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return False
 
     def outcome(self) -> str:
-        """Result in a few words for the list of steps; empty without a result."""
+        """Short result for the list of steps; empty if there is no result."""
         return ""
 
     def stale(self) -> str:
@@ -72,7 +72,7 @@ class Step(Guarded, Vertical, can_focus=True):
 
     @property
     def work(self) -> str:
-        """Running job and its elapsed time; empty without a job."""
+        """Running job and its elapsed time; empty if no job is running."""
         return ""
 
     def report(self) -> Path | None:

@@ -1,10 +1,10 @@
-"""Selection of the driver: for terminals one that never waits, for browser pages one that ends with its server."""
+"""Selection of the driver: in a terminal a driver that never waits, in a browser a driver that ends with its server."""
 
 from textual.driver import Driver
 
 
 def our_driver(textuals: type[Driver]) -> type[Driver]:
-    """Driver of this package in place of a driver of Textual; the driver of Textual if there is none."""
+    """Driver of this package that replaces a driver of Textual; the driver of Textual if there is no replacement."""
     if textuals.__name__ == "WebDriver":
         from dpr_lab.tui.terminal.page import PageDriver
 

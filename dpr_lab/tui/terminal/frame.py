@@ -36,8 +36,8 @@ class FrameSettings:
     """Costs of terminal output."""
 
     bridge: int = 4
-    """Maximum number of unchanged cells between two changed ones that are sent again, because a cursor movement is
-    longer."""
+    """Maximum number of unchanged cells between two changed cells that are sent again. Sending them is shorter than a
+    cursor movement."""
     looks: int = 4096
     """Maximum number of cached styles. A screen has some dozen."""
 

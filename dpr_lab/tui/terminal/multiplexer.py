@@ -25,7 +25,7 @@ ATTRIBUTES = re.compile(r"\x1b\[>([\d;]*)c")
 
 
 def from_environment(environment: Mapping[str, str]) -> str:
-    """Name of the multiplexer according to environment variables; empty without one."""
+    """Name of the multiplexer according to environment variables; empty if there is none."""
     for variable, name in IN_ENVIRONMENT.items():
         if environment.get(variable):
             return name

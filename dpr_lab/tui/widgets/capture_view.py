@@ -30,9 +30,9 @@ BEGIN = "press {capture.start}: the latch closes and you are guided to the pose"
 BEGIN_HELD = "the latch is closed; press {capture.start} to be guided to the pose"
 ALL_DONE = "all poses are recorded: {app.next} shows the next step. {capture.start} records this one again"
 RELEASING = "RELEASING after the countdown. Any key but {capture.release} stops it"
-CODE_FIRST = "RELEASING after the code that is shown. Any other key stops it"
+CODE_FIRST = "RELEASING after you type the displayed code. Any other key stops it"
 SENT = "RELEASE sent: the latch opens. Keep clear"
-MAY_BE_FREE = "RELEASE was sent, the rods may be free: keep clear until the latch is seen again"
+MAY_BE_FREE = "RELEASE was sent, the rods may be free: keep clear until the state of the latch is known again"
 CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
 TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
@@ -46,7 +46,7 @@ class CaptureState:
     """Name of the selected pose; empty if the rig has none."""
     attempt: Attempt | None
     ended: Attempt | None
-    """Previous attempt if it ended without a verdict, so that its recording stays visible; None otherwise."""
+    """Previous attempt if it ended without a verdict; its recording stays visible. None otherwise."""
     seen: Sighting
     """Last known angles of the rods and state of the latch."""
     now: float
@@ -70,7 +70,7 @@ class CaptureState:
     """Number of kept runs by pose."""
     repeats: int
     obstacle: str
-    """Reason why no attempt can start; empty if one can."""
+    """Reason why no attempt can start; empty if an attempt can start."""
 
     @property
     def all_done(self) -> bool:

@@ -29,7 +29,7 @@ SETTINGS = ViewSettings()
 def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
     """Smallest and largest finite value.
 
-    They are made different if equal, and are 0 and 1 without values.
+    If both are equal, they are made different. Without values, they are 0 and 1.
     """
     finite = [finite_values for array in values if len(finite_values := array[np.isfinite(array)])]
     if not finite:
@@ -63,7 +63,7 @@ def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tu
 
 
 def even_ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers in even steps within a view, at most `most` of them (at least two)."""
+    """Round numbers in even steps within a view: at most `most`, but at least two."""
     power = 10.0 ** math.floor(math.log10(max((high - low) / max(most, 2), 1e-300)))
     for step in (power, 2 * power, 5 * power, 10 * power, 20 * power):
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

@@ -91,7 +91,7 @@ class Countdown(ModalScreen[bool]):
         self.stop("the mouse was clicked")
 
     def on_resize(self, event: events.Resize) -> None:
-        """Cancel if the dialog does not fit any more."""
+        """Cancel if the dialog no longer fits."""
         if event.size.width < SIGHT.least_columns or event.size.height < SIGHT.least_rows:
             self.stop("the window became too small to show the countdown")
 
@@ -129,8 +129,8 @@ class Countdown(ModalScreen[bool]):
                 f"RELEASE {self._pose}: type ",
                 (typed, "dim"),
                 (left, "bold reverse"),
-                f"\n\n{self.SECONDS} s after its last letter the latch opens. {self._multiplexer} confirms"
-                f" frames even if nobody is attached: the code shows that you see this screen.\n",
+                f"\n\nThe latch opens {self.SECONDS} s after the last letter. {self._multiplexer} confirms"
+                " frames even if nobody is attached, so the code shows that you see this screen.\n",
             )
         self.query_one("#asked", Static).update(asked)
 

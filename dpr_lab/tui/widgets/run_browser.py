@@ -48,23 +48,23 @@ class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
 
     NAME = "Runs"
     HELP = """
-Select runs: `{runs.choose}` selects or deselects the one under the cursor, `{runs.all}` all shown ones;
-`{runs.accept}` closes the list with this selection (with the run under the cursor if it is empty), `{runs.leave}`
-with the previous one. `{runs.filter}` shows only runs that contain the entered words.
+Select runs: `{runs.choose}` selects or deselects the run under the cursor, `{runs.all}` all shown runs. `{runs.accept}`
+closes the list with this selection; if it is empty, with the run under the cursor. `{runs.leave}` closes the list with
+the previous selection. `{runs.filter}` shows only runs that contain the entered words.
 
-`{runs.verify}` checks the file under the cursor: hash, chunks, ticks, end. `{runs.export}` writes it in another format,
-to `exports/` next to the folder of the runs. `{runs.recover}` writes the valid part of a damaged run as a complete
-file.
-`{runs.note}` edits the note of the run under the cursor; it is stored in a separate file, because a run file never
-changes.
+`{runs.verify}` checks hash, chunks, ticks and end of the file under the cursor. `{runs.export}` writes the run in
+another format, to `exports/` next to the folder of the runs. `{runs.recover}` writes the valid part of a damaged run as
+a complete file. `{runs.note}` edits the note of the run under the cursor; it is stored in a separate file, because a
+run file never changes.
 
-`{runs.import}` closes the list with this selection and imports a table of another logger, which is then selected too.
+`{runs.import}` closes the list with this selection and imports a table of another logger. The imported run is also
+selected.
 
 `{runs.folder}` lists the runs of another folder, where the right arrow completes a path, and up and down show recent
 folders; the selection is kept.
 
-A run with the state *cut* is incomplete and contains the samples before its end; an *unreadable* run contains none.
-The reason is shown below the list.
+A run with the state *cut* is incomplete: it contains the samples up to the interruption. An *unreadable* run contains
+no samples. The reason is shown below the list.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("enter", "accept", "Use", id="runs.accept", priority=True),

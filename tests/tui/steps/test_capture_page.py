@@ -88,7 +88,7 @@ async def test_a_release_whose_outcome_is_unknown_stays_in_sight(app: DprApp, sa
         assert [notice.severity for notice in app.notices] == ["error"]
         device.connected, device.lost = device.lost, None
         early = hear(Idle((0.0, 3.1, 0.1), True, now + 1.0))
-        assert "the rods may be free: keep clear until the latch is seen again" in early
+        assert "the rods may be free: keep clear until the state of the latch is known again" in early
         assert "CLOSED" not in early
         assert device.ordered is not None
         hear(Idle((0.0, 3.1, 0.1), False, now + 1.1))

@@ -48,8 +48,8 @@ def budget_words(diagnosis: Diagnosis) -> list[str]:
     """Sentences that compare the error with the uncertainty of the inputs."""
     budget = evidence_of(diagnosis).budget
     return [
-        "A simulation can differ from a recording even if the model is correct: initial state, lengths and"
-        " gravity are known with finite accuracy, and the integrator has errors. The figure shows how much"
+        "A simulation can differ from a recording even if the model is correct, because initial state,"
+        " lengths and gravity are known with finite accuracy and the integrator has errors. The figure shows how much"
         " each input changes a free"
         " run, and the error of the free run. An error above twice the combined uncertainty shows a model error.",
         f"Bare model: {_judged(budget.error_before_rad, budget.u_before_rad)}"
@@ -109,8 +109,11 @@ BUDGET = EvidenceSection(
     words=budget_words,
     figure=budget_figure,
     alternative="Bars of the contribution of each source of uncertainty, and of the error, for both models.",
-    caption="Contribution of each source to the uncertainty of a free run whose initial state is fitted to 0.3 s of"
-    " readings: rms over both joints and all recordings, up to 2.6 s or the predictability horizon. Logarithmic scale.",
+    caption=(
+        "Contribution of each source to the uncertainty of a free run: rms over both joints and all"
+        " recordings, up to 2.6 s or the predictability horizon. The initial state of the free run is"
+        " fitted to 0.3 s of readings. Logarithmic scale."
+    ),
     tables=(
         FoldedTable(
             "Uncertainty budget, values",
@@ -123,8 +126,8 @@ BUDGET = EvidenceSection(
                 "corrected model (mrad)",
             ),
             source_rows,
-            "Share not corrected by the fit: a large input error would be visible in the recordings, so"
-            " only the share that is not visible counts (corrected model).",
+            "Share not corrected by the fit (corrected model): a large input error would be visible in the"
+            " recordings, so only the share that is not visible contributes.",
         ),
         FoldedTable(
             "Error and uncertainty by run",
@@ -140,6 +143,6 @@ BUDGET = EvidenceSection(
         ),
     ),
     symbols="E = S − D, u_val² = u_num² + u_input² + u_D². If E exceeds 2 u_val: δ_model = E ± u_val. ASME V&V 20-2009."
-    " Limits without a distribution: JCGM 100:2008 (GUM), 4.3.7. The model was calibrated on the fitted recordings, so"
-    " their E is not a blind test. Only E of held-out recordings is one.",
+    " Limits without a distribution: JCGM 100:2008 (GUM), 4.3.7. The model was calibrated on the fitted"
+    " recordings, so their E is not a blind test. Only the E of held-out recordings is a blind test.",
 )

@@ -50,7 +50,7 @@ def _bar(line: dict) -> dict:
 
 
 def closing_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the gap before and after, and on the data of the comparison."""
+    """Sentences on the gap before and after correction, and on the data of the comparison."""
     steps = evidence_of(diagnosis).closing
     if len(steps) < 2:
         return ["No effect is named, so the gap is not reduced."]
@@ -83,8 +83,10 @@ CLOSING = EvidenceSection(
     words=closing_words,
     figure=closing_figure,
     alternative="Waterfall of the gap: bare model, reduction by each named effect, remainder.",
-    caption="Gap as the named effects are added one at a time, in the order of selection, on data that were not fitted:"
-    " rms of a reading above the noise, segments of 0.5 s with free initial states.",
+    caption=(
+        "Gap after each added effect, in the order of selection, on data that were not fitted: rms of a"
+        " reading above the noise, in segments of 0.5 s with free initial states."
+    ),
     tables=(
         FoldedTable(
             "Gap reduction by effect, values",

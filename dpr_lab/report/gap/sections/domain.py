@@ -62,13 +62,16 @@ def domain_words(diagnosis: Diagnosis) -> list[str]:
     swings = "swings driven by known torques" if driven else "free swings"
     days = sorted({recording.recorded_utc[:10] for recording in evidence.recordings if recording.recorded_utc})
     return [
-        f"The corrected model predicts {swings} of rig “{evidence.rig}” for {until:.2g} s from an initial state that"
-        f" is fitted to 0.3 s of readings. A simulator can use it at the angles and speeds of the map, up to {speeds}.",
+        f"The corrected model predicts {swings} of rig “{evidence.rig}” for {until:.2g} s from an initial"
+        " state that is fitted to 0.3 s of readings. A simulator can use the model at the angles and"
+        f" speeds of the map, up to {speeds}.",
         f"The model was fitted to {_count(fitted)}"
-        + (f" and validated on {_count(held_out)} held out." if held_out else ". No recording was held out."),
+        + (
+            f"  and validated on {_count(held_out)} that were held out." if held_out else ". No recording was held out."
+        ),
         _days(days, len(evidence.recordings)),
-        "Blank cells were not visited: there the model extrapolates, and this report makes no statement. Other loads,"
-        " bearings, temperatures and drives are untested.",
+        "Blank cells were not visited. There the model extrapolates, and this report makes no statement."
+        " Other loads, bearings, temperatures and drives are untested.",
     ]
 
 
@@ -81,7 +84,7 @@ def _days(days: list[str], count: int) -> str:
     if not days:
         return "The recordings have no date, so changes of the rig from day to day are unknown."
     if len(days) == 1:
-        return f"All dated recordings are of {days[0]}, so validity on another day is untested."
+        return f"All dated recordings were made on {days[0]}, so the validity on another day is untested."
     return f"Recorded on {len(days)} days, from {days[0]} to {days[-1]} ({count} recordings)."
 
 

@@ -15,12 +15,11 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
     excluded, not_excluded = _split(diagnosis)
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [
-        f"{len(excluded)} effects of the library are absent or smaller than the size in the table. A larger effect"
-        " would have"
-        f" been detected in these recordings with a confidence of at least {percent(EXCLUDED.sure)} (effects of"
-        f" unknown order, frequency or speed: {percent(EXCLUDED.of_shapes)}).",
-        "Smaller effects are not excluded. An effect that is indistinguishable from a named effect is excluded only in"
-        " addition to it.",
+        f"{len(excluded)} effects of the library are absent or smaller than the size in the table. The"
+        " confidence that a larger effect would have been detected in these recordings is at least"
+        f" {percent(EXCLUDED.sure)} (effects of unknown order, frequency or speed: {percent(EXCLUDED.of_shapes)}).",
+        "Smaller effects are not excluded. If an effect is indistinguishable from a named effect, it is"
+        " excluded only as an additional effect.",
     ]
     if not_excluded:
         sentences.append(
@@ -29,11 +28,11 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
         )
     if undetectable:
         names = in_words(", ".join(undetectable))
-        sentences.append(f"Undetectable at any size in addition to the named effects: {names}.")
+        sentences.append(f"Effects that are undetectable at any size next to the named effects: {names}.")
     if diagnosis.verdict in ("partly_explained", "unexplained"):
         sentences.append(
-            "The remainder has no named cause and could compensate for an effect. The confidence assumes that the"
-            " signature of the remainder differs from that of the effect."
+            "The remainder has no named cause and could hide an effect. The stated confidence assumes that"
+            " the signature of the remainder differs from the signature of the effect."
         )
     return sentences
 

@@ -62,7 +62,7 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
     other = [named(effect.name) for effect in diagnosis.effects if effect.name in NOT_OF_SPEED]
     if other:
         sentences.append(
-            f"Friction that depends on other quantities than the speed is not part of this curve: {listed(other)}."
+            f"This curve does not contain friction that depends on quantities other than the speed: {listed(other)}."
         )
     return sentences or ["No joint moves fast enough in both directions."]
 

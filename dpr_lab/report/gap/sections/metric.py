@@ -68,8 +68,9 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
         else f"No free run reaches its predictability horizon within the {shortest} that are compared."
     )
     return [
-        "The metric is the area between the distributions of the measured and of the simulated angles; it is an angle,"
-        f" and zero if the distributions agree. Mean area: {three(bare)} mrad for the bare model, {three(corrected)}"
+        "The metric is the area between the distributions of the measured and of the simulated angles. Its"
+        f" unit is an angle, and it is zero if the distributions agree. Mean area: {three(bare)} mrad for"
+        f" the bare model, {three(corrected)}"
         f" mrad for the corrected model, {three(noise)} mrad expected from noise alone.",
         f"Errors of the initial state grow with time. {horizon} Nothing is compared beyond the horizon.",
     ]
@@ -108,9 +109,9 @@ METRIC = EvidenceSection(
                 "area, noise alone (mrad)",
             ),
             metric_rows,
-            "Horizon: time at which the uncertainty of the initial state alone moves an angle by 0.1 rad; ≥ if it is"
-            " beyond the free run of 2.6 s. Growth rate: largest finite-time Lyapunov exponent of the angles up to"
-            " then. Areas: mean of both joints.",
+            "Horizon: time at which the uncertainty of the initial state alone moves an angle by 0.1 rad; ≥"
+            " if this time is beyond the free run of 2.6 s. Growth rate: largest finite-time Lyapunov"
+            " exponent of the angles up to the horizon. Areas: mean of both joints.",
         ),
     ),
     symbols="d = ∫ |F_S(x) − F_D(x)| dx = ∫ |x_S(p) − x_D(p)| dp, F_S and F_D the empirical distributions. Area"

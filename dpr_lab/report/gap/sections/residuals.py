@@ -75,8 +75,8 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
         )
     return [
         "Residuals of a complete model are white and normally distributed, with the standard deviation of the encoder"
-        " noise. An oscillating autocorrelation, or quantiles off the dotted line, show an effect that the model"
-        " lacks.",
+        " noise. An oscillating autocorrelation, or quantiles off the dotted line, indicate an effect that"
+        " the model lacks.",
         " ".join(sentences),
     ]
 
