@@ -11,17 +11,18 @@ PAGE = Path(__file__).with_suffix(".md")
 
 HEAD = """# The effect library
 
-The effects that `dpr-lab diagnose` can name, each with its symptom at the rig and a bench check that confirms it.
-Effects that a free swing hardly distinguishes are listed as "indistinguishable from"; the bench check separates them.
-Each effect is defined in one file in `dpr_lab/effects`; an amplitude of zero switches it off. Numbers of equations are
-those of [theory.md](theory.md). `dpr-lab effects show NAME` prints one effect. This page is written by
+This page lists the effects that `dpr-lab diagnose` can name, each with its symptom at the rig and a bench check that
+confirms it. Effects that a free swing can hardly distinguish are listed as "indistinguishable from"; the bench check
+separates them. Each effect is defined in one file in `dpr_lab/effects`. An effect is off if its amplitude is zero.
+Numbers of equations refer to [theory.md](theory.md). `dpr-lab effects show NAME` prints one effect. This page is
+written by
 `docs/effects.py`.
 
-Each amplitude has a limit, which no fit exceeds. It follows from the measured or nominal values of the rig file:
-gravity torques, inertias, lengths, counts per turn. The amplitude has a normal prior with mean zero and a third of the
-limit as its standard deviation. An amplitude that recordings cannot distinguish from the ratios, the zeros or the
+Each amplitude has a limit, which no fit exceeds. The limit follows from the measured or nominal values of the rig file:
+gravity torques, inertias, lengths, counts per turn. The prior of an amplitude is normal, with mean zero and a third of
+the limit as standard deviation. An amplitude that recordings cannot distinguish from the ratios, the zeros or the
 initial states is not fitted; the diagnosis lists it in `absorbed`. An effect with an amplitude at its limit is not
-named, because the true cause is another one.
+named, because the true cause is a different effect.
 
 | site | effects |
 |---|---|

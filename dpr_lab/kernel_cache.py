@@ -1,8 +1,8 @@
 """Folder of the compiled kernels; this module does not import Numba.
 
 The cache of Numba checks only the file of the compiled function. A kernel that calls a function in another file
-therefore keeps outdated machine code when that file changes. Here the folder of the cache is named by a hash of all
-kernel sources, including those of plugins. Any change thus starts with an empty folder.
+therefore keeps outdated machine code when that file changes. Here the name of the cache folder is a hash of all kernel
+sources, including those of plugins. After any change, an empty folder is therefore used.
 """
 
 import hashlib
@@ -128,9 +128,9 @@ CACHE, FOREIGN = choose_cache(_ROOTS, cache_name(Path(__file__).parent))
 if the home folder is read-only. Kernels are then compiled in every process."""
 
 COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
-    "compiling numerical kernels that this computer has not compiled yet: up to a minute"
+    "compiling numerical kernels for the first time on this computer: up to a minute"
     if CACHE is not None
-    else "compiling the kernels: about a minute, every time, because no folder of the cache can be written"
+    else "compiling the kernels: about a minute at every start, because no cache folder can be written"
 )
 """Message that is shown while kernels are compiled."""
 

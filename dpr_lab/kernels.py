@@ -63,7 +63,8 @@ def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, 
 
     Strict means no reassociation and no contraction, so that a result has the same bits for any batch size and any
     number of threads. A kernel that neither `allocates` arrays nor returns views of them needs no reference counting,
-    which takes up to half of the time in a loop over samples. With NUMBA_DISABLE_JIT=1 it is the Python function.
+    which takes up to half of the time in a loop over samples. With NUMBA_DISABLE_JIT=1 the kernel is the Python
+    function.
     """
     if function is None:
         return partial(njit, allocates=allocates, **options)
@@ -74,7 +75,9 @@ def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, 
 
 
 def subroutine(function: Function) -> Function:
-    """A function for use in kernels, compiled as part of each; called from Python it is the Python function.
+    """Decorator of a function for use in kernels, which is compiled as part of each kernel.
+
+    If called from Python, it is the Python function.
 
     Omitting the wrapper for calls from Python halves the compilation time.
     """
@@ -82,7 +85,7 @@ def subroutine(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """A short subroutine that is inlined in every loop that calls it, so that the loop becomes vector instructions.
+    """Decorator of a short subroutine that is inlined in every loop that calls it, so that the loop is vectorised.
 
     By default the compiler inlines only small functions, and a loop with a call is not vectorised.
     """
@@ -90,7 +93,7 @@ def inlined(function: Function) -> Function:
 
 
 def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
-    """A separately compiled kernel that others receive as an argument and call through a pointer.
+    """Compile a kernel separately, for other kernels that receive it as an argument and call it through a pointer.
 
     An ordinary call of a kernel compiles all of its code again at each level of callers. A pointer costs some
     nanoseconds per call instead, and is suitable for long kernels with much work per call.

@@ -72,7 +72,7 @@ def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: floa
 def push_on_arm(
     motion: Motion, base: BaseParameters, arm: ArmModel, torque0: float, alphas: tuple[float, float]
 ) -> float:
-    """Torque that friction must withstand at a resting arm, N m, for accelerations `alphas` of the rods, rad/s^2."""
+    """Torque on an arm at rest that friction must balance, N m, for accelerations `alphas` of the rods, rad/s^2."""
     pull = base.e1 * (motion.sin1 * motion.omega1 * motion.omega1 - motion.cos1 * alphas[0])
     pull += base.e2 * (motion.sin2 * motion.omega2 * motion.omega2 - motion.cos2 * alphas[1])
     return torque0 - arm.stiffness * motion.theta0 + arm.reach * pull

@@ -6,8 +6,7 @@
 Equation (1) is homogeneous in a, b, d, e1, e2, c1, c2, so a swing without external torque determines only the five
 ratios to b.
 
-The base parameters of a run depend on its mounting. They contain p = m2 L1^2, which swings of both rods cannot
-distinguish from a:
+The base parameters of a run depend on its mounting and on p = m2 L1^2. Swings of both rods cannot distinguish p from a:
 
     both, clamped    a                b    d    e1                c1    c2
     inner alone      a - p            -    -    e1 - p g / L1     c1    -
@@ -109,7 +108,7 @@ def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tup
 
 
 def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
-    """(6,) contribution of a known attached mass to the base parameters, SI; zeros without such a mass."""
+    """(6,) contribution of a known attached mass to the base parameters, SI; zeros if no mass is attached."""
     if added is None:
         return np.zeros(len(BASE))
     m, r = added.mass, added.position

@@ -117,7 +117,7 @@ def slides_with_arm(
     """Directions in which an arm at rest and both rod joints continue, in the order arm, joint 1, joint 2.
 
     There are three cases: the arm is held, or slides in either direction. In each case `slides` gives the directions of
-    the rod joints. Exactly one case is consistent.
+    the rod joints. Exactly one of the three cases is consistent.
 
     Args:
         motion: motion with the arm at rest

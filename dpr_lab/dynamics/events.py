@@ -9,14 +9,14 @@ A step of length h from t to t + h is divided at its events, here at one event t
                             |----- 3 -----|     rest of the step, with new directions: 1 again, up to `EVENTS.most`
 
 1. A joint stops where its speed changes sign in the trial step (`stops_at`). A joint at rest starts to slide where its
-   margin becomes negative (`yields_at`). The margin is the limit of friction minus the torque on the joint. The first
-   event counts.
+   margin becomes negative (`yields_at`). The margin is the limit of friction minus the torque on the joint. The
+   earliest event is used.
 2. The instant of a stop is corrected by the remaining speed, by at most `EVENTS.farthest` of the step (`correction`).
 3. Directions are the signs of the speeds, and 0 for a joint at rest. `dpr_lab.dynamics.dry_friction` decides which
    joints at rest start to slide.
 
 `dpr_lab.dynamics.step.advanced` applies this scheme to one rig, `dpr_lab.dynamics.lanes.dry_friction` to each lane.
-Tuples of three numbers have the order joint 1, joint 2, arm.
+Tuples of three numbers are in the order joint 1, joint 2, arm.
 """
 
 import math
@@ -79,8 +79,8 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
         last: margins at the end of the step, N m
 
     Returns:
-        fraction of the step at the event, 1 without an event; and number of the joint that stops (3: the arm), 0 if a
-        joint starts to slide
+        fraction of the step at the event, 1 if there is no event; and number of the joint that stops (3: the arm), 0 if
+        a joint starts to slide
     """
     share, joint = 1.0, 0
     for i in range(3):

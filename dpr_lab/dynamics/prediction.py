@@ -6,9 +6,9 @@ Runge-Kutta steps of equal length. The angles at the instants of reading are int
 through the states at both ends of a step.
 
 Some effects have internal states (`INTERNAL`): presliding, backlash of an encoder, an arm on a spring. At the start of
-a segment they have the values of the previous segment of the same run at this instant. Until the release they have the
-values of a rig at rest: no presliding displacement, the encoder in the middle of its backlash, the arm held. A run that
-starts later starts with sliding joints.
+a segment, the internal states have the values that the previous segment of the same run has at this instant. Until the
+release, they have the values of a rig at rest: no presliding displacement, the encoder in the middle of its backlash,
+the arm held. A run that starts later starts with sliding joints.
 """
 
 import numpy as np

@@ -7,8 +7,8 @@ short enough for the registers and for out-of-order execution.
 
 sin and cos of the angles are not evaluated but updated by short Taylor series of the rotation. From the start of the
 step the rotation is h * omega or half of it. Between the second stage and the third, and between the fourth and the
-end, the angle changes by at most h^2 times accelerations. Even shorter series are sufficient for these changes
-("nudges"). Each lane stores the sum of its squared rotations in the step. A lane beyond `GUARD` repeats the step from
+end, the angle changes by at most h^2 times accelerations. For these changes ("nudges"), even shorter series are
+sufficient. Each lane stores the sum of its squared rotations in the step. A lane beyond `GUARD` repeats the step from
 its old state with exact sines.
 
 Sums are not reassociated, lanes are independent, and each (block of lanes, segment) is independent. A cost is therefore

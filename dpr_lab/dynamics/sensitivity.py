@@ -1,8 +1,8 @@
 """Sensitivity of a swing to its parameters and initial state: exact derivative of the Runge-Kutta map.
 
 With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', p) is differentiated: dk = f_x (S + h a
-dk') + f_p. Up to rounding, the result is the exact derivative of the result of `simulate`. It is not an approximation
-of the derivative of the true swing.
+dk') + f_p. Up to rounding, the result is the exact derivative of the result of `simulate`, not an approximation of the
+derivative of the true swing.
 
 The columns of S are the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then theta1, theta2, omega1, omega2 at the
 start. The columns are the lanes of the kernel. Within a step, a series that is exact to rounding gives the sines from

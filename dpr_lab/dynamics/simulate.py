@@ -140,7 +140,9 @@ def integrate(
     max_step: float = MAX_STEP,
     drive: ArrayLike = 0.0,
 ) -> Array:
-    """Simulate a swing from a full state; a swing can therefore be computed in parts.
+    """Simulate a swing from a full state.
+
+    A swing can therefore be computed in parts.
 
     Args:
         model: rig with its effects

@@ -83,7 +83,7 @@ def motion_of(
 
 @subroutine
 def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
-    """The same motion with the rotation of the arm since the start of the step, rad, and its direction of sliding."""
+    """The same motion with the rotation of the arm since the start of the step, rad, and its direction."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, motion.force1,

@@ -112,10 +112,10 @@ EFFECTS: dict[str, Effect] = {
 EFFECTS |= plugin_rows("effects", Effect, EFFECTS, lambda _, effect: effect.name, refusal)
 
 OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not (effect.driven or effect.of_arm)}
-"""The effects that free swings with a clamped arm can show."""
+"""Effects that free swings with a clamped arm can show."""
 
 OF_ARM = {name: effect for name, effect in EFFECTS.items() if effect.of_arm and effect not in (FREE_ARM, DRIVE_GAIN)}
-"""The effects that a rig with a free or driven arm may have; the arm itself and the gain of its drive are excluded."""
+"""Effects that a rig with a free or driven arm may have, except for the arm itself and the gain of its drive."""
 
 SLICES = slices(EFFECTS.values())
 """Name of an effect -> slice of its parameters in the flat vector."""
@@ -174,7 +174,7 @@ def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dic
 
 
 def plausibility(params: Array, effect: str) -> float:
-    """Prior weight of an effect's fitted size: nearly one below its scale, and decreasing with the fourth power above.
+    """Prior weight of an effect's fitted size: nearly one below its scale, decreasing with the fourth power above it.
 
         w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each amplitude
 
@@ -195,7 +195,7 @@ def without_effect(params: Array, effect: str) -> Array:
 
 
 def without_events(params: Array) -> Array:
-    """Return the flat vector without the effects that occurred once, in one run."""
+    """Return the flat vector without the effects that occurred only once, in one run."""
     for name in _EVENTS:
         params = without_effect(params, name)
     return params
@@ -216,7 +216,7 @@ def param_index(effect: str, parameter: str) -> int:
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
     """Values of the shape parameters that an effect proposes for these recordings.
 
-    None: the effect proposes nothing, and the grid of `scan` is used.
+    None if the effect proposes no values; the grid of `scan` is then used.
     """
     proposed = effect.propose(recorded) if effect.propose else None
     if proposed is None:

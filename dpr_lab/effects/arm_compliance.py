@@ -19,7 +19,7 @@ def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: flo
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]] | None:
-    """Frequencies to try: none if the arm did not move in any run, otherwise the whole grid."""
+    """Frequencies to try: the whole grid, or none if the arm did not move in any run."""
     return [] if all(moves is False for moves in recorded.arm_moves) else None
 
 

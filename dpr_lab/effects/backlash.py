@@ -11,7 +11,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def play(angle: float, held: float, play_rad: float) -> float:
-    """Angle that the encoder holds, rad; it follows the joint after the joint has crossed the backlash."""
+    """Angle that the encoder holds, rad. The encoder follows the joint after the joint has crossed the backlash."""
     half = 0.5 * abs(play_rad)
     return min(max(held, angle - half), angle + half)
 

@@ -50,8 +50,8 @@ COM_OFFSET_LINK1 = Effect(
     quantities=(BenchQuantity("offset of the centre of mass across the inner rod", "y", ("offset_m",)),),
     symptom="The inner rod rests away from the vertical although its encoder is zeroed correctly.",
     bench_check=(
-        "Mount the inner rod alone and compare its rest position with a plumb line. Attach a known mass on"
-        " its axis and repeat: neither the moment of the centre of mass nor cogging changes; without the motor,"
+        "Mount the inner rod alone and compare its rest position with a plumb line. Attach a known mass on its axis"
+        " and repeat: neither the moment of the centre of mass nor cogging changes. Remove the motor and repeat:"
         " cogging vanishes."
     ),
     source=_SOURCE,

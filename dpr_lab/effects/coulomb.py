@@ -17,7 +17,7 @@ COULOMB = pair(
     kernel=dry,
     exported=lambda params: {"friction": params["torque_Nm"]},
     twins=("hysteresis",),
-    equation="tau = -F sgn(u) with u the speed of joint {j}; at rest the torque that holds it, up to F",
+    equation="tau = -F sgn(u) with u the speed of joint {j}; at rest the torque that holds the joint, up to F",
     parameters=(EffectParameter("torque_Nm", "N m", 1e-3, "positive"),),
     stage="torque",
     dry=True,

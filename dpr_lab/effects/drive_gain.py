@@ -19,7 +19,7 @@ DRIVE_GAIN = Effect(
     stage="drive0",
     kernel=regained,
     joints=(ARM,),
-    quantities=(BenchQuantity("gain of the drive over the assumed one, minus 1", "x", ("excess",)),),
+    quantities=(BenchQuantity("gain of the drive divided by the assumed gain, minus 1", "x", ("excess",)),),
     symptom="The arm responds to every input too strongly or too weakly, by the same factor.",
     bench_check=(
         "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"

@@ -1,4 +1,4 @@
-"""Effects: physical causes of a difference between simulation and rig, each as data and one kernel."""
+"""Type of an effect: a physical cause of a difference between simulation and rig, as data and one kernel."""
 
 import math
 import re
@@ -68,11 +68,11 @@ class EffectParameter:
     scan: tuple[float, ...] = ()
     """Values of a shape parameter to try before it is refined; empty: the recordings define them (runs, instants)."""
     draw: tuple[float, float] | None = None
-    """Range from which blind trials draw a shape parameter; None: from a third of the default to three times it."""
+    """Range from which blind trials draw a shape parameter; None: from a third of to three times the default."""
     whole: bool = False
     """Whether only integers are physical; the absolute value of an amplitude is then at least one."""
     one_way: bool = False
-    """Whether blind trials draw this amplitude positive only, because a negative value would drive the rods."""
+    """Whether blind trials draw only positive values, because a negative value would drive the rods."""
     continuous: bool = False
     """Whether a shape parameter is refined after its scan; false for orders and instants."""
     negative: str = ""
@@ -80,11 +80,11 @@ class EffectParameter:
     label: str = ""
     """Name in tables and sentences; empty: `name` without its unit."""
     most: float = math.inf
-    """Maximum absolute value of an amplitude on any rig, in `unit`; inf: only the relative maximum `limit` applies."""
+    """Maximum absolute value of an amplitude on any rig, in `unit`; inf: only the relative `limit` applies."""
     limit: str = ""
     """Key of the relative maximum in `dpr_lab.effects.limits.LIMITS`; empty: the unit is the key."""
     plausible: float | None = None
-    """Scale of the prior of an amplitude, in `unit`; None: three times the typical size. Larger sizes are rare."""
+    """Scale of the prior of an amplitude, in `unit`; larger sizes are rare. None: three times the typical size."""
 
     @property
     def words(self) -> str:
@@ -177,15 +177,15 @@ class InternalState:
     rig.
     """
     sliding: Callable[[float], float] | None = None
-    """Kernel (speed of the joint, rad/s) -> state at the start of a run after the release; None: as at the release."""
+    """Kernel (speed of the joint, rad/s) -> state at the start of a run after the release; None: unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Information from the recordings that proposes values of shape parameters without a grid."""
+    """Information from the recordings by which effects propose values of shape parameters without a grid."""
 
     arm_moves: tuple[bool | None, ...]
-    """For each run: whether encoder 0 detected a motion of the arm; None if it was not measured."""
+    """For each run: whether encoder 0 detected a motion of the arm; None if the angle of the arm was not measured."""
     steps: Callable[[], list[tuple[int, int, float]]]
     """Function that returns joint (0 or 1), run and instant (s) of apparent steps in the readings, best first."""
 
@@ -228,7 +228,7 @@ class Effect:
     symptom: str = ""
     """Symptom of the effect at the rig or in a recording; required for effects of the library."""
     joints: tuple[int, ...] = (0, 1)
-    """Joints (0, 1 or `ARM`) on whose angle and speed the effect may depend; both rod joints if it belongs to none."""
+    """Joints (0, 1 or `ARM`) whose angle and speed the effect may depend on; both rod joints if it has no joint."""
     internal: tuple[InternalState, ...] = ()
     dissipative: bool = False
     """Whether the effect can only dissipate energy of the rods (presliding returns at most the stored energy)."""
@@ -244,13 +244,13 @@ class Effect:
     event: bool = False
     """Whether the effect occurs once, in one recording, and is not a property of the rig."""
     twins: tuple[str, ...] = ()
-    """Effects that free swings cannot distinguish from this one, or hardly."""
+    """Effects that free swings cannot, or can hardly, distinguish from this effect."""
     nested: tuple[str, ...] = ()
     """Simpler effects, which are preferred if they explain the recordings equally well."""
     adds: str = ""
     """Name of the amplitude that the simpler effects lack; empty if it cannot be measured."""
     quantities: tuple[BenchQuantity, ...] = ()
-    """Measurable quantities, the first one of the effect itself; empty: the amplitudes, by their names.
+    """Measurable quantities, first the quantity of the effect itself; if empty, the amplitudes by their names.
 
     The quantity with the amplitude `adds` distinguishes the effect from its simpler forms.
     """
@@ -264,7 +264,7 @@ class Effect:
     universal: bool = False
     """Whether every rig has the effect to some degree, so that its presence needs no further explanation."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
-    """Function that returns the shape parameters to try on the recordings, by name; []: none.
+    """Function that returns the shape parameters to try on the recordings, by name; [] if there are none.
 
     None: the grid of `scan`.
     """
@@ -275,7 +275,7 @@ class Effect:
     possible: Callable[[Params], bool] = lambda sizes: True
     """Function that returns whether the sizes, each within its limit, can occur together."""
     remedy: Callable[[Params, RigConstants, int], str] | None = None
-    """Function (parameters, rig, joint 0 or 1) -> correction of the rig, its file or its readings, in words.
+    """Function (parameters, rig, joint 0 or 1) -> text on how to correct the rig, its file or its readings.
 
     None: the effect is not a fault, and a simulator must include it.
     """
@@ -338,7 +338,7 @@ def pair(
         nested: families of simpler effects at the same joint
         twins: families of similar effects at the same joint
         site: as in `Effect`
-        fields: the other fields of `Effect`
+        fields: the remaining fields of `Effect`
     """
     return [
         Effect(

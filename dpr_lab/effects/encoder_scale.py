@@ -21,7 +21,7 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
     """Text that describes how to correct the counts per turn of an encoder.
 
     A relative error above `exact` is too large for a tolerance. The text then names the common encoder with the
-    corrected number. If there is none, the text doubts that the encoder is the cause.
+    corrected number of counts. If there is no such encoder, the text states that another cause is probable.
     """
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])

@@ -1,4 +1,4 @@
-"""The arm of a rig whose arm is free or driven: part of every model of such recordings, and not a fault."""
+"""The free or driven arm of a rig: part of every model of its recordings, and not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import ArmModel, RigConstants

@@ -29,8 +29,8 @@ FRICTION_DRIFT = pair(
     stage="torque",
     quantities=(BenchQuantity("drift rate of the viscous friction coefficient", "r", ("rate_Nm_per_rad",)),),
     symptom=(
-        "Late swings of a recording are damped more, or less, than earlier swings of the same amplitude, for example"
-        " because the grease warms up."
+        "Late swings of a recording are damped more, or less, than earlier swings of the same amplitude. For"
+        " example, the grease warms up."
     ),
     bench_check=(
         "After the last release, let the rods hang for ten minutes and repeat the first release: if the friction of"

@@ -17,7 +17,7 @@ def stopped(joint: Joint, stiffness_Nm_per_rad: float, range_rad: float) -> floa
 def within_turns(params: Params, *, most_rad: float = 3 * math.pi) -> bool:
     """Whether the range ends within one and a half turns.
 
-    A torque that starts after many turns follows another law.
+    A torque that starts only after many turns follows another law.
     """
     return params.get("range_rad", 0.0) <= most_rad
 

@@ -62,7 +62,10 @@ HYSTERESIS = pair(
 
 HYSTERESIS_JOINT0 = at_arm(
     HYSTERESIS[0],
-    symptom="After a light push the arm springs back; at reversals its torque changes gradually instead of suddenly.",
+    symptom=(
+        "After a light push the arm springs back. At reversals, its friction torque changes gradually instead of"
+        " suddenly."
+    ),
     bench_check=(
         "Disconnect the motor, push the arm lightly and let it go: with presliding it springs back, and only a"
         " stronger push moves it permanently. With Coulomb friction alone it stays where it is."

@@ -1,4 +1,4 @@
-"""Test compilation of the kernels of a plugin's effect, before they are compiled together with all others."""
+"""Test compilation of the kernels of a plugin's effect, before the kernels are compiled together with all others."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -33,7 +33,7 @@ def compile_errors(effect: Effect) -> Iterator[str]:
     """One sentence for each kernel that cannot be compiled or returns a wrong type.
 
     A kernel returns a number. A kernel of the stages `torque` and `load` without the argument `joint` returns `Terms`.
-    Effects whose kernels compile are remembered on disk.
+    The names of effects whose kernels compile are stored on disk.
     """
     mark = CACHE / f"checked-{effect.name}" if CACHE is not None else None
     if mark is not None and mark.exists():

@@ -25,8 +25,8 @@ LATENCY_JOINT2 = Effect(
     ),
     quantities=(BenchQuantity("delay of encoder 2 after encoder 1", "x", ("delay_s",)),),
     symptom=(
-        "The residual of joint 2 is proportional to its speed: largest at the lowest point of the swing, zero at"
-        " the turning points."
+        "The residual of joint 2 is proportional to its speed: it is largest at the lowest point of the swing and"
+        " zero at the turning points."
     ),
     bench_check=(
         "Swap the two encoder cables at the board and repeat: a delay of the electronics changes its sign; or"

@@ -1,4 +1,4 @@
-"""Effects in a run in which joint 2 cannot turn, the arm cannot move, or nothing drives the joints.
+"""Effects in a run in which joint 2 cannot turn, the arm cannot move, or no drive acts on the joints.
 
 A held joint 2 is modelled by dry friction without a limit. The effects of a clamped arm and of unused drives are
 switched off.
@@ -59,7 +59,7 @@ def _still(params: Array, setup: Setup) -> bool:
 
 
 def effects_of_run(params: Array, setup: Setup) -> Array:
-    """(..., SIZE) parameters of the effects in one run, from those on the whole rig and the mounting of the run."""
+    """(..., SIZE) parameters of the effects in one run, from those of the whole rig and the mounting of the run."""
     undriven, still = _undriven(params, setup), _still(params, setup)
     if not (setup.held or undriven or still):
         return params

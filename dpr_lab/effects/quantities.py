@@ -139,7 +139,7 @@ HELD_ARM = ArmModel(math.inf, 0.0, 0.0, 0.0)
 
 @inlined
 def joint0(motion: Motion) -> Joint:
-    """Joint of the arm in a motion of the rig; its force is not computed."""
+    """Joint of the arm in a motion of the rig, without its force."""
     return Joint(motion.t, motion.theta0, motion.omega0, motion.displacement0, 0.0, motion.direction0)
 
 

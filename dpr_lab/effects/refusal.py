@@ -11,7 +11,7 @@ from dpr_lab.effects.stages import STAGES, StageName
 
 
 def refusal(effect: Effect) -> str:
-    """Reasons to refuse an effect, in words; empty if the effect can be used."""
+    """Text with the reasons to refuse an effect; empty if the effect can be used."""
     return "; ".join(list(_reasons(effect)) or compile_errors(effect))
 
 

@@ -38,8 +38,8 @@ ROTOR_INERTIA_JOINT1 = Effect(
     quantities=(BenchQuantity("inertia of the rotor", "J", ("inertia_kgm2",)),),
     symptom="The inner rod swings more slowly than its mass and length predict.",
     bench_check=(
-        "Free swings do not distinguish it from the inertia of the inner rod: swing the inner rod alone with and"
-        " without the rotor, and compare the periods."
+        "Free swings do not distinguish the rotor inertia from the inertia of the inner rod. Swing the inner rod"
+        " alone with and without the rotor, and compare the periods."
     ),
     source=_SOURCE,
 )

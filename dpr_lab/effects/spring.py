@@ -35,7 +35,7 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
 
     C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below the fraction
     `tolerance` of this bound is rejected, for example a constant torque with only a hardening term. The tolerance
-    allows for the neglected term and the error of the fit. A softening spring must still attract at deflections up to
+    covers the neglected term and the error of the fit. A softening spring must still attract at deflections up to
     `small_rad`; without stiffness it would repel. A softening term below a tenth of the constant torque counts as an
     error of the fit.
     """
@@ -85,7 +85,7 @@ SPRING = pair(
         BenchQuantity("constant torque of the spring", "C", ("constant_Nm",)),
     ),
     symptom=(
-        "The rest angle or the period of rod {j} differs from the value for gravity alone, and may depend on the"
+        "The rest angle or the period of rod {j} differs from its value under gravity alone. It may depend on the"
         " number of whole turns that wind up the cable."
     ),
     bench_check="Remove the cable of joint {j} (or add a second one) and repeat: its torque vanishes (or doubles).",

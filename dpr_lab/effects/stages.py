@@ -2,7 +2,7 @@
 
 Scalar code (`dpr_lab.effects.effect_kernels`, one rig) and lane code (`dpr_lab.dynamics.lanes.effects`, many candidates
 side by side) are both generated from these rows. They differ only in their notation of names: the scalar version uses
-an argument or a local variable, the lane version a row of the workspace.
+an argument or a local variable, the lane version uses a row of the workspace.
 
     stage       quantities of a kernel             returns
     torque      joint                              torque of its joint on the following rod, N m
@@ -61,7 +61,7 @@ class Stage:
     quantities: Mapping[str, str]
     """Argument of a kernel -> expression of its value."""
     results: Mapping[str, str]
-    """Result -> its value without effects; the caller of the lane version fills the rows of results with it."""
+    """Result -> its value without effects. The caller of the lane version fills the rows of results with this value."""
     combine: Combine
     returns: str = ""
     """Expression returned by the scalar version; empty: all results."""

@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_Nm: float) -> float:
-    """Torque in addition to the known one, N m: the constant offset."""
+    """Torque in addition to the known torque, N m: the constant offset."""
     return offset_Nm
 
 
@@ -36,7 +36,7 @@ TORQUE_OFFSET_JOINT0 = at_arm(
     equation="tau + C acts on the arm where its torque, current or voltage is known, while the drive is on",
     symptom="The arm creeps or leans to one side while the drive is on with an input of zero.",
     bench_check=(
-        "Command zero and measure the motor's current or voltage: it is the offset. A torque that remains with"
+        "Command zero and measure the motor's current or voltage: this value is the offset. A torque that remains with"
         " the motor disconnected is due to a cable."
     ),
 )

@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rippled(torque: float, joint: Joint, cos_share: float, sin_share: float, order: float) -> float:
-    """Torque in addition to the known one, N m: proportional to it and periodic in the joint angle."""
+    """Additional torque, N m: proportional to the known torque, and periodic in the joint angle."""
     sin, cos = sincos(order * joint.angle)
     return torque * (cos_share * cos + sin_share * sin)
 

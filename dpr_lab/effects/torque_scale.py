@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rescaled(torque: float, excess: float) -> float:
-    """Torque in addition to the known one, N m: its share `excess`."""
+    """Torque in addition to the known torque, N m: `excess` times the known torque."""
     return excess * torque
 
 
@@ -41,7 +41,7 @@ _JOINT1, _JOINT2 = pair(
 )
 
 TORQUE_SCALE = [replace(_JOINT1, twins=(_JOINT2.name,)), replace(_JOINT2, twins=(_JOINT1.name,))]
-"""Torque constant errors of joints 1 and 2, each the twin of the other.
+"""Torque constant errors of joints 1 and 2. Each is the twin of the other.
 
 An equal error of both joints is the common scale of the rig. Only the ratio of the two errors is therefore
 identifiable.

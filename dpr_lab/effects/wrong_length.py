@@ -37,8 +37,8 @@ WRONG_LENGTH = Effect(
     ),
     symptom=("The period of the outer rod and its coupling to the inner rod contradict each other in every recording."),
     bench_check=(
-        "Measure L1 between the axes of the joints with a calliper and look up the local gravity; a crystal"
-        " has an error of at most 0.01 %, so a larger error is due to the length (or gravity)."
+        "Measure L1 between the axes of the joints with a calliper and look up the local gravity; the clock error of"
+        " a crystal is at most 0.01 %, so a larger error is due to the length (or gravity)."
     ),
     source="Equation (1): d, e2, g and L1 occur together only in e2 = d g / L1.",
 )

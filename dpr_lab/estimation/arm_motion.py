@@ -22,7 +22,9 @@ def prescribed_arm(t: Array, theta0: Array, rig: Rig, name: str) -> ArmMotion:
 def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
     """Motion of the inner rod of a run with prescribed joint 1; arguments and errors as for `arm_motion`."""
     if not np.ptp(theta1) > 0.0:
-        raise RunError(f"{name}: joint 1 is prescribed, but stands still: an outer rod alone is --rods outer")
+        raise RunError(
+            f"{name}: joint 1 is prescribed, but stands still. If only the outer rod is mounted, use --rods outer"
+        )
     return arm_motion(t, theta1, name, "theta1")
 
 
@@ -45,7 +47,9 @@ def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> Arm
     from scipy.interpolate import make_smoothing_spline
 
     if len(t) < FEWEST or not np.isfinite(theta0).all():
-        raise RunError(f"{name}: a prescribed joint needs its angle in every row: name the columns of {angle} and t")
+        raise RunError(
+            f"{name}: the angle of a prescribed joint is required in every row: name the columns of {angle} and t"
+        )
     spacing = float(np.median(np.diff(t)))
     # time in samples, because the search for the weight of the spline depends on the unit
     normalised = (t - t[0]) / spacing
@@ -62,6 +66,7 @@ def refuse_still_arm(theta0: Array, mode: str, path: object, least_rad: float = 
     """
     if np.ptp(theta0) < least_rad:
         raise RunError(
-            f"{path}: the arm moves by {np.ptp(theta0):.2g} rad only although it is {mode}: check its encoder, and the"
-            " column and unit of theta0 in a table; an arm that was held, or pressed against a stop, is --arm clamped"
+            f"{path}: the arm moves by only {np.ptp(theta0):.2g} rad although it is {mode}. Check its encoder, and"
+            " the column and unit of theta0 in a table. If the arm was held or pressed against a stop, use --arm"
+            " clamped"
         )

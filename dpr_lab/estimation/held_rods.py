@@ -36,7 +36,8 @@ class HeldSettings:
     swing: float = 1.5
     """Minimum excursion of a swing, in widths of the band of rest."""
     restart: float = 5.0
-    """Minimum excursion of a new swing after a rest, in widths of the band; that of a decaying swing is smaller."""
+    """Minimum excursion of a new swing after a rest, in widths of the band. The excursion of a decaying swing is
+    smaller."""
     interval_s: float = 0.4
     """Minimum duration of a held interval, s.
 
@@ -45,11 +46,12 @@ class HeldSettings:
     hanging_rad: float = 0.2
     """Maximum distance from hanging at which free rods may rest, rad; the offset caused by stiction is smaller."""
     shortest_rest_s: float = 0.03
-    """Minimum duration of a short rest before the release that is removed, s; short means shorter than `interval_s`."""
+    """Minimum duration of a removed short rest before the release, s. A rest is short if it is shorter than
+    `interval_s`."""
     trembles: float = 8.0
     """Maximum excursion within a short rest, in standard deviations of the readings.
 
-    A turning point has a larger one.
+    The excursion at a turning point is larger.
     """
     fewest: int = 4
     """Minimum number of samples of a removed rest, and of a swing."""
@@ -73,7 +75,8 @@ class HeldSettings:
     Too much noise or too few readings make the band wider.
     """
     restless: float = 3.0
-    """Maximum ratio of the standard deviation of a rest to that of its white noise; above it the rods tremble."""
+    """Maximum ratio of the standard deviation of a rest to the standard deviation of its white noise. Above this ratio
+    the rods tremble."""
     readings: int = 20_000
     """Maximum number of readings used for the noise estimate."""
     bent: float = 5.0
@@ -139,7 +142,8 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
     swings = [(first, stop) for (_, first), (stop, _) in pairwise(edges) if _swings(motion, first, stop, band)]
     if not swings:
         raise RunError(
-            f"{name}: the rods are at rest throughout ({t[-1] - t[0]:.4g} s), but a swing is needed. Check"
+            f"{name}: the rods are at rest during the whole recording ({t[-1] - t[0]:.4g} s), but a swing is needed."
+            " Check"
             f" the columns of the rods (--columns theta1=NAME,theta2=NAME), and the unit (--unit)"
         )
     if len(swings) > 1:
@@ -181,10 +185,10 @@ def rest_fault(motion: RodMotion, part: FreePart) -> str:
         return "too short"
     noise = np.sqrt(np.mean(np.diff(rods, axis=0) ** 2, axis=0) / 2)
     if not noise.all():
-        return "its readings are constant, so they do not show the noise"
+        return "its readings are constant and do not show the noise"
     line = np.vander(t - t.mean(), 2)
     spread = np.std(rods - line @ np.linalg.lstsq(line, rods, rcond=None)[0], axis=0)
-    return "" if (spread <= HELD.restless * noise).all() else "the rods moved in it"
+    return "" if (spread <= HELD.restless * noise).all() else "the rods moved during this rest"
 
 
 def still_band(motion: RodMotion) -> float:

@@ -27,7 +27,7 @@ class LiveFilterSettings:
     prior: tuple[float, ...] = (1.0, 1e7, 1e7, 1e7)
     """Variance of the first state in filter units.
 
-    The angle is as accurate as the first reading, and the other states are unknown.
+    The angle is as accurate as the first reading. The other states are unknown.
     """
 
     most_hz: float = 200.0

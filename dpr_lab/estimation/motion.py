@@ -27,7 +27,7 @@ class MotionSettings:
     above_noise: float = 10.0
     """Minimum range of an angle of a swinging rod, in standard deviations of a reading.
 
-    Noise alone has a range of about five, and shuffled rows have a range of three. Late time stamps of camera frames
+    Noise alone has a range of about five, shuffled rows a range of three. Late time stamps of camera frames
     increase the range to sixteen.
     """
     elbow: float = 0.02
@@ -37,7 +37,7 @@ class MotionSettings:
     play of at most 0.1 rad.
     """
     tail: float = 0.01
-    """Fraction of the readings that is ignored at each end of a range, because these readings may be single faults."""
+    """Fraction of the readings that is ignored at each end of a range, because extreme readings may be faults."""
 
 
 SETTINGS = MotionSettings()
@@ -47,7 +47,8 @@ def refuse_without_motion(run: Run, rig: Rig) -> None:
     """Check that a run contains a swing of all joints that can turn.
 
     Raises:
-        RunError: too few samples, too short, a joint at rest, or noise as large as the motion.
+        RunError: the run has too few samples or is too short, a joint is at rest, or the noise is as large as the
+        motion.
     """
     swing, name = run.swing, run.file or run.name
     duration = float(np.ptp(swing.t)) if len(swing.t) else 0.0

@@ -1,4 +1,7 @@
-"""Noise floor of recorded angles: a smaller difference from a model is not significant."""
+"""Noise floor of recorded angles.
+
+A difference from a model that is smaller than the noise floor is not significant.
+"""
 
 import math
 from dataclasses import dataclass
@@ -28,13 +31,14 @@ class NoiseSettings:
     rest_samples: int = 100
     """Minimum number of samples of a rest; they determine the standard deviation to 7 %."""
     rounding_rad: float = 1e-9
-    """Maximum standard deviation at which a table of angles has no noise but only rounding, rad."""
+    """Maximum standard deviation of a table of angles that contains only rounding errors and no noise, rad."""
     correlated: float = 4.0
     """Minimum autocorrelation of readings at rest that counts as significant, in standard errors."""
     most_alike: float = 0.98
-    """Maximum autocorrelation of the noise of readings; a larger value is the tremble of a hand that holds a rod."""
+    """Maximum autocorrelation of the noise of readings. A larger value is due to the tremble of a hand that holds a
+    rod."""
     wild: float = 8.0
-    """Maximum deviation of a reading at rest, in standard deviations; a larger one is a fault of the logger.
+    """Maximum deviation of a reading at rest, in standard deviations. A larger deviation is a fault of the logger.
 
     The standard deviation follows from the 90 % quantile of the absolute deviations.
     """
@@ -117,7 +121,10 @@ def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
 
 
 def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
-    """Standard deviation of a reading of the arm's encoder, rad, from the rest if recorded, else from differences."""
+    """Standard deviation of a reading of the arm's encoder, rad.
+
+    It comes from the rest if recorded, otherwise from differences.
+    """
     rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= NOISE.rest_samples
     std = np.std(rest, keepdims=True) if quiet else difference_std(swing.t, swing.theta[:, :1])
@@ -127,8 +134,8 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
 def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:
     """Readings that stay within one step, and the number of readings that share each rounding error.
 
-    A rod that a controller balances within one step is read as the same value for many samples. All of them have the
-    same error of up to half a step, so together they contain the information of one reading.
+    If a controller balances a rod within one step, many samples have the same value. All these samples have the same
+    error of up to half a step, so together they contain the information of one reading.
 
     Args:
         run: the recording
@@ -201,9 +208,9 @@ def _steps(readings: Array, counts: Array) -> Array:
 def rounding_std(readings: Array, steps: Array, window: int) -> Array:
     """(m,) standard deviation of the rounding errors of readings (n, m) that are multiples of `steps` (m,).
 
-    It is step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent. A
-    reading that stays within one step for `window` samples may be near the edge between two values, with errors of up
-    to step / 2. An example is the reading of a rod balanced by a controller.
+    The result is step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent.
+    If a reading stays within one step for `window` samples, it may be near the edge between two values, with errors of
+    up to step / 2. An example is the reading of a rod that a controller balances.
     """
     if len(readings) < window:
         return steps / math.sqrt(12)

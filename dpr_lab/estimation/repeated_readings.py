@@ -2,10 +2,10 @@
 
 Two kinds of loggers write most readings several times:
 
-    held     rows at an even rate, each with the last reading; a camera or a bus renews the reading every few rows
-    bursts   several rows within a moment, then none until the next burst
+    held     rows at an even rate, each with the last reading; a camera or a bus updates the reading every few rows
+    bursts   several rows within a moment, then no row until the next burst
 
-In both cases a reading counts once. A fine encoder that moves slowly repeats its readings as well. The changes before
+In both cases a reading counts once. A fine encoder that moves slowly also repeats its readings. The changes before
 and after such rows are then of the order of a count.
 """
 
@@ -63,13 +63,16 @@ def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], 
         return np.arange(len(t)), ""
     middle, bursts = _bursts(t)
     if bursts:
-        note = f"the rows come in {len(middle)} bursts of about {len(t) / len(middle):.0f}: one row of each is used"
+        note = (
+            f"the rows arrive in {len(middle)} bursts of about {len(t) / len(middle):.0f} rows: one row of each"
+            " burst is used"
+        )
         return middle, note
     again = np.append(False, np.logical_and.reduce([np.diff(column) == 0 for column in columns]))
     if not _held(again, columns):
         return np.arange(len(t)), ""
     note = (
-        f"{percent(float(again.mean()))} of the rows repeat the reading before them while the rods move, because the"
+        f"{percent(float(again.mean()))} of the rows repeat the previous reading while the rods move, because the"
         " logger writes faster than it reads: these rows are removed"
     )
     return np.flatnonzero(~again), note

@@ -1,4 +1,4 @@
-"""Covariance of fitted values: noise, and errors of quantities that a fit treats as known."""
+"""Covariance of fitted values due to noise and to errors of quantities that a fit treats as known."""
 
 from collections.abc import Sequence
 

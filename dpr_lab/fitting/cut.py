@@ -21,9 +21,9 @@ Fewer samples contain no information about a model.
 
 
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
-    """Segments of about equal length that cover the samples between breaks; those too short for a fit are omitted.
+    """Segments of about equal length that cover the samples between breaks; segments too short for a fit are omitted.
 
-    With sparse samples, segments are longer than requested.
+    If samples are sparse, segments are longer than requested.
 
     Args:
         t: (n,) increasing instants of one run, s

@@ -3,7 +3,7 @@
 An error v of a torque reading that holds for h is an impulse v h that did not act on the rods. For white v this is
 white noise of intensity std^2 h, propagated along the swing like any torque (`dpr_lab.fitting.response`). The same
 applies to the noise of a prescribed angle, whose second derivative drives the rods. The simulated inner rod follows its
-own readings. Their noise therefore appears in the readings of joint 2 alone.
+own readings. The noise of these readings therefore appears only in the readings of joint 2.
 """
 
 from collections.abc import Callable
@@ -40,8 +40,8 @@ ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
 def torque_noise(torques: Torques) -> Array:
     """(2,) standard deviation of the white noise of measured torques from the release on, N m; zero for other torques.
 
-    The estimate is the minimum over orders of differences, by their median absolute value: the torque signal itself can
-    only increase an estimate.
+    The estimate uses the median absolute value of differences, and is the minimum over their orders, because the torque
+    signal itself can only increase an estimate.
     """
     joints = torques.joints[torques.t >= 0.0]
     if torques.kind != "measured" or len(joints) <= max(ORDERS):

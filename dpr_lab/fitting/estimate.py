@@ -37,7 +37,10 @@ STRAIGHT = 0.05
 
 @dataclass(frozen=True, slots=True)
 class DifferenceSteps:
-    """Increments of forward differences; an error of a derivative of 1e-3 does not change the solution of a fit."""
+    """Increments of forward differences.
+
+    An error of a derivative of 1e-3 does not change the solution of a fit.
+    """
 
     ratio: float = 1e-5
     """Relative increment of a ratio."""
@@ -46,8 +49,7 @@ class DifferenceSteps:
     dry_arm: float = 0.1
     """Relative increment of the Coulomb friction of an arm.
 
-    A smaller increment would change the swing less than the division of the integration steps at changes of direction
-    does.
+    A smaller increment would change the swing by less than the division of integration steps at changes of direction.
     """
     geared: float = 1.0
     """Relative increment of a backlash with a motor behind it.
@@ -86,7 +88,7 @@ class Estimate:
 
     @classmethod
     def of(cls, ratios: Array, params: Array, initial: Array, zeros: Array | None = None) -> "Estimate":
-        """Estimate from its blocks; without `zeros`, the encoders are not zeroed before each run.
+        """Estimate from its blocks; `zeros` is omitted if the encoders are not zeroed before each run.
 
         Args:
             ratios: (7,) as in the property `ratios`
@@ -199,10 +201,11 @@ def alone_share(ratios: Array) -> float:
 
 
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
-    """Indices of those unknowns in `Estimate.ratios` that runs determine; all others keep their values.
+    """Indices of the unknowns in `Estimate.ratios` that runs determine; all other unknowns keep their values.
 
-    Both rods free determine the five ratios, and the inner rod alone also p/b. With a prescribed joint 1 the outer rod
-    determines d/b and c2/b. Without a swing of both rods, some places store other quantities:
+    Runs with two free rods determine the five ratios. Runs with only the inner rod also determine p/b. If joint 1 is
+    prescribed, the outer rod determines d/b and c2/b. Without a swing of both rods, some elements contain other
+    quantities:
 
         e1/b, c1/b    gravity and friction, divided by the inertia of the swinging part
         d/b           gravity of the outer rod, if it does not hang in line with the inner rod
@@ -261,7 +264,7 @@ def effect_parameters(
         effect: the effect
         refined: whether continuous shape parameters are free
         overrides: shape values, as (index in `Estimate.params`, value), that are used for these derivatives only
-        limits: (SIZE,) largest sizes of amplitudes, `dpr_lab.effects.limits`; None without limits
+        limits: (SIZE,) largest sizes of amplitudes, `dpr_lab.effects.limits`; None: no limits
     """
     parameters, steps = [], DIFFERENCE_STEPS
     places = tuple((EFFECTS_BEGIN + index, value) for index, value in overrides)

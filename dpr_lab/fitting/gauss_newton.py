@@ -6,14 +6,14 @@ The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude is not 
 recordings cannot distinguish it from the base parameters, the zeros, the initial states or the amplitudes before it.
 
 An iteration (`iterate`) solves the projected normal equations of `dpr_lab.fitting.linearise` for the parameters; the
-initial states follow from them. A step that does not reduce the cost is shortened. If only some segments get worse, the
-steps of their initial states are reduced first. Otherwise a swing that passes near the upright would slow down all
-others. A shorter step starts again from full steps of the initial states, which compensate for the change of the
-parameters. If no step length reduces the cost, the damping is increased. If the predicted reduction is below the
-tolerance, only the full step is tried. If a step reduces the cost as predicted, the Jacobian is frozen: the next
-iteration uses it again.
+initial states follow from them. A step that does not reduce the cost is shortened. If the fit becomes worse only in
+some segments, the steps of their initial states are reduced first. Otherwise a swing that passes near the upright would
+slow down the fit of all others. A shorter step starts again from full steps of the initial states, which compensate for
+the change of the parameters. If no step length reduces the cost, the damping is increased. If the predicted reduction
+is below the tolerance, only the full step is tried. If a step reduces the cost as predicted, the Jacobian is frozen:
+the next iteration uses it again.
 
-A fit without free parameters changes the initial states only, as for a held-out run.
+A fit without free parameters changes only the initial states, as for a held-out run.
 """
 
 from collections.abc import Sequence
@@ -59,7 +59,8 @@ class GaussNewton:
     amplitude_change: float = 0.2
     """Relative change of an amplitude beyond which the derivative of its effect's shape is recomputed at the end."""
     tries: int = 6
-    """Number of step lengths before a step counts as failed; of 1817 steps of 15 diagnoses three needed more."""
+    """Number of step lengths before a step counts as failed. Of 1817 steps in 15 diagnoses, three needed more
+    lengths."""
     shorten: float = 0.3
     """Factor on the length of a step that did not reduce the cost."""
     shorten_segment: float = 0.1
@@ -73,15 +74,16 @@ class GaussNewton:
     most_damping: float = 0.1
     """Largest damping that is tried; with more damping no step is expected to reduce the cost."""
     same_step: float = 1e-3
-    """Maximum relative difference from the failed step for which a step with more damping is not tried."""
+    """Maximum relative difference between a step with more damping and the failed step for which it is not tried."""
     preliminary: float = 0.0
-    """Relative reduction of the cost at which a fit far from the noise ends; 0: only `converged` ends it."""
+    """Relative reduction of the cost at which a fit far from the noise ends. If it is 0, only `converged` ends the
+    fit."""
     far: float = 20.0
     """Maximum chi2 per reading of a fit that counts as near the noise."""
     to_beat: float = np.inf
     """chi2 of a better fit.
 
-    The iteration ends if a reduction of `exceeded` times the predicted one would not reach this value.
+    The iteration ends if `exceeded` times the predicted reduction would not reach this value.
     """
     exceeded: float = 2.0
     """Largest expected ratio of the reduction by all further steps to the predicted reduction."""
@@ -100,7 +102,7 @@ class Fit:
     stop: StopReason
     iterations: int = 0
     prior: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """(n, free) rows of the prior for the free parameters; empty without a prior."""
+    """(n, free) rows of the prior for the free parameters; empty if there is no prior."""
     absorbed: tuple[int, ...] = ()
     """Indices of the amplitudes that are indistinguishable from earlier unknowns (`Prior.absorbed`)."""
 
@@ -196,7 +198,7 @@ class RigPrior:
     estimate: Estimate
     free: tuple[FreeParameter, ...]
     A: Array
-    """(n, free) one row per free parameter; no rows without a prior.
+    """(n, free) one row per free parameter; no rows if there is no prior.
 
     `A @ step` is the step in standard deviations of the prior, times the square root of `weight`.
     """

@@ -1,6 +1,6 @@
 """Linearisation of a problem at one estimate, with the initial states of segments eliminated.
 
-An initial state affects its own segment only. With B = dreadings/dx_s = Q R, weighted like the readings,
+An initial state affects only its own segment. With B = dreadings/dx_s = Q R, weighted like the readings,
 
     A = (I - Q Q^T) dreadings/dp,    e = (I - Q Q^T) residual
 

@@ -96,7 +96,7 @@ class Problem:
 
     @property
     def limits(self) -> Array | None:
-        """(SIZE,) maximum sizes of amplitudes of effects; None without a prior."""
+        """(SIZE,) maximum sizes of amplitudes of effects; None if there is no prior."""
         return None if self.prior is None else self.prior.limits
 
     @property
@@ -117,7 +117,7 @@ class Problem:
     def whitened(self, values: Array) -> Array:
         """Weighted values of all segments, padded with zeros: (segments, m[, k]) from (samples, 2[, k]).
 
-        With process noise the result are innovations, which are independent and of unit variance.
+        With process noise, the results are innovations, which are independent and have unit variance.
         """
         columns = values.reshape(*self.weight.shape, -1)
         blocks = self.decorrelated(padded(columns, self.weight, self.segments.offsets))
@@ -149,7 +149,7 @@ class Problem:
     def with_zeros(self, estimate: Estimate) -> Estimate:
         """Estimate that contains encoder zeros for each run of these segments if the zeros are free.
 
-        The zeros are those of the given estimate, or 0 if it has none for these runs.
+        The zeros are the zeros of the given estimate, or 0 if the estimate contains none for these runs.
         """
         runs = len(self.segments.setups)
         return (

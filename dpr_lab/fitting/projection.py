@@ -1,9 +1,9 @@
-"""Columns of a linear least-squares problem: reduction of the residual by all, by one, or in addition to others.
+"""Columns of a linear least-squares problem, and the reduction of the residual by all or by some of them.
 
     min_x  | e - A x |^2
 
 Columns are scaled to unit norm, so that units have no influence. Every normal matrix has the same ridge. Collinear
-columns therefore share the explanation instead of having large coefficients of opposite sign.
+columns therefore share the reduction, instead of having large coefficients of opposite sign.
 """
 
 from collections.abc import Sequence
@@ -105,8 +105,8 @@ class ColumnSpace:
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
         """(k,) share of each column's squared norm that remains after projection on the earlier columns.
 
-        A column is not used in the projection of later columns if only rounding errors of it remain. Without such
-        columns, the shares are the squared diagonal of the Cholesky factor.
+        A column of which only rounding errors remain is not used in the projection of later columns. If there is no
+        such column, the shares are the squared diagonal of the Cholesky factor.
         """
         H, remaining = self.H.copy(), np.zeros(len(self))
         with suppress(np.linalg.LinAlgError):
@@ -146,8 +146,8 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
     Args:
         H: (k, k) symmetric positive definite
         gradient: (k,) right-hand side
-        lower: (k,) lower bounds; -inf without a bound
-        upper: (k,) upper bounds; inf without a bound
+        lower: (k,) lower bounds; -inf: no bound
+        upper: (k,) upper bounds; inf: no bound
     """
     free, x, fixed = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient)), np.zeros(len(gradient))
     for _ in range(4 * len(gradient) + 1):

@@ -26,8 +26,8 @@ def without_outstanding(
         problem: measured readings, weights and model
         first_fit: fit of all segments
         iterations: maximum number of iterations of each of two fits
-        outstanding: chi2 of a segment relative to the median above which the segment is down-weighted
-        settings: tolerances of both fits; `to_beat` is a chi2 of `problem`, for the second one
+        outstanding: ratio of the chi2 of a segment to the median above which the segment is down-weighted
+        settings: tolerances of both fits; `to_beat` is a chi2 of `problem` and applies to the second fit
 
     Returns:
         the better of the first fit and the refit
@@ -60,8 +60,8 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
         first_fit: fit of all segments
         initial: (segments, 4) other initial states
         iterations: maximum number of iterations of each of two fits
-        lost: chi2 of a segment relative to the median above which the segment may be in a wrong minimum; a new chi2
-            must be lower by half of this factor
+        lost: ratio of the chi2 of a segment to the median above which the segment may be in a wrong minimum; a new chi2
+        must be lower by half of this factor
 
     Returns:
         the better of the first fit and the refit

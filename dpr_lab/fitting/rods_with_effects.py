@@ -1,9 +1,9 @@
 """Model of the rods with effects: readings by Runge-Kutta steps in lanes, derivatives by forward differences.
 
 A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). All differences are computed in one
-batch, with twice the step of the integrator. This halves the time, and an error of a derivative of 1e-3 does not change
-the solution of a fit. With nearly singular inertias, however, a swing computed with twice the step diverges, and no
-step of a fit along its derivatives reduces the cost. Segments whose swing differs from the readings by more than
+batch, with twice the step of the integrator. This halves the time. The resulting error of a derivative, 1e-3, does not
+change the solution of a fit. With nearly singular inertias, however, a swing computed with twice the step diverges, and
+no step of a fit along its derivatives reduces the cost. Segments whose swing differs from the readings by more than
 `coarse_error` therefore use the integrator's own step. Encoder errors do not move the rods, so one simulated swing is
 sufficient for all of them.
 
@@ -30,7 +30,7 @@ INITIAL_STEPS = np.array([1e-6, 1e-6, 1e-5, 1e-5, 1e-6, 1e-5])
 
 @dataclass(frozen=True, slots=True)
 class DerivativeSettings:
-    """Settings of the accuracy of those swings from which derivatives are computed."""
+    """Accuracy of the swings from which derivatives are computed."""
 
     coarser: float = 2.0
     """Step of the integrator for derivatives, relative to the step for readings."""

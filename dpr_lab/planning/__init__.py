@@ -1,1 +1,1 @@
-"""Experiment planning: which releases to record next, their expected information, and when to stop recording."""
+"""Experiment planning: the next releases to record, their expected information, and when to stop recording."""

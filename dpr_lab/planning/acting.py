@@ -14,8 +14,8 @@ from dpr_lab.setup import Setup
 def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
     """States of the arm that a plan may use.
 
-    These are the `modes` of the limits file. If the file has none, they are `held` and the mode of the rig file. An arm
-    is driven only if the limits file states the largest input. A prescribed arm, or one that is driven by an
+    The states are the `modes` of the limits file. If the file states no modes, they are `held` and the mode of the rig
+    file. An arm is driven only if the limits file states the largest input. A prescribed arm, or an arm driven by an
     acceleration, is held in all planned releases, because a plan does not choose its motion.
     """
     if limits.arm.modes is not None:
@@ -26,7 +26,7 @@ def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
 
 
 def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
-    """Permitted mountings of the rods; the present mounting is the first one."""
+    """Permitted mountings of the rods; the present mounting comes first."""
     now: Mounting = rig.rods.mounting
     clamped: tuple[Mounting, ...] = ("clamped",) if "clamped" in limits.rods.elbow and now == "both" else ()
     return tuple(dict.fromkeys((now, *(limits.rods.mounted or ()), *clamped)))
@@ -69,7 +69,7 @@ class Acting:
 
     @property
     def hidden_ratios(self) -> tuple[int, ...]:
-        """Indices of the ratios, p/b included, that no release determines because they belong to an absent rod."""
+        """Indices of the ratios (including p/b) that no release determines because they belong to an absent rod."""
         if "both" in self.rods:
             return ()
         visible = visible_ratios([Setup(mounting) for mounting in self.rods])

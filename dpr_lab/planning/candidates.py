@@ -1,4 +1,4 @@
-"""Candidate releases: start poses spread over the reachable angles, their neighbours, and all permitted mountings."""
+"""Generation of candidate releases: spread start poses, their neighbours, and all permitted mountings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +26,8 @@ class Search:
     neighbours: int = 4
     """Number of neighbours of each refined pose."""
     near_rad: float = 0.3
-    """Standard deviation of the angles between a pose and its neighbours, rad; the second round uses half of it."""
+    """Standard deviation of the angles between a pose and its neighbours, rad. The second round uses half of this
+    value."""
     finalists: int = 2
     """Number of the best releases, whose duration is optimised."""
     placements: int = 2
@@ -92,7 +93,7 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Share of its value that a release keeps after earlier releases; 1 if none of them is similar."""
+    """Share of its value that a release keeps after earlier releases; 1 if no earlier release is similar."""
     alike = [
         np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
         for other in made
@@ -107,7 +108,7 @@ def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
-    """Permitted mountings for free swings; the present mounting is the first one."""
+    """Permitted mountings for free swings; the present mounting comes first."""
     masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
     arms = dict.fromkeys(state == "held" for state in arm_states(rig, limits) if state != "driven")
     for held in arms:

@@ -7,15 +7,16 @@ the amount from this distribution. The probability of a decision is the share of
 stopping rule, because a bench check distinguishes them.
 
 A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
-release. `confirmed` takes this into account: the share of planned releases in blind trials that decided causes which
-were sure by the above probability. This share did not depend on the kind of the diagnosis: one cause 14 of 16, several
-causes 7 of 8, no gap 13 of 14, a remainder 4 of 5. Releases from a fixed menu are not counted, because they decide less
-often: 24 of 40, compared with 26 of 36 of all planned releases, sure or not. With n of N such releases the share is (n
-+ 1/2) / (N + 1), the mean of the posterior from the prior of Jeffreys.
+release. The setting `confirmed` takes this into account. It is a share from blind trials: among the planned releases
+that were expected, by the above probability, to decide the causes, the share that decided them. This share did not
+depend on the kind of the diagnosis: one cause 14 of 16, several causes 7 of 8, no gap 13 of 14, a remainder 4 of 5.
+Releases from a fixed menu are not counted, because they decide less often: 24 of 40, compared with 26 of 36 of all
+planned releases. With n of N such releases the share is (n + 1/2) / (N + 1), the mean of the posterior from the prior
+of Jeffreys.
 
-The share of one plant differs from this mean: on some plants the causes stay undecided for a reason that a forecast
-cannot take into account. The prior of this share is a beta distribution with the above mean and a weight of `weight`
-releases. After `failed` releases that left the causes undecided, k more releases decide with the beta-binomial
+The share of an individual plant differs from this mean. On some plants the causes stay undecided for a reason that a
+forecast cannot take into account. The prior of this share is a beta distribution with the above mean and a weight of
+`weight` releases. After `failed` releases that left the causes undecided, k more releases decide with the beta-binomial
 probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
@@ -41,11 +42,11 @@ class ForecastSettings:
     """Settings of the forecast."""
 
     confirmed: float = 0.875
-    """Share of the planned releases in blind trials that decided causes expected to be decided: 38 of 43."""
+    """Share of the planned releases in blind trials that decided the causes as expected: 38 of 43."""
     weight: float = 4.0
     """Weight of this share in the prior of one plant, expressed as a number of releases."""
     likely: float = 0.8
-    """Probability of a decision from which a number of releases is recommended."""
+    """Minimum probability of a decision for which a number of releases is recommended."""
     draws: int = 256
     """Number of random draws for each true cause."""
     separable: float = 6.0
@@ -70,7 +71,7 @@ def decision_probability(
         pairs: candidate causes of each named effect
         gained: (n, n) d^2 that the releases add, for each named effect
         releases: number of these releases
-        inseparable: causes that no release separates; together they count as one cause
+        inseparable: causes that no release separates; they count as one cause
         failed: number of recorded releases that did not decide the causes as expected
     """
     weight = FORECAST.weight + failed + np.arange(releases)

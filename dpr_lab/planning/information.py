@@ -1,4 +1,6 @@
-"""Fisher information of planned releases about ratios and effects, for many releases at once.
+"""Fisher information of planned releases about ratios and effects.
+
+Many releases are simulated at once.
 
 A release is simulated with the present estimate and cut into the segments that a diagnosis fits. Let A_s be the
 whitened Jacobian of segment s with respect to ratios and amplitudes, from which the initial state of the segment is
@@ -36,7 +38,7 @@ class SwingSettings:
     """Settings of the simulation of a planned release."""
 
     rate_hz: int = 50
-    """Rate of the compared readings, Hz; each one represents all samples up to the next one."""
+    """Rate of the compared readings, Hz. Each reading represents all samples up to the next reading."""
     path_hz: int = 200
     """Rate of the simulated swing, Hz; the speeds at the start of segments are differences of its angles."""
     step_s: float = 5e-3
@@ -93,7 +95,7 @@ def informed(
         durations: shorter durations for which the information is also computed, s
 
     Returns:
-        for each release, in order, the result for its own duration, followed by the results for the shorter durations
+        for each release, in order: the result for its own duration, then the results for the shorter durations
     """
     rated = []
     for batch in _batches(releases):

@@ -1,8 +1,8 @@
 """Knowledge before the next release: estimate, information, and undecided causes.
 
-The unknowns are the ratios, b and p/b, and the amplitudes of every effect that is detectable in a release. Their
-information consists of the prior of the rig file and of the runs recorded so far, F = P^-1 + H / f, where f is the
-variance inflation of a reading in these runs. Without runs, the information is that of the prior alone.
+The unknowns are the ratios, b and p/b, and the amplitudes of every effect that is detectable in a release. The
+information about the unknowns comes from the prior of the rig file and from the runs recorded so far, F = P^-1 + H / f,
+where f is the variance inflation of a reading in these runs. Without runs, only the prior contributes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,7 +47,7 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 @dataclass(frozen=True, slots=True)
 class HeldRatios:
-    """Narrow prior that keeps the ratios which no release determines at their values."""
+    """Narrow prior of the ratios that no release determines, which keeps them at their values."""
 
     exactness: float = 1e6
     """Quotient of a ratio and the standard deviation of its prior."""

@@ -50,13 +50,13 @@ def plan(
 ) -> Plan:
     """Plan the next recordings of a rig.
 
-    Without a budget, three releases are planned. Once the causes are decided, the plan has one release that tests the
-    effects that are not excluded, or no release.
+    Without a budget, three releases are planned. Once the causes are decided, the plan contains no release, or one
+    release that tests the effects that are not excluded.
 
     Args:
         rig: the rig
         runs: the runs recorded so far
-        diagnosis: diagnosis of these runs; None: it is computed here
+        diagnosis: diagnosis of these runs; None: the runs are diagnosed here
         limits: reachable poses, permitted mountings, drives, and the duration of each step
         budget_min: time at the rig, minutes
         count: maximum number of releases
@@ -83,7 +83,7 @@ def plan(
 def usual_count(known: Knowledge, limits: PlanLimits) -> int:
     """Number of releases in a plan without a budget.
 
-    It is small if the causes are decided and no limit must be tested.
+    The number is smaller if the causes are decided and no limit must be tested.
     """
     if known.diagnosis is None or not decided(known.diagnosis) or limits.effects or limits.friction or limits.ratios:
         return LENGTH.usual
@@ -95,6 +95,6 @@ def _refuse_small(budget_min: float, limits: PlanLimits, rig: Rig) -> None:
     if budget_min < least:
         raise ConfigError(
             f"a budget of {budget_min:.2g} min is too small: one release takes {least:.2g} min (place, release and"
-            f" record {limits.recording.shortest_s:g} s); raise it, or lower recording.shortest_s or minutes.place in"
-            " the limits file"
+            f" record {limits.recording.shortest_s:g} s). Raise the budget, or lower recording.shortest_s or"
+            " minutes.place in the limits file"
         )

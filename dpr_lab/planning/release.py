@@ -35,7 +35,7 @@ class CandidateRelease:
     mounting: Mounting = "both"
     """Mounted rods: both, one alone, or both with the elbow clamped."""
     added: AddedMass | None = None
-    """Known mass that is clamped to a rod; None without a mass."""
+    """Known mass that is clamped to a rod; None if there is no such mass."""
     torques: Torques | None = None
     """Input signal of the joint drives or of the arm's motor; None for a free swing."""
     signal: Literal["", "multisine", "chirp"] = ""
@@ -58,14 +58,14 @@ class CandidateRelease:
     def start(self) -> Array:
         """(4,) state at the release: theta1 and theta2, rad, and zero speeds, rad/s.
 
-        With a moving arm it has 6 components; angle and speed of the arm are zero.
+        If the arm moves, the state has 6 components; angle and speed of the arm are zero.
         """
         theta2 = self.theta1 if self.setup.alone else self.theta2
         return np.array([self.theta1, theta2, 0.0, 0.0, *([] if self.arm == "held" else [0.0, 0.0])])
 
     @property
     def words(self) -> str:
-        """Description of the release in words."""
+        """Text that describes the release."""
         text = f"theta1 = {self.theta1:.2f} rad ({math.degrees(self.theta1):.0f} deg)"
         if not self.setup.alone:
             text += f", theta2 = {self.theta2:.2f} rad ({math.degrees(self.theta2):.0f} deg)"

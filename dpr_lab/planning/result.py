@@ -21,7 +21,7 @@ class PairBits(_Record):
     causes: tuple[str, str]
     """The two causes, the more probable one first."""
     bits: Number
-    """Expected reduction of the entropy between the two causes, by this release and the previous ones, bits."""
+    """Expected reduction of the entropy between the two causes, from this release and the previous releases, bits."""
 
 
 class PlannedRelease(_Record):
@@ -30,9 +30,9 @@ class PlannedRelease(_Record):
     number: int
     """Number in the sequence, from 1."""
     text: str
-    """Instruction for the operator, in words."""
+    """Instruction for the operator."""
     reason: str
-    """What this release contributes in addition to the previous ones, in words."""
+    """Text on the contribution of this release in addition to the previous releases."""
     theta1_rad: Number
     """Absolute angle of the inner rod, which is at rest at the release, rad; 0 = upright."""
     theta2_rad: Number
@@ -46,39 +46,39 @@ class PlannedRelease(_Record):
     elbow: Literal["free", "clamped"]
     """Whether joint 2 is free or clamped."""
     added_mass: AddedMass | None
-    """Known mass to attach; None without a mass."""
+    """Known mass to attach; None if no mass is attached."""
     arm: Literal["held", "free", "driven"]
     """Mode of the arm: clamped, free, or driven by the input signal."""
     signal: Literal["", "multisine", "chirp"]
     """Kind of the input signal of the joint drives, or of the motor of a driven arm; empty for a free swing."""
     pose: str | None = None
-    """Name of the start pose in the written rig file; None without an output folder."""
+    """Name of the start pose in the written rig file; None if no output folder was given."""
     rig: str | None = None
-    """Rig file for `capture`, which describes pose, rods, mass and arm; None without an output folder."""
+    """Rig file for `capture`, which describes pose, rods, mass and arm; None if no output folder was given."""
     input: str | None
-    """File of the input signal, which the device replays; None for a free swing, or without an output folder."""
+    """File of the input signal, which the device replays; None for a free swing, or if no output folder was given."""
     minutes: Number
     """Time that the release takes after the previous one, minutes."""
     horizon_s: Number
     """Time for which the swing is predictable if the start pose is placed by hand, s."""
     pairs: list[PairBits]
-    """Expected information about each open pair of causes, by this release and the previous ones."""
+    """Expected information about each open pair of causes, from this release and the previous releases."""
     library_bits: Number
-    """Mean expected information about one effect of the library against another, by this release and the previous ones.
+    """Mean expected information about pairs of effects of the library, from this release and the previous releases.
 
     The unit is bits, from 0 to 1.
     """
     ratio_std: dict[str, Number]
-    """Expected standard deviation of each ratio after this release and the previous ones."""
+    """Expected standard deviation of each ratio after this release and the previous releases."""
     decided: Number | None
     """Probability that no further release is necessary after this one.
 
     None before any recording, and if no further release is necessary now.
     """
     simulated: Number | None = None
-    """Simulated squared distance of the two most probable causes, divided by the linearised one.
+    """Ratio of the simulated to the linearised squared distance between the two most probable causes.
 
-    None without an open pair.
+    None if there is no open pair.
     """
     _torques: Torques | None = PrivateAttr(default=None)
 
@@ -117,7 +117,7 @@ class Inseparable(_Record):
     causes: tuple[str, str]
     """The two causes, the more probable one first."""
     check: str
-    """Bench check that distinguishes the two causes, in words."""
+    """Text of the bench check that distinguishes the two causes."""
 
 
 class LimitForecast(_Record):
@@ -128,9 +128,10 @@ class LimitForecast(_Record):
     unit: str
     """SI unit of the quantity."""
     reach: Number | None
-    """Distance from the limit within which a value remains undecided after the plan; None if no size is detectable."""
+    """Distance from the limit within which a value remains undecided after the plan; None if the quantity is not
+    detectable."""
     reached_rad_per_s: Number | None = None
-    """Speed that the joint of a friction limit reaches, rad/s; None if it is not below the speed of the limit."""
+    """Speed that the joint of a friction limit reaches, rad/s; None if it reaches the speed of the limit."""
     decides: bool
     """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan."""
 
@@ -146,9 +147,9 @@ class Plan(Shown, _Record):
     remaining causes.
     """
     sentence: str
-    """The recommendation in words."""
+    """Sentences with the recommendation."""
     releases: list[PlannedRelease]
-    """Planned releases in the order of recording; the one with the most information per minute is the first."""
+    """Planned releases in the order of recording; the release with the most information per minute comes first."""
     minutes: Number
     """Time that all releases take, minutes."""
     forecast: list[Number]
@@ -168,7 +169,7 @@ class Plan(Shown, _Record):
     limits: list[LimitForecast]
     """Forecasts for the limits in the limits file that the rig must satisfy."""
     assumptions: list[str]
-    """Assumptions of the plan, in words."""
+    """Sentences on the assumptions of the plan."""
     seconds: Number
     """Computing time, s."""
 

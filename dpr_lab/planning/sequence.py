@@ -38,12 +38,12 @@ class SequenceStep:
     price: float
     """Time by which the value is divided, minutes.
 
-    With a budget it is the whole time of the release, otherwise only the time of the operator.
+    If there is a budget, this is the whole time of the release, otherwise only the time of the operator.
     """
     simulated: float | None = None
-    """Simulated Delta D^2 of the least decided pair of causes, divided by the linearised one.
+    """Ratio of the simulated to the linearised Delta D^2 of the least decided pair of causes.
 
-    None without such a pair.
+    None if there is no such pair.
     """
 
 
@@ -81,7 +81,7 @@ class Planner:
     """Candidate releases with input signals of drives."""
 
     def sequence(self, count: int, budget_min: float | None) -> list[SequenceStep]:
-        """Sequence of releases, each of which is the best one after the previous ones.
+        """Sequence of releases; each release is the best one given the previous releases.
 
         Args:
             count: maximum number of releases

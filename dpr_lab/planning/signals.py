@@ -4,9 +4,9 @@ A multi-sine is a sum of harmonics of one over its length, with the phases of Sc
 
     tau(t) = A sum over k of cos(2 pi k t / T + phi_k),    phi_k = -pi k (k - 1) / K.
 
-A chirp sweeps its frequency evenly from the lowest to the highest. Each acts on joint 1, on joint 2, on both, or on the
-motor of the arm, whose input is the torque over the gain of the drive. The amplitude is the largest at which the
-simulated swing respects the limits of speed and angle, and at most the limit of torque or input.
+A chirp sweeps its frequency evenly from the lowest to the highest. Each signal acts on joint 1, on joint 2, on both
+joints, or on the motor of the arm, whose input is the torque over the gain of the drive. The amplitude is the largest
+at which the simulated swing respects the limits of speed and angle, and at most the limit of torque or input.
 
 Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, IEEE
 Trans. Information Theory 16, 85-89.
@@ -85,7 +85,7 @@ SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:
-    """Releases from hanging with each signal that respects the limits; empty without drives.
+    """Releases from hanging with each signal that respects the limits; empty if the plan has no drives.
 
     Raises:
         ConfigError: no signal of a drive respects its limits.

@@ -4,14 +4,14 @@ A cause is decided under two conditions. One effect of a class and of its altern
 `SURE`, and this effect is validated by data that were not fitted: by another release, or by the quarters of a single
 release. The quarters, and the pieces of a long recording, share the pose and all other conditions of the release. A
 single release therefore decides one cause only, and with a margin: one of its amplitudes has at least `margin` standard
-deviations, twice the size that counts as detectable, and every other effect is excluded as described below. A small
-second cause that is visible in the first release but cannot be named from it thus gets a second release. Several
+deviations, twice the size that counts as detectable, and every other effect is excluded as described below. If a small
+second cause is visible in the first release but cannot be named, a second release is therefore recorded. Several
 causes, and the absence of a gap, are confirmed by a second release.
 
 "No gap" is a statement about sizes: every effect of the library that recurs is excluded at its minimum detectable size
 in these recordings (`Exclusion.is_excluded`). An effect whose estimate is too large to be excluded and too small to be
 named is decided by the next release. Effects that occur only once are not tested, because no further release shows them
-again. Causes that two releases decide remain decided although other effects are not excluded. The plan and the report
+again. Causes that two releases decide remain decided even if other effects are not excluded. The plan and the report
 then list these effects, and an optional release that tests them (`reservation`).
 """
 
@@ -77,7 +77,7 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
 
     Args:
         diagnosis: diagnosis of the runs recorded so far
-        inseparable: causes that no release separates; together they count as one, and a bench check distinguishes them
+        inseparable: causes that no release separates; they count as one cause, and a bench check distinguishes them
     """
     uncertain = bool(inseparable) and diagnosis.only_uncertain  # the gap is explained, but the cause is ambiguous
     if diagnosis.hints:
@@ -96,7 +96,9 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
         if not _is_large(diagnosis.effects[0]):
             return f"a second release must confirm {diagnosis.effects[0].name}"
         if not no_gap and possible(diagnosis):
-            return f"a second release must test {_most_significant(diagnosis)}, not excluded by the first"
+            return (
+                f"a second release must test {_most_significant(diagnosis)}, which the first release does not exclude"
+            )
     if no_gap and (names := possible(diagnosis)):
         return f"no gap is visible, but {listed(names)} may have the minimum detectable size"
     return ""

@@ -179,8 +179,8 @@ def _sentence(
     if state == "bench check":
         pairs = listed([f"{a} and {b}" for a, b in (inseparable.causes for inseparable in stuck)])
         return (
-            f"No recordings on this rig in {FORECAST.repeats} more releases separate {pairs}: do this bench"
-            f" check. {stuck[0].check}"
+            f"Even {FORECAST.repeats} more releases on this rig would not separate {pairs}: do this bench check."
+            f" {stuck[0].check}"
         )
     chances = [release.decided or 0.0 for release in releases]
     together = list(dict.fromkeys(name for pair in stuck for name in pair.causes))
@@ -214,7 +214,7 @@ def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[s
 def _about_arm(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[str]:
     if not known.always:
         unused = known.rig.arm.mode == "driven" and known.rig.motor is not None
-        hint = " If a limits file has input in [arm], the plan may drive the arm." if unused else ""
+        hint = " The plan may drive the arm if a limits file contains `input` in [arm]." if unused else ""
         return [f"The arm is held.{hint}"]
     moving = [release for release in releases if release.arm != "held"]
     return ["The arm starts at rest at theta0 = 0 and is held until the release."] if moving else []

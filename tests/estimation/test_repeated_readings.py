@@ -18,7 +18,7 @@ def test_readings_that_a_logger_holds_count_once() -> None:
     last = np.maximum.accumulate(np.where(fresh, np.arange(len(T)), 0))
     kept, note = new_readings(T, [np.zeros(len(T)), swing(T)[last]])
     np.testing.assert_array_equal(kept, np.flatnonzero(fresh))
-    assert "repeat the reading before them" in note
+    assert "repeat the previous reading" in note
 
 
 @pytest.mark.parametrize("rate_hz", [100.0, 1000.0])

@@ -131,7 +131,7 @@ def test_a_free_arm_whose_encoder_stands_still_is_refused():
     Z, arm, start = drawn(rng, rig)
     run = recorded(rig, Z, arm, start, None, 0 * T, rng)
     run.theta[:, 0] = 0.0
-    with pytest.raises(RunError, match="the arm moves by 0 rad only although it is free: check its encoder"):
+    with pytest.raises(RunError, match=r"the arm moves by only 0 rad although it is free\. Check its encoder"):
         identify_moving_arm([run], rig)
 
 

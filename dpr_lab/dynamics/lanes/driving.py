@@ -99,8 +99,8 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -> None:
     """Set the mean known torques over the next step of each lane.
 
-    `knot` (2, LANES) contains the intervals used last. Neighbouring lanes often take the same step of the same run,
-    with the same torques.
+    `knot` (2, LANES) contains the intervals used last. Neighbouring lanes often take the same step of the same run and
+    therefore have the same torques.
     """
     rods, arm, before, start, stop = drive.rods, drive.arm, -1, 0.0, 0.0
     for k in range(LANES):

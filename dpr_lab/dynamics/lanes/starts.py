@@ -31,7 +31,7 @@ PAD = 0.02
 
 @subroutine
 def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> None:
-    """Set those data of lane k that are constant along its track: candidate c in run r."""
+    """Set the data of lane k that are constant along its track: candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w.L1[k], w.L2[k] = parts[r, 0], parts[r, 1]
     w.m1[k], w.m2[k], w.mb[k] = parts[r, 2], parts[r, 3], parts[r, 4]
@@ -171,7 +171,8 @@ def _set_motor(w: LaneWorkspace, k: int, params: Array, active: Flags) -> None:
 def reset_internal(segments: SegmentArrays, s: int, initial: Array, internal: Array) -> None:
     """Set the internal states at the start of a run.
 
-    They are those of a rig at rest if the run starts by the release, and those after long sliding if it starts later.
+    If the run starts with the release, the states are those of a rig at rest. If it starts later, they are the states
+    after long sliding.
     """
     for n in range(len(internal)):
         internal[n] = AT_RELEASE[n]

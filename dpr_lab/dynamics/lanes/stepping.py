@@ -11,8 +11,8 @@ skipped in the same way.
 Each lane has its own time and its own step. Sums are not reassociated and lanes are independent, so the result of a
 candidate is bit-identical in any block and for any number of threads.
 
-An arm is held until the release. Until all lanes are released, the loop of the arm checks each lane. This affects a few
-steps at the beginning of a run.
+An arm is held until the release. Until all lanes are released, the loop of the arm checks each lane. This check is
+needed only in a few steps at the beginning of a run.
 """
 
 from functools import cache

@@ -16,8 +16,8 @@ from dpr_lab.effects.stages import Requirements
 class Tracks(NamedTuple):
     """Tracks in blocks of at most `LANES`; all candidates of a block have the same active effects.
 
-    A track is one candidate on one segment. If effects have a memory across segments, a track is one candidate on all
-    segments of a run in sequence.
+    A track is one candidate on one segment. If effects have internal states, a track is one candidate on all segments
+    of a run in sequence.
     """
 
     candidate: Integers

@@ -1,1 +1,1 @@
-"""Value of the information from a release: bits about causes, library, ratios and limits, and reasons in words."""
+"""Value of the information from a release: bits about causes, library, ratios and limits, and texts of reasons."""

@@ -11,15 +11,15 @@ d^2 / 2 and variance d^2, where d^2 = Delta D^2 / T and T is the temperature of 
 value of the recording is the expected reduction of the entropy between both causes, given their present probabilities.
 
 **Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
-every amplitude of the library against every other one and against no effect, at several sizes and even odds. Their mean
-is the value.
+each pair of amplitudes of the library, and for each amplitude against no effect, at several sizes and even odds. The
+value is their mean.
 
 **Effects that are not excluded.** If no gap is visible, or causes explain it, the answer is open as long as other
 amplitudes may have their minimum detectable size. For each of these amplitudes the same bits are computed against no
 effect, at this size and even odds.
 
-**Ratios (D-optimality).** The value is log2 of the factor by which the volume of their covariance decreases, with the
-effects of the model fitted.
+**Ratios (D-optimality).** The value is log2 of the factor by which the volume of the covariance of the ratios
+decreases, with the effects of the model fitted.
 
 Sources: G. E. P. Box & W. J. Hill (1967), Discrimination among mechanistic models, Technometrics 9, 57-71. A. C.
 Atkinson & V. V. Fedorov (1975), The design of experiments for discriminating between two rival models, Biometrika 62,
@@ -71,7 +71,7 @@ WORTH = Worth()
 
 
 def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
-    """Information about some unknowns when others are fitted too, by the Schur complement.
+    """Information about some unknowns if others are also fitted, by the Schur complement.
 
     Args:
         F: (k, k) information about all unknowns
@@ -133,7 +133,7 @@ class OpenPairs:
         return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
-        """(n, n) expected D^2 of the readings under one cause (row) from the nearest ones under another (column)."""
+        """(n, n) expected D^2 between the readings under one cause (row) and the nearest under another (column)."""
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
@@ -156,7 +156,7 @@ class OpenPairs:
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
-        """(n, n) d^2 by which additional information separates each cause from each other one.
+        """(n, n) d^2 by which additional information separates each pair of causes.
 
         A richer form that contains a simpler one never fits worse. The evidence for the richer form is therefore the
         evidence for its additional amplitude.
@@ -232,7 +232,7 @@ def library_bits(known: Knowledge, F: Array) -> float:
 def open_bits(known: Knowledge, F: Array) -> float:
     """Mean bits that further information contributes about the amplitudes that are not excluded.
 
-    It is 0 if part of the gap remains unexplained.
+    The value is 0 if part of the gap remains unexplained.
     """
     diagnosis = known.diagnosis
     if diagnosis is None or diagnosis.verdict not in ("no_gap", "named"):
@@ -257,7 +257,7 @@ def ratio_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
-    """(5,) expected standard deviations of the ratios when the effects of the model are fitted too."""
+    """(5,) expected standard deviations of the ratios if the effects of the model are also fitted."""
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     return np.sqrt(np.diag(np.linalg.inv(given(F, nuisance, range(len(RATIOS))))))
 

@@ -38,7 +38,7 @@ class Goal:
     single: bool = True
     """Whether the interval of `accept` refers to one shape of an effect.
 
-    Over all shapes the interval is wider than `reach`.
+    An interval over all shapes is wider than `reach`.
     """
 
 
@@ -56,7 +56,7 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
     """Bits about the limits: sum of the negative log2 of the half width divided by the distance from the limit.
 
-    A quotient below one half gives no further gain.
+    Quotients below one half count as one half.
     """
     shares = [goal.reach / goal.room for goal in goals(known, F, limits) if goal.reach is not None]
     return float(np.sum(-np.log2(np.maximum(shares, 0.5)))) if shares else 0.0

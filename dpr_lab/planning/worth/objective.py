@@ -19,9 +19,9 @@ class Gain:
     """Expected information of each part of the objective, bits, without weights."""
 
     causes: Mapping[tuple[str, str], float]
-    """Undecided pair of causes -> expected bits on which of the two is right."""
+    """Undecided pair of causes -> expected information on which of the two is right, bits."""
     open_effects: float
-    """Expected bits on the presence of the effects that are not excluded."""
+    """Expected information on the presence of the effects that are not excluded, bits."""
     library: float
     ratios: float
     limits: float
@@ -61,9 +61,9 @@ class Objective:
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Simulated Delta D^2 of the least decided pair of causes, divided by the linearised one.
+        """Ratio of the simulated to the linearised Delta D^2 of the least decided pair of causes.
 
-        None without such a pair.
+        None if there is no such pair.
         """
         if not self.pairs:
             return None

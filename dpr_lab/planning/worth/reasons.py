@@ -1,4 +1,4 @@
-"""Reason for a release of a plan: its contribution, in words."""
+"""Reason for a release of a plan: text on its contribution."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Reason:
     """Reason for a release: its contribution in addition to the previous releases."""
 
     text: str
-    """The reason in words."""
+    """Text of the reason."""
     only_ratios: bool
     """Whether the accuracy of the ratios is the only noticeable contribution."""
 
@@ -93,5 +93,5 @@ def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
     which = f" Release{'s' * several} {f'{numbers[0]} to {numbers[-1]}' if in_a_row else listed(numbers)}"
     if undecided and "1" not in numbers:
         need = "are" if several else "is"
-        return f"{which} {need} necessary only if the causes are still undecided then."
+        return f"{which} {need} necessary only if the causes are then still undecided."
     return f"{which} only improve{'' if several else 's'} the accuracy of the ratios."
