@@ -20,7 +20,10 @@ from _bars import Bar, at_most, options, show
 from numpy.typing import NDArray
 
 from dpr_lab.dynamics.arm import ArmParameters, mounted
+from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.fitting.linearise import linearise
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.rig import Rig, load_rig
@@ -131,12 +134,9 @@ def true_ratios(
     recordings = recordings_of(runs, rig)
     problem, _ = arm_problem(recordings, rig, np.inf)
     # the angle of a missing rod stays zero, where it adds no inertia to the arm
-    by_unknowns, by_states = problem.slopes(p, np.where(problem.moves, starts, 0.0))
-    information = np.zeros((len(problem.unknowns.free),) * 2)
-    for s, rows in enumerate(problem.slices()):
-        A = by_unknowns[rows].reshape(-1, len(information))
-        B = by_states[rows].reshape(-1, 6)[:, problem.moves[s]]
-        information += A.T @ (A - B @ np.linalg.lstsq(B, A)[0])
+    initial = np.where(problem.model.free, starts[:, np.argsort(FOLLOW.order)], 0.0)
+    A, _ = linearise(problem, Estimate(p, initial), problem.unknowns.parameters).flat
+    information = A.T @ A
     bounds = np.sqrt(np.diag(np.linalg.inv(information)))
     names = [problem.unknowns.name(parameter) for parameter in problem.unknowns.free]
     return dict(zip(names, p[problem.unknowns.places], strict=True)), dict(zip(names, bounds, strict=True))

@@ -8,6 +8,7 @@ import pytest
 
 from dpr_lab.dynamics.arm import ArmParameters, mounted
 from dpr_lab.errors import ConfigError, RunError
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, fit_moving_arm
 from dpr_lab.identification.moving_arm.identify import (
     compare_moving_arm,
@@ -184,7 +185,7 @@ def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
     places = problem.unknowns.places
     moved = np.abs(np.log(found[places] / problem.unknowns.start[places]))
     assert (moved > 1e-3).all()  # every unknown is a gene
-    cost = [np.sum(problem.residuals(p, initial) ** 2) for p in (found, problem.unknowns.start)]
+    cost = [problem.chi2(Estimate(p, initial)) for p in (found, problem.unknowns.start)]
     assert cost[0] < cost[1]
     model = fit_moving_arm(recordings, far, replace(ARM_FIT, searched=0.0))
     truth, *_ = truth_of(rig, Z, arm)

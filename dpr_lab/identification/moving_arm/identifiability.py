@@ -13,13 +13,14 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.arm import DRIVEN
+from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS, swing_segments
 from dpr_lab.errors import ConfigError
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import RELEASES, information_root
 from dpr_lab.identification.identifiability import Advice, already_made, bench_advice, bench_sequence
 from dpr_lab.identification.instruments import INSTRUMENTS, JOINT2_ENCODER, BenchReading, Instrument, Measurement
-from dpr_lab.identification.moving_arm.fit import ARM_FIT, ArmFit, fit_moving_arm, fit_segments
+from dpr_lab.identification.moving_arm.fit import ArmFit, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.problem import ArmRecording, arm_problem, recordings_of
 from dpr_lab.identification.moving_arm.unknowns import Unknowns, best, mode_number, rod_inertias
 from dpr_lab.rig import PARAMETERS, Rig
@@ -329,15 +330,16 @@ def _simulated(rig: Rig) -> ArmFit:
         p[gain] = p[gain] or 1.0  # for a motor without constants
         recordings = [replace(recording, drive=_program(t, p, mode)) for recording in recordings]
         problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
-    initial[:] = [[*pose.theta, 0.0, 0.0, 0.0] for pose in poses]
-    states = swing_segments(p, problem.frame, problem.segments, initial * problem.moves)
+    initial = np.array([[*pose.theta, 0.0, 0.0, 0.0] for pose in poses])
+    initial[:, [2, 5]] *= rig.rods.mounted == "both"
+    states = swing_segments(p, (rig.L1, rig.g), problem.model.inputs, initial)
     recordings = [
         replace(recording, run=replace(recording.run, theta=swung[:, :3]))
         for recording, swung in zip(recordings, np.split(states, len(poses)), strict=True)
     ]
     problem, _ = arm_problem(recordings, rig, RELEASES.segment_s)
-    initial = states[problem.segments.offsets[:-1]] * problem.moves
-    return fit_segments(problem, p, initial, replace(ARM_FIT, iterations=0))
+    initial = states[problem.segments.offsets[:-1]][:, np.argsort(FOLLOW.order)] * problem.model.free
+    return fit_segments(problem, p, initial, 0)
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:

@@ -74,7 +74,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
     determined = [parameter for parameter in unknowns.free if is_determined[unknowns.name(parameter)]]
     scale = scale_of_arm(fit, covariance, rig)
     noise = np.sqrt(np.mean([recording.std**2 for recording in recordings], axis=0))
-    read = [bool(np.any(fit.problem.weight[:, joint] > 0)) for joint in range(3)]
+    read = np.any(fit.problem.read, axis=0).tolist()
     return MovingArmModel(
         rig=RigFacts.of(rig),
         mounted="both" if unknowns.scale == "b" else "inner",
@@ -92,7 +92,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         fit=ArmFitSummary(
             rms_rad={name: float(fit.rms[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
             noise_rad={name: float(noise[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
-            segments=len(fit.problem.moves),
+            segments=len(fit.problem.segments),
             segment_s=float(np.median(fit.problem.lengths_s)),
             chi2_per_dof=_misfit(fit),
             converged=fit.converged,
@@ -186,18 +186,17 @@ def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: flo
     problem, initial = arm_problem(recordings, rig, segment_s)
     if recordings[0].run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
         raise RunError(f"{run.file or run.name}: its arm is driven, but the model has no such input")
-    p = np.array(model.swing)
     try:
-        fit = fit_segments(problem, p, initial, states_only=True)
+        fit = fit_segments(problem, np.array(model.swing), initial, states_only=True)
     except IdentificationError as error:
         raise RunError(f"{run.file or run.name}: the model cannot follow these readings") from error
-    read = {name: k for k, name in enumerate(JOINTS_READ) if np.any(problem.weight[:, k] > 0)}
+    read = {name: k for k, name in enumerate(JOINTS_READ) if problem.read[:, k].any()}
     return ArmComparison(
         run.name,
         not model.used(run.sha256),
         recordings[0].run.t,
         problem.measured,
-        problem.predict(p, fit.initial),
+        problem.predict(fit.fit.estimate),
         segment_s,
         {name: float(fit.rms[k]) for name, k in read.items()},
         {name: float(recordings[0].std[k]) for name, k in read.items()},

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, Cut, problem_of
 from dpr_lab.rig import Rig
 
@@ -32,7 +33,7 @@ def merged(
     Args:
         problem: problem of the current segments
         p: (12,) fitted parameters
-        initial: (segments, 6) fitted initial states
+        initial: (segments, 4 or 6) fitted initial states
         recordings: recordings of the segments
         rig: the recorded rig
         near_rad: maximum distance of the free run of the first segment from the readings of the second, rad
@@ -73,10 +74,13 @@ def _following(
     if not pairs:
         return set(), set()
     coarse, fine = (problem_of(recordings, rig, list(pairs.values()), h) for h in (step, step / 2))
-    start = initial[list(pairs)]
+    start = Estimate(p, initial[list(pairs)])
     with np.errstate(invalid="ignore", over="ignore"):
-        readings = coarse.predict(p, start)
-        near = (coarse.weight == 0) | (np.abs(readings - coarse.measured) < near_rad)
-        exact = (coarse.weight == 0) | (coarse.weight * np.abs(readings - fine.predict(p, start)) < MERGE.solver_error)
-    parts = list(zip(pairs, coarse.slices(), strict=True))
-    return {i for i, rows in parts if near[rows].all()}, {i for i, rows in parts if exact[rows].all()}
+        readings = coarse.predict(start)
+        near = ~coarse.read | (np.abs(readings - coarse.measured) < near_rad)
+        exact = ~coarse.read | (coarse.weight * np.abs(readings - fine.predict(start)) < MERGE.solver_error)
+    indices, firsts = np.array(list(pairs)), coarse.segments.offsets[:-1]
+    near_pairs, exact_pairs = (
+        set(indices[np.logical_and.reduceat(good.all(axis=1), firsts)].tolist()) for good in (near, exact)
+    )
+    return near_pairs, exact_pairs

@@ -2,19 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN
+from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.dynamics.moving_arm.swing import ArmSegments, arm_segments, swing_segments
+from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.schedule import MAX_STEP
+from dpr_lab.dynamics.segments import Segments, segments
+from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import refuse_still_arm
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.estimation.noise import arm_noise, noise_floor
 from dpr_lab.fitting.cut import partition
+from dpr_lab.fitting.estimate import Estimate, FreeParameter
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.identification.moving_arm.unknowns import Unknowns, mode_number, unknowns_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -24,19 +29,8 @@ Cut = tuple[int, slice]
 """Index of a recording, and the samples of one of its segments."""
 
 
-@dataclass(frozen=True, slots=True)
-class CentralDifferences:
-    """Increments of the central differences; the error of a derivative is below 1e-7 of it."""
-
-    relative: float = 1e-5
-    """Relative increment of an unknown."""
-    least: float = 1e-6
-    """Minimum increment of an unknown, for unknowns near zero."""
-    state: float = 1e-5
-    """Increment of an angle or speed, rad and rad/s."""
-
-
-STEPS = CentralDifferences()
+STATE_STEP = 1e-5
+"""Increment of an angle, rad, or speed, rad/s, for central differences."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,78 +50,73 @@ class ArmRecording:
 
 
 @dataclass(frozen=True, slots=True)
-class ArmProblem:
-    """Problem of the fit with a moving arm: the segments of all recordings with their unknowns."""
+class ArmSwings:
+    """Model of rods, arm and drive without effects, for the common fitting engine (`OutputModel`).
 
+    The vector of an estimate contains `SWING_PARAMETERS` in units of the scale.
+    """
+
+    constants: RigConstants
+    """Measured constants of the rig."""
+    inputs: ArmSegments
+    """The segments of the problem, with the inputs of the arm."""
+    free: Flags
+    """(segments, 6) mask of the free entries of the initial state, in the order of `Segments.states`."""
+
+    def with_constants(self, constants: RigConstants) -> "ArmSwings":
+        """Copy of the model with other measured constants."""
+        return replace(self, constants=constants)
+
+    def predict(self, segments: Segments, estimate: Estimate) -> Array:
+        """(samples, 3) readings of joints 0, 1 and 2, rad; not finite if the integration fails."""
+        initial = np.zeros(self.free.shape)
+        initial[:, : segments.states] = estimate.initial
+        frame = self.constants.L1, self.constants.g
+        readings = swing_segments(estimate.vector, frame, self.inputs, initial[:, FOLLOW.order])[:, :3]
+        with np.errstate(invalid="ignore"):  # value if the integration fails
+            readings[:, 2] -= self.constants.relative2 * readings[:, 1]
+        return readings
+
+    def slopes(
+        self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None
+    ) -> Array:
+        """(samples, 3, free + states) derivatives of the readings, by central differences."""
+        vector, initial = estimate.vector, estimate.initial
+        columns = []
+        for parameter in free:
+            shift = parameter.step * np.eye(len(vector))[parameter.place]
+            ahead, behind = (self.predict(segments, Estimate(vector + way * shift, initial)) for way in (1.0, -1.0))
+            columns.append((ahead - behind) / (2 * parameter.step))
+        for shift in STATE_STEP * np.eye(segments.states):
+            shifts = shift * self.free[:, : segments.states]
+            ahead, behind = (self.predict(segments, Estimate(vector, initial + way * shifts)) for way in (1.0, -1.0))
+            columns.append((ahead - behind) / (2 * STATE_STEP))
+        return np.stack(columns, axis=2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmProblem(Problem):
+    """Fit problem of segments of recordings with a moving arm; the axes are joints 0, 1 and 2."""
+
+    model: ArmSwings
+    """Model of rods, arm and drive."""
     unknowns: Unknowns
     """The fitted unknowns."""
-    segments: ArmSegments
-    """Layout of the segments, with their inputs."""
     cuts: tuple[Cut, ...]
     """Recording and samples of each segment."""
     max_step: float
     """Longest Runge-Kutta step, s."""
-    t: Array
-    """(samples,) instants, s since the release."""
-    measured: Array
-    """(samples, 3) readings of joints 0, 1, 2, rad; joint 2 as its encoder reads it."""
-    weight: Array
-    """(samples, 3) reciprocal standard deviation of the noise, 1/rad; zero for ignored joints."""
-    moves: Flags
-    """(segments, 6) mask of the free entries of the initial state."""
-    frame: tuple[float, float]
-    """Length L1 (m) and gravity g (m/s^2)."""
-    relative: bool
-    """Whether the encoder of joint 2 reads theta2 - theta1."""
-    prior: Array
-    """(free,) reciprocal standard deviation of a measured unknown; zero for an unknown that was not measured."""
 
     @property
     def dof(self) -> int:
         """Number of readings minus number of fitted values."""
-        return int(np.count_nonzero(self.weight)) - int(self.moves.sum()) - len(self.unknowns.free)
+        return self.evidence - len(self.unknowns.free)
 
     @property
     def lengths_s(self) -> Array:
         """(segments,) duration of each segment, s."""
-        return np.array([self.t[part][-1] - self.t[part][0] for part in self.slices()])
-
-    def slices(self) -> list[slice]:
-        """Slices of the samples, one for each segment."""
-        return [slice(i, j) for i, j in pairwise(self.segments.offsets.tolist())]
-
-    def predict(self, p: Array, initial: Array) -> Array:
-        """(samples, 3) predicted readings of the joints, rad."""
-        readings = swing_segments(p, self.frame, self.segments, initial)[:, :3]
-        if self.relative:
-            with np.errstate(invalid="ignore"):  # value if the integration fails
-                readings[:, 2] -= readings[:, 1]
-        return readings
-
-    def residuals(self, p: Array, initial: Array) -> Array:
-        """(samples, 3) measured minus predicted, divided by the noise; not finite if the integration fails."""
-        return np.where(self.weight > 0, self.weight * (self.measured - self.predict(p, initial)), 0.0)
-
-    def slopes(self, p: Array, initial: Array) -> tuple[Array, Array]:
-        """(samples, 3, free) and (samples, 3, 6) derivatives of the whitened predictions, by central differences."""
-        columns = []
-        for place in self.unknowns.places:
-            h = max(STEPS.relative * abs(p[place]), STEPS.least)
-            shift = np.zeros(len(p))
-            shift[place] = h
-            columns.append((self.predict(p + shift, initial) - self.predict(p - shift, initial)) / (2 * h))
-        states = []
-        for k in range(6):
-            shift = np.zeros(6)
-            shift[k] = STEPS.state
-            ahead, behind = (self.predict(p, initial + sign * shift * self.moves) for sign in (1.0, -1.0))
-            states.append((ahead - behind) / (2 * STEPS.state))
-        weight = self.weight[:, :, None]
-        return np.stack(columns, axis=2) * weight, np.stack(states, axis=2) * weight
-
-    def with_std(self, std: Array) -> "ArmProblem":
-        """Copy of the problem with other standard deviations (3,) of the joints, rad."""
-        return replace(self, weight=np.where(self.weight > 0, 1.0 / std, 0.0))
+        offsets = self.segments.offsets
+        return self.t[offsets[1:] - 1] - self.t[offsets[:-1]]
 
 
 def recordings_of(runs: Sequence[Run], rig: Rig) -> list[ArmRecording]:
@@ -180,57 +169,53 @@ def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
 
 
 def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
-    """Problem with segments of about one length (s), and (segments, 6) rough initial states."""
+    """Problem with segments of about one length (s), and (segments, 4 or 6) rough initial states."""
     cuts = [(i, part) for i, recording in enumerate(recordings) for part in partition(recording.run, length)]
     problem = problem_of(recordings, rig, cuts)
     initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
-    initial[:, 1:] = np.where(problem.moves[:, 1:], initial[:, 1:], 0.0)  # a clamped arm keeps its angle
-    return problem, initial
+    return problem, np.where(problem.model.free, initial, 0.0)[:, : problem.segments.states]
 
 
 def problem_of(
     recordings: Sequence[ArmRecording], rig: Rig, cuts: Sequence[Cut], max_step: float = MAX_STEP
 ) -> ArmProblem:
     """Problem with the given segments, and with steps of at most `max_step` seconds."""
-    both_rods = rig.rods.mounted == "both"
     modes = [recordings[i].mode for i, _ in cuts]
     driven = any(recording.run.arm_mode == "driven" and recording.mode != DRIVEN for recording in recordings)
     unknowns = unknowns_of(modes, driven, rig)
-    segments = arm_segments(
-        [recordings[i].run.t[part] for i, part in cuts],
-        modes,
-        [recordings[i].drive[part] for i, part in cuts],
-        max_step,
-        [recordings[i].slope[part] for i, part in cuts],
-    )
-    relative = both_rods and rig.encoders.joint2 == "relative"
+    t = [recordings[i].run.t[part] for i, part in cuts]
+    setups = [replace(recording.run.setup, arm_moves=recording.mode != CLAMPED) for recording in recordings]
+    layout = segments(t, [i for i, _ in cuts], setups, max_step)
     measured = np.concatenate([recordings[i].run.theta[part] for i, part in cuts])
-    if relative:
-        measured[:, 2] -= measured[:, 1]
-    axes = np.array([[mode != CLAMPED, True, both_rods] for mode in modes])
+    measured[:, 1:] = rig.encoders.joint_angles.of_rods(measured[:, 1:])
+    arm_moves = np.array(modes) != CLAMPED
+    rods = np.tile([True, rig.rods.mounted == "both"], (len(cuts), 1))
     std = np.array([recordings[i].std for i, _ in cuts])
-    weight = np.repeat(np.where(axes, 1.0 / std, 0.0), np.diff(segments.offsets), axis=0)
-    prior = np.zeros(len(unknowns.free))
-    if "L0" in unknowns.free:
-        prior[unknowns.free.index("L0")] = 1.0 / (rig.rig.L0_std or 1.0)
+    weight = np.where(np.column_stack([arm_moves, rods]), 1.0 / std, 0.0)
     return ArmProblem(
-        unknowns,
-        segments,
-        tuple(cuts),
-        max_step,
-        np.concatenate([recordings[i].run.t[part] for i, part in cuts]),
-        measured,
-        weight,
-        np.tile(axes, 2),
-        (rig.L1, rig.g),
-        relative,
-        prior,
+        segments=layout,
+        measured=measured,
+        weight=np.repeat(weight, np.diff(layout.offsets), axis=0),
+        model=ArmSwings(
+            rig_constants(rig),
+            arm_segments(
+                t,
+                modes,
+                [recordings[i].drive[part] for i, part in cuts],
+                max_step,
+                [recordings[i].slope[part] for i, part in cuts],
+            ),
+            np.column_stack([rods, rods, arm_moves, arm_moves]),
+        ),
+        prior=unknowns.prior,
+        unknowns=unknowns,
+        cuts=tuple(cuts),
+        max_step=max_step,
     )
 
 
 def _rough_state(run: Run, part: slice, neighbours: int = 12) -> Array:
-    """(6,) state at the first sample of a segment, from a parabola through the neighbours."""
+    """(6,) state at the first sample of a segment in the order of `Segments.states`, from a local parabola."""
     rows = slice(max(part.start - neighbours, 0), min(part.start + neighbours, len(run.t)))
-    t = run.t[rows] - run.t[part.start]
-    slope = np.polynomial.polynomial.polyfit(t, run.theta[rows], 2)[:2]
-    return np.asarray(slope, dtype=np.float64).reshape(6)
+    line = np.polynomial.polynomial.polyfit(run.t[rows] - run.t[part.start], run.theta[rows], 2)[:2]
+    return np.asarray(line, dtype=np.float64).ravel()[np.argsort(FOLLOW.order)]

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Integers
+from dpr_lab.arrays import Array
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.moving_arm.problem import ArmProblem
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain, rod_inertias
 from dpr_lab.rig import Rig
@@ -40,23 +41,20 @@ def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0)
 
     Args:
         problem: short segments of the recordings
-        initial: (segments, 6) estimated initial states of the segments
+        initial: (segments, 4 or 6) estimated initial states of the segments
         rig: bounds of all parameters
         seed: seed of the search
     """
     rng, unknowns = np.random.default_rng(seed), problem.unknowns
     box = np.array([_range(name, problem, rig, rng) for name in unknowns.free]).T
-    recording = np.array([index for index, _ in problem.cuts])[_owner(problem)]
 
     def errors(genes: Array) -> Array:
         costs = []
         for candidate in np.exp(genes):
             p = unknowns.start.copy()
             p[unknowns.places] = candidate
-            with np.errstate(over="ignore", invalid="ignore"):
-                squares = np.sum(problem.residuals(p, initial) ** 2, axis=1)
-            sums = np.bincount(recording, weights=squares)
-            costs.append(np.where(np.isfinite(sums), sums, np.inf))
+            chi2 = problem.chi2_by_segment(problem.predict(Estimate(p, initial)))
+            costs.append(np.bincount(problem.segments.run, weights=chi2))
         return np.array(costs)
 
     settings = load_search("segments").model_copy(
@@ -68,11 +66,6 @@ def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0)
     p = unknowns.start.copy()
     p[unknowns.places] = np.exp(last.best)
     return p
-
-
-def _owner(problem: ArmProblem) -> Integers:
-    """(samples,) index of the segment that contains each sample."""
-    return np.repeat(np.arange(len(problem.cuts)), np.diff(problem.segments.offsets))
 
 
 def _range(name: str, problem: ArmProblem, rig: Rig, rng: np.random.Generator) -> tuple[float, float]:

@@ -14,8 +14,13 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.arm import CLAMPED, DRIVEN, FREE
 from dpr_lab.dynamics.base import GAINS, base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
+from dpr_lab.fitting.estimate import FreeParameter
+from dpr_lab.fitting.prior import Prior
 from dpr_lab.rig import MASSES, PARAMETERS, Rig
 from dpr_lab.rig_tables import ArmMode, Parameter
+
+POSITIVE = ("a", "e1", "A", "L0")
+"""Parameters that must be positive; a gain is negative if the input has the opposite sign."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +37,21 @@ class Unknowns:
     """Value of the inertia `scale` in the rig file, kg m^2."""
     start: Array
     """(12,) initial values of `SWING_PARAMETERS` from the rig file, in units of the scale."""
-    positive: tuple[str, ...] = ("a", "e1", "A", "L0")
-    """Names of the unknowns that must be positive; a gain is negative if the input has the opposite sign."""
+    prior: Prior | None
+    """Prior of a measured length of the arm; None if it is fixed. All other parameters have no effective prior."""
 
     @property
     def places(self) -> list[int]:
         """Indices of the free parameters in the vector p."""
         return [SWING_PARAMETERS.index(name) for name in self.free]
+
+    @property
+    def parameters(self) -> tuple[FreeParameter, ...]:
+        """Free parameters of the common fitting engine; the error of a central difference is below 1e-7 of it."""
+        lower = [1e-9 if name in POSITIVE else -np.inf for name in self.free]
+        steps = np.maximum(1e-5 * np.abs(self.start[self.places]), 1e-6).tolist()
+        rows = zip(self.free, self.places, steps, lower, strict=True)
+        return tuple(FreeParameter(name, "ratios", place, step, least) for name, place, step, least in rows)
 
     def name(self, parameter: str) -> str:
         """Name of an unknown in results, for example `A/b`."""
@@ -96,9 +109,12 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
         free.append("gain")
     else:
         start[SWING_PARAMETERS.index("gain")] = 1.0  # value for an acceleration; unused without an input
+    prior = None
     if rig.rig.L0_std is not None and set(modes) != {CLAMPED}:
         free.append("L0")
-    return Unknowns("b" if both_rods else "a", tuple(free), kind, scale, start)
+        variance = np.append(np.full(len(start) - 1, 1e18), rig.rig.L0_std**2)
+        prior = Prior(start, np.diag(variance), np.zeros(0))
+    return Unknowns("b" if both_rods else "a", tuple(free), kind, scale, start, prior)
 
 
 def nominal_gain(rig: Rig) -> float:
