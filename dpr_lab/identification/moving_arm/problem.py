@@ -20,17 +20,13 @@ from dpr_lab.estimation.noise import arm_noise, noise_floor
 from dpr_lab.fitting.cut import partition
 from dpr_lab.fitting.estimate import Estimate, FreeParameter
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.identification.moving_arm.unknowns import Unknowns, mode_number, unknowns_of
+from dpr_lab.identification.moving_arm.unknowns import STEPS, Unknowns, mode_number, unknowns_of
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import Torques
 
 Cut = tuple[int, slice]
 """Index of a recording, and the samples of one of its segments."""
-
-
-STATE_STEP = 1e-5
-"""Increment of an angle, rad, or speed, rad/s, for central differences."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +83,10 @@ class ArmSwings:
             shift = parameter.step * np.eye(len(vector))[parameter.place]
             ahead, behind = (self.predict(segments, Estimate(vector + way * shift, initial)) for way in (1.0, -1.0))
             columns.append((ahead - behind) / (2 * parameter.step))
-        for shift in STATE_STEP * np.eye(segments.states):
+        for shift in STEPS.state * np.eye(segments.states):
             shifts = shift * self.free[:, : segments.states]
             ahead, behind = (self.predict(segments, Estimate(vector, initial + way * shifts)) for way in (1.0, -1.0))
-            columns.append((ahead - behind) / (2 * STATE_STEP))
+            columns.append((ahead - behind) / (2 * STEPS.state))
         return np.stack(columns, axis=2)
 
 

@@ -19,6 +19,21 @@ from dpr_lab.fitting.prior import Prior
 from dpr_lab.rig import MASSES, PARAMETERS, Rig
 from dpr_lab.rig_tables import ArmMode, Parameter
 
+
+@dataclass(frozen=True, slots=True)
+class CentralDifferences:
+    """Increments of the central differences; the error of a derivative is below 1e-7 of it."""
+
+    relative: float = 1e-5
+    """Relative increment of an unknown."""
+    least: float = 1e-6
+    """Minimum increment of an unknown, for unknowns near zero."""
+    state: float = 1e-5
+    """Increment of an angle or speed, rad and rad/s."""
+
+
+STEPS = CentralDifferences()
+
 POSITIVE = ("a", "e1", "A", "L0")
 """Parameters that must be positive; a gain is negative if the input has the opposite sign."""
 
@@ -47,9 +62,9 @@ class Unknowns:
 
     @property
     def parameters(self) -> tuple[FreeParameter, ...]:
-        """Free parameters of the common fitting engine; the error of a central difference is below 1e-7 of it."""
+        """Free parameters of the common fitting engine."""
         lower = [1e-9 if name in POSITIVE else -np.inf for name in self.free]
-        steps = np.maximum(1e-5 * np.abs(self.start[self.places]), 1e-6).tolist()
+        steps = np.maximum(STEPS.relative * np.abs(self.start[self.places]), STEPS.least).tolist()
         rows = zip(self.free, self.places, steps, lower, strict=True)
         return tuple(FreeParameter(name, "ratios", place, step, least) for name, place, step, least in rows)
 
