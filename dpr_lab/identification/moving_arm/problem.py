@@ -81,11 +81,11 @@ class ArmSwings:
         columns = []
         for parameter in free:
             shift = parameter.step * np.eye(len(vector))[parameter.place]
-            ahead, behind = (self.predict(segments, Estimate(vector + way * shift, initial)) for way in (1.0, -1.0))
+            ahead, behind = (self.predict(segments, Estimate(vector + sign * shift, initial)) for sign in (1.0, -1.0))
             columns.append((ahead - behind) / (2 * parameter.step))
         for shift in STEPS.state * np.eye(segments.states):
             shifts = shift * self.free[:, : segments.states]
-            ahead, behind = (self.predict(segments, Estimate(vector, initial + way * shifts)) for way in (1.0, -1.0))
+            ahead, behind = (self.predict(segments, Estimate(vector, initial + sign * shifts)) for sign in (1.0, -1.0))
             columns.append((ahead - behind) / (2 * STEPS.state))
         return np.stack(columns, axis=2)
 
