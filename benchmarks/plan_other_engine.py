@@ -26,8 +26,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.planning.candidates import minutes
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
+from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.worth.criteria import detectable
 from dpr_lab.rig import MASSES, PARAMETERS, Rig, load_rig
@@ -216,6 +218,9 @@ def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> l
         made.append(Bar(f"{name}: releases until decided, mean (of {len(each)})", "-", mean[name], None))
         made.append(at_least(f"{name}: right when stopped (of {stopped})", right, 0.97))
         made.append(at_least(f"{name}: right, or too small to detect (of {stopped})", true, 0.97))
+        made.append(
+            Bar(f"{name}: minutes at the rig, mean", "-", float(np.mean([_minutes(looks) for looks, *_ in each])), None)
+        )
         if name != "menu" and "menu" in mean:
             made.append(at_most(f"{name}: releases over the menu's", mean[name] / mean["menu"], 0.6))
         made += _of_plans(name, [looks for looks, *_ in each])
@@ -225,6 +230,11 @@ def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> l
 def _count(looks: Sequence[SequentialLook]) -> int:
     """Number of releases until decided; one more than the maximum if undecided."""
     return len(looks) if looks[-1].is_last else SEQUENTIAL.most + 1
+
+
+def _minutes(looks: Sequence[SequentialLook]) -> float:
+    """Time at the rig, minutes; the mounting does not change."""
+    return sum(minutes(look.release, look.release.mounted, PlanLimits()) for look in looks)
 
 
 def _as_outcome(look: SequentialLook) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.gap.screen.pieces import PIECES
 from dpr_lab.planning.acting import allowed_rods, arm_states
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.release import CandidateRelease, MountedParts
@@ -21,6 +22,8 @@ class Search:
     """Number of evenly spread poses with which the search starts."""
     screened_s: float = 10.0
     """Duration of the releases by which these poses are compared, s."""
+    alone_s: float = PIECES.from_s - 1.0
+    """Maximum duration of a first release, s; a diagnosis does not divide such a recording into pieces."""
     best: int = 3
     """Number of the best poses, which are then refined."""
     neighbours: int = 4
@@ -122,6 +125,16 @@ def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
 def mounted_now(rig: Rig) -> MountedParts:
     """Present mounting of the rig, as stated in its rig file."""
     return MountedParts(rig.rods.mounting, rig.added_mass, rig.arm.mode not in ("free", "driven"))
+
+
+def longest_s(limits: PlanLimits, alone: bool) -> float:
+    """Maximum duration of a release, s.
+
+    A diagnosis divides a single recording of 20 s or more into pieces and fits only every second one. A first release,
+    which is diagnosed alone, is therefore shorter, unless the limits do not permit it.
+    """
+    times = limits.recording
+    return max(min(times.longest_s, SEARCH.alone_s), times.shortest_s) if alone else times.longest_s
 
 
 def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits) -> float:

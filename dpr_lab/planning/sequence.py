@@ -8,6 +8,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.planning.candidates import (
     SEARCH,
+    longest_s,
     minutes,
     mounted_now,
     mountings,
@@ -109,7 +110,8 @@ class Planner:
         extended = list(steps)
         for k in reversed(range(len(steps))):
             release, cost = steps[k].release, steps[k].minutes
-            duration = min(release.duration_s + np.floor(60 * left + 1e-6), self.limits.recording.longest_s)
+            longest = longest_s(self.limits, alone=k == 0 and not self.objective.known.made)
+            duration = min(release.duration_s + np.floor(60 * left + 1e-6), longest)
             if duration > release.duration_s and release.torques is None:
                 (informed_longer,) = self._informed([replace(release, duration_s=duration)])
                 extended[k] = replace(
@@ -181,8 +183,8 @@ class Planner:
         if release.torques is not None:
             return step
         std = self.objective.known.model.placement_rad
-        longest = replace(release, duration_s=times.longest_s)
-        durations = [d for d in (SEARCH.screened_s, times.shortest_s) if d < times.longest_s]
+        longest = replace(release, duration_s=longest_s(self.limits, alone=not now.made))
+        durations = [d for d in (SEARCH.screened_s, times.shortest_s) if d < longest.duration_s]
         rated = self._informed([longest, *placements(longest, std, SEARCH.placements, self.rng)], durations)
         count = len(rated) // (1 + SEARCH.placements)
         averaged = [

@@ -3,10 +3,11 @@
 A cause is decided under two conditions. One effect of a class and of its alternatives has a probability of at least
 `SURE`, and this effect is validated by data that were not fitted: by another release, or by the quarters of a single
 release. The quarters, and the pieces of a long recording, share the pose and all other conditions of the release. A
-single release therefore decides one cause only, and with a margin: one of its amplitudes has at least `margin` standard
-deviations, twice the size that counts as detectable, and every other effect is excluded as described below. If a small
-second cause is visible in the first release but cannot be named, a second release is therefore recorded. Several
-causes, and the absence of a gap, are confirmed by a second release.
+single release therefore decides one cause only, and with a margin: its amplitudes a, with covariance C, have a
+significance sqrt(a^T C^-1 a) of at least `margin`, twice the value that counts as detectable, and every other effect is
+excluded as described below. The stiffness and the cubic term of a spring are correlated, so that each of them alone is
+less significant. If a small second cause is visible in the first release but cannot be named, a second release is
+therefore recorded. Several causes, and the absence of a gap, are confirmed by a second release.
 
 "No gap" is a statement about sizes: every effect of the library that recurs is excluded at its minimum detectable size
 in these recordings (`Exclusion.is_excluded`). An effect whose estimate is too large to be excluded and too small to be
@@ -17,6 +18,8 @@ then list these effects, and an optional release that tests them (`reservation`)
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+
+import numpy as np
 
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.effects import EFFECTS
@@ -35,7 +38,7 @@ class Stopping:
     fewest: int = 2
     """Minimum number of releases that decide several causes, or that there is no gap."""
     margin: float = 10.0
-    """Minimum amplitude of a cause that a single release decides, in standard deviations."""
+    """Minimum significance of a cause that a single release decides, in standard deviations."""
     listed: int = 3
     """Maximum number of effects that a sentence lists."""
 
@@ -93,7 +96,7 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
             return "a second release must confirm that there is no gap"
         if len(diagnosis.effects) != 1:
             return "a second release must confirm several causes"
-        if not _is_large(diagnosis.effects[0]):
+        if significance(diagnosis, diagnosis.effects[0]) < STOPPING.margin:
             return f"a second release must confirm {diagnosis.effects[0].name}"
         if not no_gap and possible(diagnosis):
             return (
@@ -148,8 +151,20 @@ def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
     return max(together, *causes.probabilities.values())
 
 
-def _is_large(effect: NamedEffect) -> bool:
-    """Whether an amplitude of a named effect is large enough for a decision from a single release."""
-    sizes = [effect.parameters[p.name] for p in EFFECTS[effect.name].amplitudes if p.name in effect.parameters]
+def significance(diagnosis: Diagnosis, effect: NamedEffect) -> float:
+    """Significance of all amplitudes of a named effect together, sqrt(a^T C^-1 a), in standard deviations.
+
+    Without their covariance C, as in a file of an older version, it is that of the most significant amplitude.
+    """
+    amplitudes = {f"{effect.name}.{p.name}": p.name for p in EFFECTS[effect.name].amplitudes}
+    for fitted in diagnosis.posterior[:1]:
+        columns = [i for i, name in enumerate(fitted.free) if name in amplitudes]
+        if columns:
+            covariance = np.reshape(fitted.covariance, (len(fitted.free), -1))[np.ix_(columns, columns)]
+            std = np.sqrt(np.diag(covariance))
+            values = [fitted.effects[effect.name][amplitudes[fitted.free[i]]] for i in columns]
+            z, correlation = np.array(values) / std, covariance / np.outer(std, std)
+            return float(np.sqrt(z @ np.linalg.lstsq(correlation, z, rcond=1e-9)[0]))
+    sizes = [effect.parameters[name] for name in amplitudes.values() if name in effect.parameters]
     stds = [(size.interval90[1] - size.interval90[0]) / (2 * NORMAL_Q90) for size in sizes]
-    return any(abs(size.value) >= STOPPING.margin * std for size, std in zip(sizes, stds, strict=True))
+    return max((abs(size.value) / std for size, std in zip(sizes, stds, strict=True)), default=0.0)

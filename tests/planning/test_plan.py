@@ -10,7 +10,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.acting import Acting
-from dpr_lab.planning.candidates import mountings, novelty
+from dpr_lab.planning.candidates import longest_s, mountings, novelty
 from dpr_lab.planning.forecast import FORECAST, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
 from dpr_lab.planning.knowledge import known_after, known_before
@@ -79,6 +79,17 @@ def test_it_keeps_the_budget_and_the_reachable_poses(paper: Rig) -> None:
     assert made.minutes <= 1.3
     theta = np.array([[one.theta1_rad, one.theta2_rad] for one in made.releases])
     assert reach.poses.reachable(theta).all()
+
+
+@pytest.mark.parametrize(
+    ("times", "alone_s", "later_s"),
+    [({}, 19.0, 30.0), ({"longest_s": 15.0}, 15.0, 15.0), ({"shortest_s": 25.0}, 25.0, 30.0)],
+)
+def test_a_first_release_is_short_enough_to_be_fitted_as_a_whole(
+    times: dict[str, float], alone_s: float, later_s: float
+) -> None:
+    permitted = PlanLimits.model_validate({"recording": times})
+    assert [longest_s(permitted, alone=alone) for alone in (True, False)] == [alone_s, later_s]
 
 
 def test_planned_mountings_follow_the_limits_file(paper: Rig) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
+from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
@@ -18,7 +19,7 @@ from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.plan import usual_count
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
-from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, undecided
+from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
 from dpr_lab.planning.summary import inseparable, summed_up
 from dpr_lab.planning.worth.criteria import open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
@@ -71,6 +72,27 @@ def of_runs(diagnosis: Diagnosis, *names: str, exclusions: Sequence[Exclusion] =
 )
 def test_one_release_decides_a_cause_with_a_margin(sizes: float, runs: list[str], expected: bool) -> None:
     assert decided(of_runs(one_cause(sizes), *runs)) is expected
+
+
+@pytest.mark.parametrize(("correlation", "expected"), [(0.99, True), (0.0, False)])
+def test_correlated_amplitudes_of_an_effect_are_judged_together(correlation: float, expected: bool) -> None:
+    """The stiffness and the cubic term of a spring may each be uncertain although the spring is certain."""
+    half_width = 1.645 / 2.0
+    size = {"value": 1.0, "interval90": [1.0 - half_width, 1.0 + half_width]}
+    names = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
+    fitted = PosteriorComponent(
+        probability=1.0,
+        ratios={},
+        effects={"spring_joint1": {names[0]: 1.0, names[1]: -1.0}},
+        free=["a/b", *(f"spring_joint1.{name}" for name in names)],
+        covariance=[[1.0, 0.0, 0.0], [0.0, 0.25, 0.25 * correlation], [0.0, 0.25 * correlation, 0.25]],
+    )
+    (friction,) = one_cause().effects
+    spring = {"name": "spring_joint1", "members": ["spring_joint1"], "parameters": dict.fromkeys(names, size)}
+    spring = friction.model_copy(update=spring | {"odds": {"spring_joint1": 1.0}})
+    found = of_runs(one_cause().model_copy(update={"effects": [spring], "posterior": [fitted]}), "P1")
+    assert significance(found, spring) == pytest.approx(2.0 * np.sqrt(2.0 / (1.0 - correlation)))
+    assert decided(found) is expected
 
 
 def test_the_file_of_an_older_version_counts_releases_by_its_validation() -> None:
