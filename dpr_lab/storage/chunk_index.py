@@ -22,7 +22,7 @@ class ChunkIndices:
         folder: for the temporary file, 0.15 kB per chunk
 
     Raises:
-        OSError: no disk space, here or in `append`.
+        OSError: the disk is full, here or in `append`.
     """
 
     def __init__(self, folder: Path) -> None:

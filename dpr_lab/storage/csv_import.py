@@ -43,9 +43,9 @@ def import_csv(
         on_progress: called while the table is read and the run written
 
     Raises:
-        RunError: not a table of numbers, a column that cannot be found, time that runs backwards (with its line),
-            more than 10 % of rows without a value, nothing left after the slice, a joint that turns although no rod is
-            mounted on it, or a table that cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
+        RunError: the file is not a table of numbers, a column cannot be found, the time runs backwards (with the line),
+        more than 10 % of the rows have no value, no row remains, a joint without a rod turns, or the table cannot be a
+        swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
     path = Path(file)
@@ -103,7 +103,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
 
 
 def table_name(path: Path) -> str:
-    """Name of a table's run: the file name without suffix, where `.csv.gz` is one suffix."""
+    """Name of a table's run: the file name without its suffix; `.csv.gz` counts as one suffix."""
     return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 

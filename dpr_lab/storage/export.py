@@ -41,7 +41,7 @@ def export(run: Run, path: Path | str) -> Path:
 
     Raises:
         RunError: an unknown suffix, an existing file, or a file that cannot be written.
-        DprError: the format needs an optional library that is not installed; the message names it.
+        DprError: the format needs an optional library that is not installed; the message names the library.
     """
     target = Path(path)
     suffix = target.suffix.lower()
@@ -96,7 +96,7 @@ def about(run: Run) -> dict[str, Any]:
 def write_csv(run: Run, path: Path) -> None:
     """Write comma-separated text with a header line.
 
-    There are no comment lines, because a spreadsheet would read them as data.
+    The file contains no comment lines, because a spreadsheet would read them as data.
     """
     table = columns(run)
     with path.open("w", encoding="utf-8", newline="\n") as file:
@@ -214,7 +214,7 @@ def extra(name: str) -> Iterator[None]:
     """Context for the import of an optional library.
 
     Raises:
-        DprError: it is not installed; the message says what to install.
+        DprError: the library is not installed; the message names the package to install.
     """
     try:
         yield

@@ -29,10 +29,10 @@ class RunInfo:
     damage: str
     """Reason why reading stopped; empty if the file is complete."""
     stopped: str
-    """Reason why the recording ended early; empty if it did not."""
+    """Reason why the recording ended early; empty if it did not end early."""
     samples: int
     duration_s: float
-    """Time from the release, or from the first sample if there is no release, to the last sample, s."""
+    """Time from the release to the last sample, s; from the first sample if there is no release."""
     rate_hz: float
     gaps: int
     """Number of intervals of the time axis in which at least one sample is missing."""
@@ -84,7 +84,9 @@ class Verification:
 
 
 def info(path: Path | str) -> RunInfo:
-    """Describe a run file; damaged files and files without a release are accepted.
+    """Describe a run file.
+
+    Damaged files and files without a release are accepted.
 
     Raises:
         RunError: the file is not a run, or is damaged before its first sample.
@@ -238,5 +240,8 @@ def _hash_faults(stored: Scan) -> list[str]:
     if written is None:
         return [f"there is no {sidecar} in its folder"]
     if written != stored.sha256:
-        return [f"its SHA-256 {stored.sha256} is not the one in {sidecar}: it was changed after it was finished"]
+        return [
+            f"its SHA-256 {stored.sha256} differs from the hash in {sidecar}: the file was changed after it was"
+            " finished"
+        ]
     return []

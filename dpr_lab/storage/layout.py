@@ -1,8 +1,8 @@
 """Layout of a run file: channels and their schemas, metadata records, limits.
 
-On every channel `log_time` counts nanoseconds from the start of the stream. On `/samples`, and for events that name a
-tick, it is device time, tick / rate_hz; for an imported table it is the time column. On the other channels it is host
-time since the first host time received, and `publish_time` is the host time itself.
+On every channel, `log_time` counts nanoseconds from the start of the stream. On `/samples`, and for events with a tick,
+`log_time` is device time, tick / rate_hz; for an imported table it is the time column. On the other channels,
+`log_time` is host time since the first host time received, and `publish_time` is the host time itself.
 """
 
 import hashlib
@@ -60,7 +60,7 @@ UNIT_TABLE = {
     "t": "s since tick 0, device time",
     "counts": "encoder counts of joints 0, 1, 2, multi-turn",
     "tau": "N m, known torques of joints 1, 2, each held until the next sample; with a driven arm its input, and 0",
-    "tau_commanded": "N m, commanded torques; tau then contains the measured torques",
+    "tau_commanded": "N m, commanded torques; if present, tau contains the measured torques",
     "theta": "rad, absolute angles of arm, inner and outer rod; 0 = upright, pi = hanging",
     "log_time": "ns since the stream started: device time on /samples, host time on the other channels",
     "publish_time": "ns, host clock; equal to log_time on /samples",

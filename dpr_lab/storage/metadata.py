@@ -92,14 +92,14 @@ class RunMetadata:
         """Inverse of `to_record`.
 
         Raises:
-            RunError: another layout, or a rig that does not match the record.
+            RunError: the record has another layout, or the rig does not match the record.
         """
         if record["format"] != FORMAT:
             raise RunError(
                 f"written in the format {record['format']!r}, but this version reads {FORMAT!r}: update dpr-lab"
             )
         if hashlib.sha256(rig_toml).hexdigest() != record["rig_sha256"]:
-            raise RunError("the rig stored with the run is damaged, so its counts cannot be interpreted")
+            raise RunError("the rig stored with the run is damaged, so the counts cannot be interpreted")
         try:
             rig = parse_config(rig_toml.decode(), "the rig stored with the run", Rig)
         except ConfigError as error:

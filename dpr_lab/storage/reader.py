@@ -27,15 +27,15 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     """Read a run.
 
     t = (tick - release tick) / rate, or the time column of an imported table. The angles are computed from the counts
-    with the encoders of the rig stored in the file. Full turns are removed from theta1 and theta2, so that each rod
-    lies within pi of the requested pose at the release, because a rod may have been raised in either direction.
+    with the encoders of the rig stored in the file. A rod may have been raised in either direction. Therefore full
+    turns are removed from theta1 and theta2, so that each rod lies within pi of the requested pose at the release.
 
     If the file was cut or damaged, the samples before the damage are returned, with `complete` False and a note.
 
     Args:
         path: the run file
-        rig: the rig it should belong to; its name, encoders, L1 and g are compared, not its parameters
-        verify: compare the file with the hash written when it was finished
+        rig: the rig to which the run should belong; name, encoders, L1 and g are compared, parameters are not
+        verify: compare the file with the hash that was written when the file was finished
 
     Raises:
         RunError: the file is not a run, is not readable, has no release, was changed after the recording, or belongs to
@@ -205,7 +205,7 @@ def _delay(stored: Scan) -> float:
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """Clock fit at the end of a run, otherwise the last fit during the recording; empty without either."""
+    """Clock fit at the end of a run, otherwise the last fit during the recording; empty if there is none."""
     clock = stored.summary.clock if stored.summary is not None and stored.summary.clock else stored.newest_clock
     return numbers(clock)
 
@@ -240,7 +240,7 @@ def _time(stored: Scan, samples: Samples) -> Array:
 def release_row(release: int | None, ticks: Integers) -> int:
     """Row of an imported table at which the rods were released.
 
-    The first row if the file names no release, or a tick that is not in the table.
+    The result is the first row if the file contains no release, or a tick that is not in the table.
     """
     row = 0 if release is None else int(np.searchsorted(ticks, release))
     return row if row < len(ticks) and ticks[row] == release else 0
@@ -249,8 +249,8 @@ def release_row(release: int | None, ticks: Integers) -> int:
 def full_turns(rig: Rig, pose: str | None, t: Array, theta: Array) -> Array:
     """Whole turns (3,) to subtract from the angles, rad, so that each rod lies within pi of the pose at t = 0.
 
-    They are zero without a pose: whole turns between recordings are then kept, because they may show a wrong number of
-    counts per turn.
+    The result is zero if the run has no pose. Whole turns between recordings are then kept, because they may show a
+    wrong number of counts per turn.
     """
     turns = np.zeros(3)
     if pose is not None:
@@ -263,8 +263,8 @@ def _check_hash(stored: Scan) -> None:
     written = read_sidecar(stored.path)
     if written is not None and written != stored.sha256:
         raise RunError(
-            f"{stored.path}: has changed since it was finished (its SHA-256 is not the one in the .sha256 file):"
-            " restore it from a copy, or recover its valid part with `dpr-lab run recover`"
+            f"{stored.path}: has changed since it was finished (its SHA-256 differs from the hash in the .sha256"
+            " file): restore it from a copy, or recover its valid part with `dpr-lab run recover`"
         )
 
 
@@ -279,8 +279,8 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
     ]
     if differing:
         raise RunError(
-            f"{stored.path}: run of another rig: {'; '.join(differing)}; give the rig file that it was recorded with,"
-            " or leave this run out"
+            f"{stored.path}: is a run of another rig: {'; '.join(differing)}; give the rig file that was used for"
+            " the recording, or leave this run out"
         )
 
 

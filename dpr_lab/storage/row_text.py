@@ -1,4 +1,6 @@
-"""Samples as JSON of fixed width, written and read as arrays of bytes without a Python call for each row.
+"""Samples as JSON of fixed width.
+
+They are written and read as arrays of bytes, without a Python call for each row.
 
 Within a block, each number has the same number of characters in every row. Shorter numbers are preceded by blanks,
 which JSON allows, so any JSON reader can read these messages. A block in which a number needs more digits is written
@@ -22,7 +24,8 @@ class TextSettings:
     """Format of the numbers in fixed-width text."""
 
     decimals: tuple[int, ...] = (3, 6, 9, 11)
-    """Numbers of decimals to try, in this order. The first that reproduces every number of a column exactly is used."""
+    """Numbers of decimals to try, in this order. The first number of decimals that reproduces every value of a column
+    exactly is used."""
     largest: int = 1 << 53
     """Limit of the integer that the digits of a number form without the decimal point. Integers below it are exact as
     floats, so that only the division by a power of ten is rounded."""

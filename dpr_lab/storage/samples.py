@@ -68,7 +68,7 @@ def json_object(data: bytes) -> dict[str, Any]:
 class Gathered:
     """Collector of the numbers in the messages of a file.
 
-    It stores arrays and not the texts, to save memory.
+    It stores arrays instead of texts, to save memory.
     """
 
     release_tick: int | None = None
@@ -122,10 +122,10 @@ class Gathered:
         parts = self._parts or [_decoded([])]
         with_counts = [part.counts for part in parts if part.counts is not None]
         if len(with_counts) not in (0, len(parts)):
-            raise RunError("only some of its samples have counts")
+            raise RunError("only some of the samples have counts")
         with_torques = [part.torques for part in parts]
         if len(set(map(len, with_torques))) > 1:
-            raise RunError("only some of its samples have torques")
+            raise RunError("only some of the samples have torques")
         self._parts = [
             Samples(
                 np.concatenate([part.ticks for part in parts]),
@@ -152,12 +152,12 @@ def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
 def _whole(values: list[Any], shape: tuple[int, ...]) -> Integers:
     read = np.array(values if values else np.zeros(shape, dtype=np.int64))
     if read.shape != shape or read.dtype != np.int64:
-        raise ValueError(f"a value is not a 64-bit integer, or there are not {shape[1:] or 'one'} of them")
+        raise ValueError(f"a value is not a 64-bit integer, or the number of values is not {shape[1:] or 'one'}")
     return read
 
 
 def _finite(values: list[Any], shape: tuple[int, ...]) -> Array:
     read = np.array(values if values else np.zeros(shape), dtype=np.float64)
     if read.shape != shape or not np.isfinite(read).all():
-        raise ValueError(f"a value that is not a finite number, or not {shape[1:] or 'one'} of them")
+        raise ValueError(f"a value is not a finite number, or the number of values is not {shape[1:] or 'one'}")
     return read

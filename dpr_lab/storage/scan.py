@@ -72,7 +72,7 @@ class Scan:
     summary: RunSummary | None
     """End record of the run; None if the file has no end record."""
     stopped: str
-    """Reason why the recording ended early, from the writer; empty if it did not."""
+    """Reason why the recording ended early, from the writer; empty if it did not end early."""
     samples_announced: int | None
     """Number of samples according to the end record."""
     samples_counted: int | None
@@ -90,7 +90,7 @@ class Scan:
         """Tick of the release, from the end record; without an end record, from the event.
 
         Raises:
-            RunError: an event that does not have the layout of a run.
+            RunError: an event does not have the layout of a run.
         """
         if self.summary is not None and self.summary.release_tick is not None:
             return self.summary.release_tick
@@ -114,7 +114,7 @@ class Scan:
         """Samples of the run.
 
         Raises:
-            RunError: the channel has other content, or ticks that do not increase.
+            RunError: the channel has other content, or its ticks do not increase.
         """
         if self.read.strange_sample:
             raise RunError(f"{self.path}: its samples do not have the layout of a run: {self.read.strange_sample}")
@@ -216,7 +216,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
     """Map a file into memory, up to its first hole.
 
     Reads past the end return fewer bytes, and no damaged length causes an allocation. A valid run has no hole. A hole
-    means that a part was never written to the disk, or that the size of a small file was set artificially.
+    means that a part of the file was never written to the disk, or that the size of a small file was set artificially.
     """
     try:
         with regular(path, RunError).open("rb") as file:
@@ -226,7 +226,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
             with mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ) as content:
                 yield content
     except IsADirectoryError as error:
-        raise RunError(f"{path}: is a folder: give the runs in it, {path}/*.mcap") from error
+        raise RunError(f"{path}: is a folder: give the run files in this folder, {path}/*.mcap") from error
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
 
@@ -338,13 +338,13 @@ def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stor
 def _description(path: Path, collected: _Collected, damage: str) -> tuple[RunMetadata, str]:
     record = collected.records.get(PROVENANCE)
     if record is None and not damage:
-        raise RunError(f"{path}: is an MCAP file of another tool: it has no dpr-lab provenance record")
+        raise RunError(f"{path}: is an MCAP file of another tool: it contains no provenance record of dpr-lab")
     if record is None or RIG_ATTACHMENT not in collected.attachments:
         raise RunError(f"{path}: {damage}, before the description of its rig, so it cannot be read")
     try:
         return RunMetadata.from_record(record, collected.attachments[RIG_ATTACHMENT]), record["rig_sha256"]
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        raise RunError(f"{path}: its description does not have the layout of a run: it was changed") from error
+        raise RunError(f"{path}: its description does not have the layout of a run: the file was changed") from error
     except RunError as error:
         raise RunError(f"{path}: {error}") from error
 

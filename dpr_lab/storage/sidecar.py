@@ -30,7 +30,7 @@ def write_sidecar(path: Path, content: Path | None = None) -> None:
 
 
 def read_sidecar(path: Path) -> str | None:
-    """Hash written when the run was finished, lower-case hex; None without a hash file."""
+    """Hash that was written when the run was finished, lower-case hex; None if there is no hash file."""
     try:
         words = regular(sidecar_of(path), RunError).read_text(encoding="utf-8", errors="replace").split()
     except OSError:
@@ -44,10 +44,12 @@ def note_of(path: Path) -> Path:
 
 
 def write_note(path: Path, note: str) -> None:
-    """Write a note on a run. It replaces the note of the recording in all displays.
+    """Write a note on a run.
+
+    All displays show this note instead of the note of the recording.
 
     Raises:
-        RunError: it cannot be written.
+        RunError: the note cannot be written.
     """
     write_text(note_of(path), note, RunError)
 

@@ -19,7 +19,7 @@ class Spool:
         folder: folder of the temporary file, 32 bytes per sample
 
     Raises:
-        RunError: no disk space, here or in `extend`.
+        RunError: the disk is full, here or in `extend`.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -42,12 +42,12 @@ class Spool:
 
     @property
     def first_tick(self) -> int:
-        """Tick of the first sample; -1 without samples."""
+        """Tick of the first sample; -1 if there are no samples."""
         return self._first_tick
 
     @property
     def last_tick(self) -> int:
-        """Tick of the newest sample; -1 without samples."""
+        """Tick of the newest sample; -1 if there are no samples."""
         return self._last_tick
 
     @property

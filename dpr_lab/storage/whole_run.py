@@ -1,4 +1,7 @@
-"""Write a run whose content is already complete; the file gets its final name only when it is complete."""
+"""Write a run whose content is already complete.
+
+The file gets its final name only when it is complete.
+"""
 
 import os
 import re

@@ -87,8 +87,8 @@ class RunWriter:
         part: path to write to instead; the caller renames this file and writes its hash
 
     Raises:
-        RunError: the file exists already, or cannot be written. Any method raises it if the disk fails during the
-        recording; the data written before are kept and can be recovered.
+        RunError: the file exists already, or cannot be written. Any method raises this error if the disk fails during
+        the recording; the data written before are kept and can be recovered.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class RunWriter:
             torques: (kinds, n, 2) known torques of joint 1 and 2, N m, of a device with drives; measured torques first
 
         Raises:
-            ValueError: wrong shapes, ticks that do not increase, or a run whose time comes from a table.
+            ValueError: the shapes are wrong, the ticks do not increase, or the time of the run comes from a table.
         """
         self._check_time_source("ticks")
         tick, count = np.asarray(ticks, dtype=np.int64), np.asarray(counts, dtype=np.int64)
@@ -144,7 +144,7 @@ class RunWriter:
             torques: (kinds, n, 2) known torques of joint 1 and 2, N m, if the joints were driven; as in `samples`
 
         Raises:
-            ValueError: wrong shapes, a value that is not finite, or a run whose time comes from ticks.
+            ValueError: the shapes are wrong, a value is not finite, or the time of the run comes from ticks.
         """
         self._check_time_source("table")
         rows = np.asarray(t, dtype=np.float64)
@@ -177,14 +177,14 @@ class RunWriter:
     def status(self, host_time_ns: int, status: Mapping[str, Any]) -> None:
         """Append the state and counters of the device, with the keys of the `/status` schema.
 
-        Their number is limited as for events.
+        The number of states is limited, as for events.
         """
         if self._is_flood("states"):
             return
         self._add_json(STATUS, self._since_start(host_time_ns), status, host_time_ns)
 
     def clock(self, host_time_ns: int, fit: Mapping[str, float]) -> None:
-        """Append a fit of device time to host time: values by name with unit."""
+        """Append a fit of device time to host time, as values by name with unit."""
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
     def copy(self, messages: Iterable[Stored]) -> None:

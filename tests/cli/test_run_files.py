@@ -32,7 +32,7 @@ def test_many_runs_are_verified_at_once(runs: list[Path], damaged: Path, tmp_pat
     assert done.out.splitlines() == [f"{run}: complete and unchanged" for run in runs[:2]]
     assert f"{damaged}: its SHA-256" in done.err
     assert f"{tmp_path / 'gone.mcap'}: no such file" in done.err
-    assert f"{tmp_path}: is a folder: give the runs in it" in cli("run", "verify", tmp_path).err
+    assert f"{tmp_path}: is a folder: give the run files in this folder" in cli("run", "verify", tmp_path).err
 
 
 @pytest.mark.slow

@@ -68,7 +68,9 @@ def test_times_that_fall_by_no_counter_still_run_backwards(tmp_path: Path, paper
     file = table(tmp_path / "a.csv", np.where(T < 2, T, T - 1.5), "t", ".6f")
     with pytest.raises(RunError, match="time decreases"):
         import_csv(file, paper, ImportOptions())
-    with pytest.raises(RunError, match=r"spans 2.495, more than the 1 given as its wrap \(--time-wrap\)"):
+    with pytest.raises(
+        RunError, match=r"spans 2.495, which is more than the given period of its counter, 1 \(--time-wrap\)"
+    ):
         import_csv(file, paper, ImportOptions(time_wrap=1.0))
 
 

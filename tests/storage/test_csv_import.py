@@ -230,7 +230,7 @@ def test_an_incomplete_last_row_is_left_out_and_reported(tmp_path):
     file.write_text(file.read_text() + "1.0,3.1")
     run = read(file)
     assert_the_swing(run)
-    assert run.notes == ("line 202, the last one, is incomplete: ignored",)
+    assert run.notes == ("the last line, 202, is incomplete and was ignored",)
 
 
 HEAD = "t,theta1,theta2\n"

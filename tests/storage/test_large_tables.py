@@ -86,7 +86,7 @@ def test_a_row_of_another_length_far_down_is_named_by_its_line(tmp_path: Path, m
     with pytest.raises(RunError, match="line 301 has 2 fields, but there are 3 columns"):
         read_table(tmp_path / "a.csv")
     (tmp_path / "a.csv").write_text("".join([*lines, "1,2\n"]))
-    assert read_table(tmp_path / "a.csv").notes == (f"line {ROWS + 2}, the last one, is incomplete: ignored",)
+    assert read_table(tmp_path / "a.csv").notes == (f"the last line, {ROWS + 2}, is incomplete and was ignored",)
 
 
 def test_a_line_without_end_far_down_is_no_table(tmp_path: Path) -> None:

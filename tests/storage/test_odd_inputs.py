@@ -124,7 +124,7 @@ def test_a_damaged_file_is_refused_in_our_own_words(suffix: str, kind: str, tmp_
         pytest.importorskip("h5py")
     with pytest.raises(RunError) as refused:
         read_any(tmp_path / f"a.{suffix}")
-    assert str(refused.value).endswith(f"not a {kind}: copy or save it again, or export its table as CSV")
+    assert str(refused.value).endswith(f"not a {kind}: copy or save the file again, or export its table as CSV")
 
 
 @pytest.mark.parametrize("content", [b"not", b"not a mat file", b"MATLAB 5.0 MAT-file", bytes(130)])

@@ -211,7 +211,7 @@ def test_the_pivot_is_found_although_the_tracker_followed_something_else_for_a_w
     right = np.arange(len(points)) % 17 > 0
     right[: len(points) // 4] = False
     np.testing.assert_allclose(table.column("theta1")[right], SWING[right], atol=2e-3)
-    assert f"theta1: in {wrong.sum()} frames the rod has another length" in " ".join(table.notes)
+    assert f"theta1: in {wrong.sum()} frames the length of the rod is wrong" in " ".join(table.notes)
 
 
 def test_an_angle_that_was_never_computed_does_not_hide_the_points(tmp_path: Path) -> None:

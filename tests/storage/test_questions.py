@@ -82,7 +82,7 @@ def test_a_certain_mistake_is_questioned_with_the_option_that_corrects_it(
         ("free/us_as_s", r"in us, which makes them 0.005 s apart \(--time-unit us\)"),
         ("free/other_pose", r"not in pose X2 .*: it is pose X1 \(--pose X1\)"),
         ("free/reversed_rows", "time decreases in all rows: sort the rows by time"),
-        ("free/bad_word", "is not a number: correct it, or leave the field empty"),
+        ("free/bad_word", "is not a number: correct the field, or leave it empty"),
         ("degrees/decimal_commas", "if commas are decimal signs, export it with semicolons"),
         ("free/nan_half", "too many for a recording.*--start-s, --duration-s"),
         ("free/identical_angles", "contain the same numbers.*--elbow clamped"),

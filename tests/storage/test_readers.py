@@ -96,7 +96,7 @@ def test_files_that_are_not_tables_are_refused(tmp_path: Path) -> None:
         read(tmp_path / "a.xlsx")
     with pytest.raises(RunError, match="contains no columns of numbers; it contains: name"):
         read(write_mat(tmp_path / "b.mat", name="swing"))
-    with pytest.raises(RunError, match=r"without metadata.yaml, so it is not a ROS 2 bag"):
+    with pytest.raises(RunError, match=r"without metadata.yaml and therefore not a ROS 2 bag"):
         read(tmp_path)
     long = text(tmp_path / "c.csv", ROWS, head="t,theta1,theta2\n")
     long.write_text(long.read_text() + f"9,{'9' * 5000},1\n")

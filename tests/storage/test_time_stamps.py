@@ -68,7 +68,7 @@ def test_stamps_whose_second_and_fraction_are_read_apart_are_corrected(seed: int
     assert (np.diff(written) < 0).any()
     corrected, note = carried_times(written)
     assert corrected == pytest.approx(t, abs=1e-9)
-    assert note.startswith("stamps a whole second or minute early or late")
+    assert note.startswith("time stamps are a whole second or minute early or late")
     two_recordings = np.concatenate([t, t[:50]])
     assert carried_times(two_recordings) == (pytest.approx(two_recordings, abs=0.0), "")
 

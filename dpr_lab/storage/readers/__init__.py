@@ -57,8 +57,7 @@ _OWN = (
 )
 
 READERS: tuple[Reader, ...] = (*_OWN, *plugin_rows("readers", Reader, ()).values())
-"""Formats in the order in which they are tried. A file of none of these formats is read as text, or as text compressed
-by gzip."""
+"""Formats in the order in which they are tried. Any other file is read as text, or as text compressed by gzip."""
 
 
 def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
@@ -68,11 +67,11 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
         path: a file, or the folder of a ROS 2 bag
         take: names of the requested parts if a file contains more than one recording (`ImportOptions.take`)
         on_progress: called after each block of a text
-        points: whether columns of x and y in a text are points, which become angles
+        points: whether columns of x and y in a text are points, which are converted to angles
 
     Raises:
         RunError: the file cannot be read, or contains no columns of numbers.
-        DprError: a required library is not installed; the message names it.
+        DprError: a required library is not installed; the message names the library.
     """
     if regular(path, RunError).is_dir():
         return read_bag(path, take)

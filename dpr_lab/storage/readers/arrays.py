@@ -73,14 +73,16 @@ def broken(path: Path, kind: str, error: BaseException) -> RunError:
     if isinstance(error, MemoryError):
         return RunError(f"{path}: needs more memory than is free on this computer: split it into recordings")
     return RunError(
-        f"{path}: is damaged or incomplete, or is not a {kind}: copy or save it again, or export its table as CSV"
+        f"{path}: is damaged or incomplete, or is not a {kind}: copy or save the file again, or export its table as CSV"
     )
 
 
 def table_of(
     path: Path, kind: str, arrays: Mapping[str, NDArray], take: Sequence[str] = (), notes: Sequence[str] = ()
 ) -> Table:
-    """Convert named arrays to a table: a vector becomes one column, a matrix several; single numbers are ignored.
+    """Convert named arrays to a table.
+
+    A vector becomes one column, a matrix several columns; single numbers are ignored.
 
     The columns of a matrix are named `NAME[1]`, `NAME[2]`, .... The column of an array `group/name` is named `name` if
     this is unique in the file.
@@ -88,7 +90,7 @@ def table_of(
     Args:
         path: the file
         kind: kind of the file
-        arrays: arrays of any shape and type; non-numeric ones are ignored
+        arrays: arrays of any shape and type; non-numeric arrays are ignored
         take: names of arrays or groups to read, with their content
         notes: notes for the operator
 

@@ -1,4 +1,6 @@
-"""Robust fit of a circle to the path of a tracked point; the tracker followed other objects in some frames.
+"""Robust fit of a circle to the path of a tracked point.
+
+In some frames, the tracker may have followed other objects.
 
 Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k; Rousseeuw
 (1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the least median of distances, then
@@ -23,7 +25,7 @@ class CircleSettings:
     """Maximum distance of a point from the circle to count as on the circle, in median distances; about 4 standard
     deviations."""
     fits: int = 20
-    """Maximum number of least-squares fits. Each is made to the points near the previous circle."""
+    """Maximum number of least-squares fits. Each fit uses the points near the previous circle."""
     rounding: float = 1e-9
     """Distance from the circle, relative to its radius, up to which a point counts as on the circle regardless of
     `near`."""
@@ -33,7 +35,7 @@ SETTINGS = CircleSettings()
 
 
 def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
-    """Centre (2,) of the circle on which most points lie, and flags (n,) of these points; None if they lie on a line.
+    """Centre (2,) of the circle on which most points lie, and mask (n,) of these points; None if they lie on a line.
 
     The candidates for the first circle are the fit to all points and the circles through three random points. The
     candidate with the smallest median distance of all points is chosen.

@@ -49,7 +49,7 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
                 if not isinstance(held, h5py.Dataset) or held.dtype.kind not in "biuf":
                     continue
                 if held.external or held.is_virtual:
-                    raise RunError(f"{path}: the values of {name!r} are in another file: copy them into this one")
+                    raise RunError(f"{path}: the values of {name!r} are in another file: copy them into this file")
                 total += held.size or 0
                 refuse_large(path, total)
                 refuse_swollen(path, 8 * total)
@@ -74,9 +74,8 @@ def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
         within, group, depth = waiting.pop()
         if depth > LIMITS.depth or len(met) + len(group) > LIMITS.objects:
             raise RunError(
-                f"{path}: contains groups in more than {LIMITS.depth} levels, or more than"
-                f" {LIMITS.objects:,} data sets, which is too much for a recording: copy the columns of one"
-                f" recording into a new file"
+                f"{path}: contains groups in more than {LIMITS.depth} levels or more than {LIMITS.objects:,} data"
+                " sets, which is too much for a recording: copy the columns of one recording into a new file"
             )
         for key in group:
             if key.startswith("#") or not isinstance(group.get(key, getlink=True), h5py.HardLink):

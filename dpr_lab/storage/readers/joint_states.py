@@ -51,7 +51,8 @@ def read_mcap(path: Path, take: Sequence[str]) -> Table:
     """Read the joint positions of an MCAP file; `take` names the topic.
 
     Raises:
-        RunError: a damaged file, a run file, no JointState or several topics with it, or two joints with the same name.
+        RunError: the file is damaged or is a run file; JointState is on no topic or on several topics; or two joints
+        have the same name.
         DprError: mcap-ros2-support is not installed.
     """
     return _table(path, "MCAP file", lambda: _mcap_messages(path), take)
@@ -65,7 +66,9 @@ def read_sqlite(path: Path, take: Sequence[str]) -> Table:
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
     """Read the joint positions of a ROS 2 bag: a folder with `metadata.yaml`. Otherwise as `read_mcap`."""
     if not (folder / "metadata.yaml").is_file():
-        raise RunError(f"{folder}: is a folder without metadata.yaml, so it is not a ROS 2 bag: give a file in it")
+        raise RunError(
+            f"{folder}: is a folder without metadata.yaml and therefore not a ROS 2 bag: give a file in this folder"
+        )
     files = sorted((p for p in folder.iterdir() if p.suffix in (".mcap", ".db3")), key=_by_number)
     if not files:
         raise RunError(f"{folder}: is a ROS 2 bag without a .mcap or .db3 file; decompress a compressed bag first")
@@ -148,7 +151,7 @@ def _positions(path: Path, message: Any, joints: dict[str, int]) -> dict[int, fl
     if len(set(names)) < len(names):
         raise RunError(f"{path}: two joints with the same name in a JointState: {', '.join(names[:10])}: rename one")
     if len(message.position) != len(names):
-        raise RunError(f"{path}: a JointState of {len(names)} names and {len(message.position)} positions")
+        raise RunError(f"{path}: contains a JointState with {len(names)} names but {len(message.position)} positions")
     for name in names:
         joints.setdefault(name, len(joints))
     if len(joints) > LIMITS.joints:
@@ -180,9 +183,7 @@ def _mcap_messages(path: Path) -> Iterator[Stamped]:
 def _refuse_encoding(path: Path, channel: Channel) -> None:
     if channel.message_encoding != "cdr":
         encoding = printable(channel.message_encoding[:20])
-        raise RunError(
-            f"{path}: its JointState has the encoding {encoding!r}, not that of ROS 2: convert the bag to ROS 2"
-        )
+        raise RunError(f"{path}: the encoding of its JointState is {encoding!r}: convert the bag to ROS 2")
 
 
 def _expanded(chunk: Chunk) -> Chunk:

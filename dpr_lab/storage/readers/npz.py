@@ -18,7 +18,7 @@ def read_numpy(path: Path, take: Sequence[str]) -> Table:
     """Read every numeric array of a .npz file, or the array of a .npy file.
 
     Raises:
-        RunError: a damaged file, another archive, pickled objects, or more numbers than a recording has.
+        RunError: the file is damaged, is another archive, or contains pickled objects or more numbers than a recording.
     """
     try:
         if not zipfile.is_zipfile(path):

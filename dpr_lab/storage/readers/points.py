@@ -36,13 +36,14 @@ class PointSettings:
     """Maximum ratio of the motion of one point to the motion of another, below which the first point is a fixed
     pivot."""
     at_origin: float = 1.5
-    """Maximum ratio of two scatters for which the origin is the pivot: the scatter of the distance to the origin over
-    the scatter of the distance to the fitted centre of the circle. Users of Tracker place the axes at the pivot."""
+    """Maximum ratio of two scatters for which the origin counts as the pivot: the scatter of the distance to the
+    origin, divided by the scatter of the distance to the fitted centre of the circle. Users of Tracker place the axes
+    at the pivot."""
     repeats: float = 0.2
-    """Maximum ratio of the motion in a frame to the motion in the neighbouring frames, below which the frame repeats
-    the frame before it."""
+    """Maximum ratio of the motion in a frame to the motion in the neighbouring frames for which the frame counts as a
+    repetition of the previous frame."""
     share_of_repeats: float = 0.1
-    """Minimum share of repeating frames for them to count as repeated. In a slow motion, noise makes a few frames look
+    """Minimum share of repeated frames for which they are removed. In a slow motion, noise makes a few frames look
     repeated."""
     straight: float = 1e-3
     """Maximum second difference of a point in an interpolated frame, relative to the median of all second
@@ -71,11 +72,10 @@ _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 
 
 _REPEATED = (
-    "repeat the frame before them while the rods move, as in a video that was converted from fewer frames per second"
+    "repeat the previous frame while the rods move, as in a video that was converted from fewer frames per second"
 )
 _INTERPOLATED = (
-    "are interpolated, on a straight line at equal steps between others, as trackers fill frames in which they lost a"
-    " point"
+    "are interpolated on a straight line in equal steps, as by trackers that fill frames in which they lost a point"
 )
 
 
@@ -181,8 +181,8 @@ def _upwards(table: Table, columns: list[tuple[str, str]], first: int, up: float
     for k, column in enumerate(columns):
         if column[1] in ("x", "y", "likelihood") and column_of.setdefault(column, k + first) != k + first:
             raise RunError(
-                f"{table.path}: two columns of {column[1]} for the point {column[0]!r}: export"
-                f" the points of one animal only"
+                f"{table.path}: two columns of {column[1]} for the point {column[0]!r}: export the points of only"
+                " one animal"
             )
     for name in dict.fromkeys(name for name, _ in columns):
         if (name, "x") not in column_of or (name, "y") not in column_of:
@@ -215,12 +215,12 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
     axes = ("theta1", "theta2")[: len(rods)]
     angles = [_direction(rod) for rod in rods]
     lengths = [rod_length(table.path, axis, rods[: k + 1]) for k, axis in enumerate(axes)]
-    notes = [f"points used: {used} (for others: --take)"]
+    notes = [f"points used: {used} (--take selects other points)"]
     for axis, angle, length in zip(axes, angles, lengths, strict=True):
         if length.wrong.any():
             angle[length.wrong] = np.nan
             notes.append(
-                f"{axis}: in {np.count_nonzero(length.wrong)} frames the rod has another length, so the tracker"
+                f"{axis}: in {np.count_nonzero(length.wrong)} frames the length of the rod is wrong, so the tracker"
                 " followed another object: these readings are excluded"
             )
     notes += [
@@ -228,8 +228,8 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
         for axis, length in zip(axes, lengths, strict=True)
     ]
     notes += [
-        f"the rod of {axis} changes its length in the picture by {percent(length.varies)} with the pose: the camera"
-        f" does not look along the joint axes"
+        f"the length of the rod of {axis} in the picture changes by {percent(length.varies)} with the pose: the"
+        " camera does not look along the joint axes"
         for axis, length in zip(axes, lengths, strict=True)
         if length.varies
     ]
@@ -355,7 +355,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
         raise RunError(f"{table.path}: the point {end.name!r} was detected in too few frames")
     circle = most_of_a_circle(valid)
     if circle is None:
-        raise RunError(f"{table.path}: the point {end.name!r} does not move on a circle: track the pivot as well")
+        raise RunError(f"{table.path}: the point {end.name!r} does not move on a circle: also track the pivot")
     centre, near = circle
     scatter, about_origin = (float(np.std(np.hypot(*(valid[near] - c).T))) for c in (centre, np.zeros(2)))
     if about_origin <= SETTINGS.at_origin * scatter:

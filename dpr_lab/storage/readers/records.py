@@ -1,8 +1,9 @@
 """JSON files: a list of records, one record per line, or lists of numbers of equal length.
 
-Loggers write each sample as an object of its own, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often next to
-values that describe the recording. The longest list of objects is read as the table. Without such a list, each list of
-numbers is a column. Numbers within nested objects and lists become columns with the path as name: `imu/gyro[1]`.
+Loggers write each sample as a separate object, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often together
+with values that describe the recording. The longest list of objects is read as the table. If there is no such list,
+each list of numbers is a column. Numbers within nested objects and lists become columns with the path as name:
+`imu/gyro[1]`.
 """
 
 import json
@@ -25,7 +26,7 @@ def read_records(path: Path, take: Sequence[str]) -> Table:
     """Read the records or the lists of numbers of a JSON file.
 
     Raises:
-        RunError: not JSON, no numbers in lists or records, or more numbers than a recording has.
+        RunError: the file is not JSON, or contains no numbers in lists or records, or more numbers than a recording.
     """
     refuse_large(path, path.stat().st_size // 8)
     try:

@@ -1,7 +1,7 @@
 """Noise of tracked angles and tilt of the camera, from the lengths of the rods in a video.
 
 The true length of a rod is constant. The scatter of the distance between its ends in the picture is therefore the noise
-of a tracked point, and divided by the length it is the noise of the angle in rad. If the camera does not look along the
+of a tracked point. Divided by the length, it is the noise of the angle in rad. If the camera does not look along the
 joint axes, the length in the picture also varies with the pose (weak perspective). This part is a constant and two
 harmonics of the angles, and is not noise.
 
@@ -57,7 +57,7 @@ class RodLength:
     varies: float
     """Range of the part of the length that depends on the pose, relative to the length; 0 if it is not significant."""
     wrong: Flags
-    """(n,) frames in which, according to the length, the tracker followed another object."""
+    """(n,) mask of the frames in which the tracker followed another object, according to the length."""
 
 
 def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:

@@ -32,7 +32,7 @@ _UNITS = {
 _KIND = "(?:measured|meas|commanded|command|cmd|desired|des|motor|arm)?"
 _UNNAMED = f"{_KIND}(?:input|u|control|action){_KIND}"
 """Pattern of names that do not state the kind of an input, such as `input`, which `run export` writes. The rig file
-states the kind."""
+states the kind of the input."""
 _CART = re.compile("(?:x|pos|position)?(?:cart|carriage|trolley|slider|carro)(?:x|pos|position)?([cm]?m)?")
 _PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
 """Pattern of ambiguous names for the position of a cart: they may also denote angles or points. They are used only if
@@ -65,8 +65,8 @@ class KnownInputs:
     """Columns of the known torques of joints 1 and 2, or of the input of a driven arm."""
 
     pairs: Pairs
-    """Kind -> names of two columns: the torques of both joints or, for a driven arm, its input and `PASSIVE`. Empty for
-    a free swing."""
+    """Kind -> names of two columns: the torques of both joints or, for a driven arm, the input of the arm and
+    `PASSIVE`. Empty for a free swing."""
     factors: tuple[float, float]
     """Factor of each column from the unit in its name to the SI unit."""
     motor: MotorTable | None = None
@@ -97,8 +97,9 @@ class KnownInputs:
             raise RunError(f"{path}: the input {name!r} is zero throughout: the arm was not driven; use --arm free")
         if largest < least:
             raise RunError(
-                f"{path}: the input {name!r} never exceeds {largest:.2g}, too little for a drive: state the column of"
-                " the input (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or use --arm free"
+                f"{path}: the input {name!r} never exceeds {largest:.2g}, which is too little for a drive: state the"
+                " column of the input (--columns input=NAME) or its factor to SI units (--scale input=FACTOR), or"
+                " use --arm free"
             )
 
     def notes(self) -> list[str]:
@@ -134,7 +135,7 @@ def known_inputs(
         path: path of the table
 
     Raises:
-        RunError: a column that does not exist, is ambiguous, or does not fit the mode of the arm.
+        RunError: a column does not exist, is ambiguous, or does not fit the mode of the arm.
     """
     alone = rig.rods.number == 1 and options.arm == "clamped"
     pairs = find_torques([*recorded, *others], options.torque, options.columns, path, alone=alone)
@@ -177,7 +178,7 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
         path: path of the table
 
     Raises:
-        RunError: no column matches, or several do.
+        RunError: no column or more than one column matches.
     """
     units = _UNITS[motor.input]
     matches = _columns_of(motor.input, names)
@@ -220,13 +221,13 @@ def _gain_note(motor: MotorTable) -> list[str]:
     if not missing:
         return []
     return [
-        f"[motor] of the rig file has no {', '.join(missing)}: the torque per {motor.input} is fitted, so the"
-        " recordings cannot show an error of it, and absolute sizes need measured masses"
+        f"[motor] of the rig file has no {', '.join(missing)}: the torque per {motor.input} is therefore fitted. The"
+        " recordings cannot show an error of this factor, and absolute sizes need measured masses"
     ]
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Note that a table has a drive input although its arm is free; empty otherwise."""
+    """Note that a table contains a drive input although its arm is free; otherwise empty."""
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))

@@ -15,8 +15,8 @@ class CounterSettings:
 
     bits: tuple[int, ...] = (16, 24, 31, 32)
     ticks: tuple[float, ...] = (1.0, 1e3, 1e6)
-    """Counts per unit of the time column: 1 if the column is the counter itself, 1e3 or 1e6 if it is a counter of
-    milli- or microseconds converted to larger units."""
+    """Counts per unit of the time column: 1 if the column is the counter itself; 1e3 or 1e6 if a counter of
+    milliseconds or microseconds was converted to larger units."""
     slack: float = 0.01
     """Maximum difference between the decrease at a wrap and the width of the counter, relative to the width. The
     difference is up to one interval between rows."""
@@ -43,7 +43,9 @@ def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
     known = np.flatnonzero(np.isfinite(times))
     span = float(np.ptp(times[known])) if len(known) else 0.0
     if span >= wrap:
-        raise RunError(f"{name}: spans {span:.10g}, more than the {wrap:.10g} given as its wrap (--time-wrap)")
+        raise RunError(
+            f"{name}: spans {span:.10g}, which is more than the given period of its counter, {wrap:.10g} (--time-wrap)"
+        )
     falls = np.diff(times[known], prepend=times[known[:1]]) < -wrap / 2
     grown = times.copy()
     grown[known] += wrap * np.cumsum(falls)
@@ -51,7 +53,7 @@ def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
 
 
 def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool = False) -> float | None:
-    """Width of a counter that wrapped between two values; None if no counter matches.
+    """Width of the counter that wrapped between two values; None if no counter matches.
 
     Args:
         before: last value before the fall

@@ -49,7 +49,7 @@ _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
 SPEED_CORRELATION = 0.9
-"""Minimum correlation of the steps of an angle with its speed. With exact speeds it is 0.95 at six rows per period."""
+"""Minimum correlation of the steps of an angle with its speed; it is 0.95 for exact speeds at six rows per period."""
 _JOINT_STATES = (re.compile(r"(?:.*[/.])?positions?\[\d+\]", re.I), re.compile(r".+/position", re.I))
 """Patterns of joint angles in tables of ROS: `/joint_states/position[0]`, `/joint_states/shoulder/position`."""
 
@@ -71,7 +71,7 @@ def is_time(name: str) -> bool:
 
 
 def counter(table: Table) -> str:
-    """Name of the column that counts the rows, such as the frames of a video; empty without one."""
+    """Name of the column that counts the rows, such as the frames of a video; empty if there is none."""
     for name, column in zip(table.names, table.values, strict=True):
         steps = np.diff(column)
         if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
@@ -134,7 +134,7 @@ def find_columns(
         rate_hz: sample rate of a table without time
 
     Raises:
-        RunError: a column that is missing, occurs twice, has another length or states another unit.
+        RunError: a column is missing, occurs twice, has another length or states another unit.
     """
     names = [*table.names, *table.other_lengths]
     unit = unit or ("counts" if _is_counted(table, given.get("theta1", "")) else _said_unit(names, given))
@@ -156,10 +156,10 @@ def find_columns(
 
 
 def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
-    """Add a column for a fixed joint 2 to a table of one rod that lacks it, and return the table and the given columns.
+    """Add a missing column for a fixed joint 2 to a table of one rod; return the table and the given columns.
 
-    The name of the rod's column may lack a number, and the only column that varies needs no name. If the column of
-    theta1 is given, a column named like theta2 is not another rod, but for example another recording.
+    The name of the rod's column may lack a number. The only varying column needs no name. If the column of theta1 is
+    given, a column named like theta2 is not another rod, but for example another recording.
     """
     guessed = [guess_columns(table.names, unit) for unit in ("rad", "counts")]
     if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
@@ -255,7 +255,7 @@ def _never_falls(column: Array) -> bool:
 
 
 def varies(column: Array) -> bool:
-    """Whether a column has different values."""
+    """Whether the values of a column differ."""
     known = column[np.isfinite(column)]
     return bool(len(known) and np.ptp(known) > 0.0)
 
@@ -388,7 +388,7 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
 
 
 def own_name(name: str) -> str:
-    """Column name without the name of its group, for example `X` of `VideoAnalysis: X` in a table of Logger Pro."""
+    """Column name without the name of its group, for example `X` for `VideoAnalysis: X` in a table of Logger Pro."""
     rest = name.partition(": ")[2].strip()
     if not rest and name.endswith("/position"):  # name in ROS: topic, joint, quantity
         return "/".join(name.split("/")[-2:])

@@ -54,13 +54,14 @@ class Content:
         on_progress: called after each block
 
     Raises:
-        RunError: the file is empty, not text, or compressed and damaged or too large; here or in the methods.
-        OSError: it cannot be read.
+        RunError: the file is empty, is not text, or is a damaged or too large compressed file; here or in the methods.
+
+        OSError: the file cannot be read.
     """
 
     def __init__(self, path: Path, limits: TableLimits, on_progress: OnImport) -> None:
         self.comments: deque[Line] = deque(maxlen=1)
-        """The last comment before the current position."""
+        """Last comment before the current position."""
         self._path, self._limits, self._on_progress = path, limits, on_progress
         coding = _coding(path, limits)
         self._packed = path.open("rb")
@@ -204,7 +205,7 @@ def _no_text(path: Path, *, compressed: bool) -> str:
     if kind == "image":
         return "is a picture: a recording is a table of times and angles"
     instruction = "unpack it with gunzip" if compressed else "export it as CSV (UTF-8) from its program"
-    return f"is not a text table but a binary file: {instruction} first"
+    return f"is a binary file and not a text table: {instruction} first"
 
 
 def _decodes(decoder: codecs.IncrementalDecoder, block: bytes, final: bool = False) -> bool:

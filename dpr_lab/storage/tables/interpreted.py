@@ -37,7 +37,8 @@ class QuestionSettings:
     time_scale: float = 1.6
     """Maximum factor between the time scales of kinetic and potential energy, without a warning."""
     arm_rad: float = 0.05
-    """Maximum motion of a clamped arm without a warning, rad. A brake or a column yields by less."""
+    """Maximum motion of a clamped arm without a warning, rad. The motion due to a yielding brake or column is
+    smaller."""
     other_unit: float = 30.0
     """Factor between the time scales of kinetic and potential energy above which the unit of time must be wrong."""
     same_rig: float = 0.15
@@ -53,9 +54,10 @@ class QuestionSettings:
     to gravity, above which they are doubted. A warning is then given if the residual without torques, divided by this
     residual, is below the second."""
     energy_rows: int = 200_000
-    """Maximum number of rows for the energy test. A wrong interpretation is visible from the start of the swing."""
+    """Maximum number of rows for the energy test. A wrong interpretation is already visible at the start of the
+    swing."""
     pose: tuple[float, float] = (3.0, 10.0)
-    """Distance of the release from the named pose, in units of its tolerance: maximum without a warning, and maximum
+    """Maximum distance of the release from the named pose, in units of its tolerance: first without a warning, then
     without refusal of the table."""
 
 
@@ -93,7 +95,7 @@ class InterpretedTable:
     torque_columns: tuple[str, str]
     """Names of the columns that contain the torques of joints 1 and 2."""
     ignored: tuple[str, Array] | None
-    """Kind and (n, 2) torques of the table that the options ignore, N m; None if there are none."""
+    """Kind and (n, 2) torques of the table that the options ignore, N m; None if no torques are ignored."""
 
     @property
     def free(self) -> bool:
@@ -102,7 +104,7 @@ class InterpretedTable:
 
     @property
     def prescribed(self) -> bool:
-        """Whether the motion of the arm or of the inner rod is prescribed, so that an unknown torque acts."""
+        """Whether the motion of the arm or of the inner rod is prescribed. An unknown torque then acts."""
         return self.arm_moves or self.options.inner == "prescribed"
 
     @property

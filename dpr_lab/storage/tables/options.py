@@ -42,7 +42,7 @@ class ImportOptions:
         Literal["absolute", "relative"],
         Typed("Reference of theta2: the vertical (absolute), or the inner rod (relative)."),
     ] = "absolute"
-    """Whether theta2 is the angle of the outer rod to the vertical, or to the inner rod."""
+    """Reference of theta2: angle of the outer rod to the vertical (absolute) or to the inner rod (relative)."""
     zero: Annotated[Literal["upright", "hanging"], Typed("Pose in which the angles are zero.")] = "upright"
     """Direction of the rods at angle 0."""
     unit: Annotated[
@@ -60,8 +60,8 @@ class ImportOptions:
     columns: Annotated[
         Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
     ] = field(default_factory=dict)
-    """Quantity -> column name, or column number without a header. The quantities are t, theta0, theta1, theta2, the
-    torques tau1 and tau2, and the input of a driven arm. They are needed only if the names are not recognised."""
+    """Quantity -> column name, or column number if there is no header. The quantities are t, theta0, theta1, theta2,
+    the torques tau1 and tau2, and the input of a driven arm. A name is needed only if it is not recognised."""
     take: Annotated[
         tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
     ] = ()
@@ -72,28 +72,34 @@ class ImportOptions:
     """Sample rate of a table without times, Hz. If it is given, a column of times is ignored, and a column of frame or
     row numbers shows which rows are missing."""
     wrap: Annotated[
-        float | None, Typed("Period at which the angles wrap, in their unit, e.g. 360 or 4096.", positive=True)
+        float | None,
+        Typed("Period at which the angles wrap, in the unit of the angles, e.g. 360 or 4096.", positive=True),
     ] = None
     """Period at which the logger wraps the angles, in their unit: 360, 4096, ...; None: detected."""
     time_wrap: Annotated[
         float | None,
-        Typed("Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter.", positive=True),
+        Typed(
+            "Period at which the times wrap, in the unit of the times: 4294967296 for a 32-bit counter.", positive=True
+        ),
     ] = None
-    """Period at which the times wrap, in their unit: 4294967296 for a 32-bit counter."""
+    """Period at which the times wrap, in the unit of the times: 4294967296 for a 32-bit counter."""
     scale: Annotated[
         Mapping[str, float],
-        Typed("Multiply the angles: -1, or theta1=-1,theta2=0.5; the torques: tau2=-1; the input: input=-1."),
+        Typed(
+            "Factors for the angles: -1, or theta1=-1,theta2=0.5; for the torques: tau2=-1; for the input: input=-1."
+        ),
     ] = field(default_factory=dict)
     """Factors that multiply the values of the table, by axis, torque (`tau1`, `tau2`), or `input` of a driven arm."""
     offset: Annotated[
-        Mapping[str, float], Typed("Add to the angles after scaling, in their unit: 90, or theta1=90.")
+        Mapping[str, float],
+        Typed("Value to add to the angles after scaling, in the unit of the angles: 90, or theta1=90."),
     ] = field(default_factory=dict)
     """Values that are added after `scale`, by axis, in the unit of the table."""
     torque: Annotated[
         Literal["measured", "commanded", "none"] | None,
-        Typed("Torques to use if the table has both kinds; none: treat it as a free swing."),
+        Typed("Torques to use if the table contains both kinds; none: treat the recording as a free swing."),
     ] = None
-    """Kind of torques to use; it is also assumed for columns that do not state their kind. `none`: no torques. None:
+    """Kind of torques to use, which is also assumed for columns that do not state their kind. `none`: no torques. None:
     all torques of the table."""
     input_delay_s: Annotated[
         float,
@@ -112,23 +118,25 @@ class ImportOptions:
     a continuous signal."""
     arm: Annotated[
         Literal["clamped", "free", "prescribed", "driven"] | None,
-        Typed("Mode of the arm: clamped, free, prescribed by its encoder, or driven; default: as in the rig file."),
+        Typed(
+            "Mode of the arm: clamped, free, prescribed by its encoder, or driven. Default: the mode in the rig file."
+        ),
     ] = None
     """Mode of the arm; None: as in the rig file."""
     inner: Annotated[
         Literal["free", "prescribed"] | None,
-        Typed("Mode of the inner rod: free, or prescribed by its encoder; default: as in the rig file."),
+        Typed("Mode of the inner rod: free, or prescribed by its encoder. Default: the mode in the rig file."),
     ] = None
     """Mode of the inner rod, `free` or `prescribed`; None: the mode of the rig file."""
-    keep_rest: Annotated[bool, Typed("Keep all rows, also those in which the rods seem to be held.")] = False
-    """Whether all rows are used, also those in which the rods seem to be held."""
+    keep_rest: Annotated[bool, Typed("Keep all rows, including rows in which the rods seem to be held.")] = False
+    """Whether all rows are used, including rows in which the rods seem to be held."""
     recorded_at: Annotated[
         str, Typed("Time of the recording, e.g. 2026-03-01 or 2026-03-01T14:30; local time without a zone.")
     ] = ""
     """Time of the recording: ISO 8601 date, or date and time; local time without a zone. Empty: from the time stamps
     of the table, otherwise unknown.
     """
-    note: Annotated[str, Typed("A note stored with the run; `drift --by label` groups by it.")] = ""
+    note: Annotated[str, Typed("Note to store with the run. `drift --by label` groups runs by their notes.")] = ""
     """Note of the operator; `drift --by label` groups runs by it."""
     start_s: Annotated[float, Typed("Duration to cut from the beginning, s.", lowest=0)] = 0.0
     """Duration to omit from the beginning of the table, s."""

@@ -31,7 +31,7 @@ class Plausible:
     step_s: float = 10.0
     """Maximum median time between rows, s."""
     usual_step_s: float = 0.005
-    """Usual time between rows of a logger, s."""
+    """Usual time between the rows of a logger, s."""
     duration_s: float = 1e6
     """Maximum time from the first row to the last, s."""
     stamps_s: tuple[float, float] = (946_684_800.0, 4_102_444_800.0)
@@ -52,8 +52,8 @@ class Plausible:
     """Maximum speed of the faster rod, rad/s: sixteen turns per second. If nine of ten rows exceed it, degrees were
     probably read as radians."""
     back: float = 1.5
-    """Maximum number of turns of a single rod between two turning points. Angles that exceed it cannot be in
-    radians."""
+    """Maximum number of turns of a single rod between two turning points. If angles exceed this number, they cannot be
+    in radians."""
     typical_rows: int = 20_000
     """Maximum number of examined rows, evenly spaced over the table."""
 
@@ -73,20 +73,20 @@ def check_spacing(path: Path, t: Array) -> None:
             (("ms", 1e-3), ("us", 1e-6)), key=lambda choice: abs(math.log(step * choice[1] / PLAUSIBLE.usual_step_s))
         )
         raise RunError(
-            f"{path}: rows are {step:g} s apart, too far to follow a swing: the times are probably in {unit}, which"
-            f" makes them {step * factor:.3g} s apart (--time-unit {unit})"
+            f"{path}: rows are {step:g} s apart, which is too far to follow a swing: the times are probably in"
+            f" {unit}, and the rows then {step * factor:.3g} s apart (--time-unit {unit})"
         )
     if t[-1] > PLAUSIBLE.duration_s:
         raise RunError(
-            f"{path}: the table lasts {t[-1]:g} s, too long for a swing: is the unit of time right (--time-unit ms or"
-            " us)?"
+            f"{path}: the table lasts {t[-1]:g} s, which is too long for a swing: is the unit of time right"
+            " (--time-unit ms or us)?"
         )
 
 
 def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
     """Refuse a table with too many rows without a value.
 
-    The message names its longest good part by `--start-s` and `--duration-s`.
+    The message names the longest complete part by `--start-s` and `--duration-s`.
 
     Args:
         path: the table
@@ -94,7 +94,7 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
         whole: (n,) mask of the rows with all values
 
     Raises:
-        RunError: more than a tenth of the rows have no value, and these are not scattered.
+        RunError: more than a tenth of the rows have no value, and these rows are not scattered.
     """
     edges = np.flatnonzero(np.diff(whole, prepend=True, append=True))  # start and end of intervals without a value
     intervals = [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > PLAUSIBLE.lost_rows]
@@ -191,7 +191,7 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Note on gaps between (n,) times, s; empty without gaps."""
+    """Note on gaps between (n,) times, s; empty if there are no gaps."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []

@@ -43,7 +43,7 @@ class Preview:
     """Warnings about the interpretation."""
     torques: dict[str, tuple[str, str]]
     """Columns of joints 1 and 2 for each kind of known torques, `measured` first. The kind is empty if the columns do
-    not state it."""
+    not state a kind."""
     largest_input: float
     """Maximum absolute value of all known torques, or of the input of the arm's drive."""
     input_unit: str
@@ -101,7 +101,7 @@ class Preview:
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Command-line options that certainly resolve the warnings."""
+        """Command-line options that are certain to resolve warnings."""
         return tuple(word for question in self.questions for word in question.mend)
 
     def to_json(self) -> dict[str, object]:

@@ -35,7 +35,7 @@ class ReadingSettings:
     zero_rad: float = 0.02
     """Minimum change of a proposed zero, rad. Smaller errors are fitted by a diagnosis as encoder offsets."""
     usual_zero_rad: float = np.pi / 12
-    """Step of usual zero errors, rad: a wrong zero is usually a multiple of it."""
+    """Step of usual zero errors, rad: a wrong zero is usually a multiple of this step."""
     alike: float = 2.0
     """Maximum ratio of two residuals for which the interpretations are equally good; then the one with fewer changes is
     preferred."""
@@ -68,9 +68,10 @@ class OtherReading:
     """Another interpretation of a table."""
 
     causes: tuple[str, ...]
-    """Descriptions of its differences from the given interpretation."""
+    """Descriptions of the differences from the given interpretation."""
     words: tuple[str, ...]
-    """Command-line options that select it, except `--scale`; empty if the correction is not certain."""
+    """Command-line options that select this interpretation, except `--scale`; empty if the correction is not
+    certain."""
     values: Values
     options: ImportOptions
     time_factor: float = 1.0
@@ -108,7 +109,7 @@ def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tupl
     """(n, 3) absolute angles, rad, each axis contiguous, and the counts, if any.
 
     Raises:
-        RunError: counts with fractions.
+        RunError: counts have fractions.
     """
     if options.unit == "counts":
         counts = _counts(path, values, rig)
@@ -391,6 +392,6 @@ def _counts(path: Path, values: Values, rig: Rig) -> Integers:
     columns = np.column_stack([values.get(axis, zero) for axis, zero in zip(AXES, still, strict=True)])
     if np.any(columns != np.round(columns)):
         raise RunError(
-            f"{path}: the unit counts requires integers, but these values have fractions, so they are rad or deg"
+            f"{path}: the unit counts requires integers, but these values have fractions: use --unit rad or deg"
         )
     return columns.astype(np.int64)

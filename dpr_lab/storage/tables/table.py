@@ -67,13 +67,13 @@ class Table:
         """(n,) values of one column; NaN for missing values.
 
         Raises:
-            RunError: a field that is not a number; the message names line and column.
+            RunError: a field is not a number; the message names line and column.
         """
         place = self.names.index(name)
         if self.strange[place]:
             raise RunError(
-                f"{self.path}: {self.strange[place]} in column {name!r} is not a number: correct it, or leave"
-                f" the field empty if its value is missing; if another table begins there, split the file"
+                f"{self.path}: {self.strange[place]} in column {name!r} is not a number: correct the field, or leave"
+                " it empty if its value is missing; if another table begins there, split the file"
             )
         return self.values[place].copy()
 
@@ -98,7 +98,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
         on_progress: called after each block
 
     Raises:
-        RunError: the file cannot be read, is empty, not text, without numbers, or has a row of another length.
+        RunError: the file cannot be read, is empty, is not text, contains no numbers, or has a row of another length.
     """
     try:
         with Content(path, LIMITS, on_progress) as content:
@@ -180,7 +180,7 @@ class _Columns:
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
         """Append a block of lines that contain only numbers, from line `number` on.
 
-        Returns False, and appends nothing, for other lines.
+        For other lines, nothing is appended and the result is False.
         """
         if self._short is not None:
             return False
@@ -195,13 +195,13 @@ class _Columns:
     def finish(self) -> None:
         """End the table.
 
-        A short last row was truncated when the logger was switched off, so it is ignored with a note.
+        A last row that is too short was truncated when the logger was switched off. It is ignored, with a note.
         """
         if self._short is None:
             return
         if not self._lines:
             self._refuse(*self._short)
-        self.notes = (f"line {self._short[0]}, the last one, is incomplete: ignored",)
+        self.notes = (f"the last line, {self._short[0]}, is incomplete and was ignored",)
 
     def _refuse(self, number: int, length: int) -> NoReturn:
         width = len(self._values)

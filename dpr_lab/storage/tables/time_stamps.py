@@ -2,7 +2,7 @@
 
 Too few digits: several rows share one time, for example in a spreadsheet that shows three digits. If the rows are
 evenly spaced, their number determines the times t_i = t_0 + i T. Apart from a constant, each written time then differs
-from t_i by at most half of its resolution. Unevenly sampled or lost rows violate this.
+from t_i by at most half of its resolution. Unevenly sampled or lost rows violate this condition.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
@@ -64,8 +64,8 @@ SETTINGS = StampSettings()
 def carried_times(t: Array) -> tuple[Array, str]:
     """Correct rows that are a second or a minute early or late, and return the times and a note.
 
-    A few rows are shifted by the unit if the time runs backwards without this shift and all steps around them have the
-    usual size with it. Other times are not changed.
+    A few rows are shifted by the unit if, without this shift, the time runs backwards and, with this shift, all steps
+    around them have the usual size. Other times are not changed.
 
     Args:
         t: (n,) s, NaN where unknown
@@ -92,8 +92,8 @@ def carried_times(t: Array) -> tuple[Array, str]:
         return t, ""
     first = min(moved)
     return corrected, (
-        f"stamps a whole second or minute early or late, because the logger reads it apart from its fraction:"
-        f" {len(moved)} corrected, the first from {t[first]:.10g} to {corrected[first]:.10g} s"
+        "time stamps are a whole second or minute early or late, because the logger reads seconds and fraction at"
+        f" different instants: {len(moved)} corrected, the first from {t[first]:.10g} to {corrected[first]:.10g} s"
     )
 
 
@@ -104,7 +104,7 @@ def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
 
 
 def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Evenly spaced times in place of rounded ones, and a note; other times are returned unchanged.
+    """Evenly spaced times in place of rounded times, and a note; other times are returned unchanged.
 
     Args:
         t: (n,) s, not decreasing
@@ -121,8 +121,8 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
         spacing, first = np.polyfit(rows, t, 1, w=1 / resolution).tolist()
         if np.ptp((t - first - spacing * rows) / resolution) <= SETTINGS.slack:
             note = (
-                f"several rows share one time: its resolution is {resolution.max():g} s. The rows are evenly spaced to"
-                f" within it, at {1 / spacing:.5g} Hz, so their number determines the times"
+                f"several rows share one time: its resolution is {resolution.max():g} s. Within this resolution the"
+                f" rows are evenly spaced, at {1 / spacing:.5g} Hz, so the row number determines the times"
             )
             return first + spacing * rows, note
     return t, ""
@@ -188,8 +188,8 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
         return t, ""
     first, instant = moved[0]
     return corrected, (
-        f"stamps on the wrong side of a gap: {len(moved)}; these readings continue the motion on the other side and"
-        f" are moved there, the first from {t[first]:.7g} to {instant:.7g} s"
+        f"time stamps on the wrong side of a gap: {len(moved)}. These readings continue the motion on the other side"
+        f" and are moved to that side, the first from {t[first]:.7g} to {instant:.7g} s"
     )
 
 

@@ -49,12 +49,11 @@ def find_torques(
         source: `measured` or `commanded`, if only this kind is requested; `none` for no torques; None for all
         given: names of the columns of `tau1` and `tau2`, if stated
         path: path of the table
-        alone: whether there is only joint 1, so that its torque needs no number
+        alone: whether there is only joint 1, whose torque then needs no number
 
     Raises:
-        RunError: two columns of one torque, no torque of the requested kind, a joint with a torque of another kind
-        only,
-            or a stated column that does not exist.
+        RunError: two columns contain one torque, the requested kind does not exist, a joint has only a torque of
+        another kind, or a stated column does not exist.
     """
     if source == "none":
         return {}
@@ -116,7 +115,7 @@ def torque_column(table: Table, name: str) -> Array:
     """Torque of a column, N m, according to the unit in its name; zero for a passive joint.
 
     Raises:
-        RunError: a column of another length.
+        RunError: the column has another length.
     """
     if name == PASSIVE:
         return np.zeros(len(table.lines))
@@ -132,7 +131,7 @@ def torque_column(table: Table, name: str) -> Array:
 def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
     """Torque of the kept rows.
 
-    Over an interval with removed rows it is the mean torque, which conserves the impulse.
+    Over an interval with removed rows, the result is the mean torque, which conserves the impulse.
 
     Args:
         t: (rows,) s
@@ -156,19 +155,19 @@ class OtherTorques:
     torques: Array
     """(n, 2) N m."""
     words: tuple[str, ...]
-    """Command-line options that select it."""
+    """Command-line options that select this interpretation."""
 
 
 def other_torques(
     torques: Array | None, pair: tuple[str, str], scale: Mapping[str, float], ignored: tuple[str, Array] | None
 ) -> Iterator[OtherTorques]:
-    """Yield other interpretations of the torques: other signs or units, exchanged joints, or torques that were ignored.
+    """Yield other interpretations of the torques: other signs or units, exchanged joints, or ignored torques.
 
     Args:
         torques: (n, 2) as interpreted, N m; None for a free swing
         pair: names of their columns
         scale: factors of the option `--scale`
-        ignored: kind and (n, 2) torques that the options ignore, N m; None if there are none
+        ignored: kind and (n, 2) torques that the options ignore, N m; None if no torques are ignored
     """
     if ignored is not None:
         cause = "the torques of the table act, which --torque none ignores"
@@ -190,7 +189,7 @@ def other_torques(
 def better_torques(
     fit: EnergyFit, t: Array, rods: Array, others: Sequence[OtherTorques], rig: Rig
 ) -> OtherTorques | None:
-    """Interpretation of the torques with a clearly smaller energy residual than `fit`; None without one.
+    """Interpretation of the torques with a clearly smaller energy residual than `fit`; None if there is none.
 
     Args:
         fit: the energy balance as interpreted
@@ -206,7 +205,7 @@ def better_torques(
 
 
 def coarse_torques(torques: Array, limit: float, words: str) -> str:
-    """Warning if torques, or an input of the arm, change too much from row to row; else empty.
+    """Warning if torques, or an input of the arm, change too much from row to row; otherwise empty.
 
     Args:
         torques: (n, 2) from the release on, N m
@@ -227,7 +226,7 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
 def idle_torques(
     t: Array, rods: Array, torques: Array | None, pair: tuple[str, str], rig: Rig, limits: tuple[float, float]
 ) -> str:
-    """Warning if torques exceed gravity although the rods move as if no torque acted; else empty.
+    """Warning if torques exceed gravity although the rods move as if no torque acted; otherwise empty.
 
     Args:
         t: (n,) s

@@ -64,8 +64,8 @@ class Understood:
     """Options including the detected units."""
     kind: str
     torques: Mapping[str, Array] = field(default_factory=dict)
-    """Kind -> torques (n, 2), N m, `measured` first. The kind is empty if the columns do not state it. A free swing has
-    no entry."""
+    """Kind -> torques (n, 2), N m, `measured` first. The kind is empty if the columns do not state a kind. A free swing
+    has no entry."""
     torque_columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """Kind -> names of the columns of joints 1 and 2."""
     questions: tuple[TableQuestion, ...] = ()
@@ -75,7 +75,7 @@ class Understood:
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
     at_edges: bool = False
-    """Whether a row was sent at each encoder count, so that the angles are those of the edges between counts."""
+    """Whether a row was sent at each encoder count. The angles are then the angles of the edges between counts."""
 
     @property
     def t(self) -> Array:
@@ -119,7 +119,7 @@ def understand(
     notes += [*unused_input(recorded, options.arm), *unnumbered(recorded, inputs.pairs, options)]
     if inputs.pairs and not any(column[rows].any() for column in known.values()):
         inputs = replace(inputs, pairs={})
-        notes.append("all its torques are zero, so it is treated as a free swing")
+        notes.append("all torques are zero, so the recording is treated as a free swing")
     values = {axis: _scaled(column[rows], axis, options) for axis, column in readings.items()}
     notes = [*table.notes, *columns.notes, *removed, *notes, *inputs.notes()]
     named = {axis: name for axis, name in columns.names.items() if axis == "t" or axis in values}
@@ -158,13 +158,13 @@ class _Rows:
     path: Path
     kept: NDArray[np.intp]
     t: Array
-    """(all rows,) times, s, also of removed rows."""
+    """(all rows,) times, s, including removed rows."""
     values: Mapping[str, Array]
     torques: Mapping[str, Array]
     columns: Mapping[str, str]
     options: ImportOptions
     ignored: tuple[str, Array] | None
-    """Kind and (kept rows, 2) torques that `--torque none` ignores, N m; None if there are none."""
+    """Kind and (kept rows, 2) torques that `--torque none` ignores, N m; None if no torques are ignored."""
 
 
 def _ignored(
@@ -242,7 +242,7 @@ def _at_edges(read: Understood, rig: Rig) -> Understood:
         return read
     release = int(np.searchsorted(rows, read.release))
     later = read.since_first_s[rows[release]] - read.since_first_s[read.release]
-    note = "a row is sent for each count: the angle of a row is that of the edge between its count and the one before"
+    note = "a row is sent for each count: the angle of a row is the edge between its count and the previous count"
     return replace(
         read,
         since_first_s=np.round(read.since_first_s[rows] - read.since_first_s[rows[0]], 9),
@@ -390,7 +390,7 @@ def _refuse_coarse_times(path: Path, readings: Mapping[str, Array], rows: NDArra
     if changed.sum() > PLAUSIBLE.doubled_share * len(rows):
         raise RunError(
             f"{path}: {changed.sum()} of {len(rows)} rows have the same time as the previous row but other"
-            " readings: the time column has too few digits. Export it with more, or give the rate (--rate-hz)"
+            " readings: the time column has too few digits. Export more digits, or give the rate (--rate-hz)"
         )
 
 

@@ -1,4 +1,4 @@
-"""Doubts from the accelerations of the swing: about readings and rig file.
+"""Doubts about readings and rig file, from the accelerations of the swing.
 
 Accelerations are more sensitive than the energy of the swing.
 """
@@ -21,7 +21,7 @@ def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
     if table.prescribed:
         return []
     others = balanced_readings(table.read())
-    broken = "the accelerations do not follow from gravity and friction; they do"
+    broken = "the accelerations do not follow from gravity and friction, but they do"
     return [read_otherwise(broken, others)] if others else []
 
 

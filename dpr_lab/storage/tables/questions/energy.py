@@ -33,7 +33,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
             raise RunError(_unit_of_time(table, *other.mend[1:]))
     if others:
         others = [as_posed(table, other) for other in others]
-        return [read_otherwise("the energy of the swing is not conserved; it is", others)], others
+        return [read_otherwise("the energy of the swing is not conserved, but it is", others)], others
     doubts = []
     unexplained = SETTINGS.unexplained[table.torques is not None]
     if residual > unexplained:
@@ -85,7 +85,8 @@ def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) 
     if best is None:
         return None
     return TableQuestion(
-        f"with these options the energy of the swing is not conserved; it is if {best.cause} ({' '.join(best.words)})",
+        f"with these options the energy of the swing is not conserved, but it is if {best.cause}"
+        f" ({' '.join(best.words)})",
         best.words,
     )
 

@@ -1,4 +1,4 @@
-"""Doubt from the period of a single rod over its amplitude: whether the column is the angle at all."""
+"""Doubt whether a column is an angle, from the period of a single rod over its amplitude."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,7 +18,7 @@ class PeriodSettings:
     fewest_periods: int = 6
     """Minimum number of periods from which the scatter of a period can be estimated."""
     smallest_share: float = 0.1
-    """Minimum amplitude relative to the largest one; the noise disturbs the period of smaller swings."""
+    """Minimum amplitude relative to the largest amplitude; noise disturbs the period of smaller swings."""
     overturned_rad: float = 3.0
     """Maximum amplitude of a swing, rad."""
     other_scale: float = 0.6
@@ -35,7 +35,7 @@ SETTINGS = PeriodSettings()
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about a column whose period depends on the amplitude as that of much smaller angles does.
+    """Doubt about a column whose period depends on the amplitude like the period of much smaller angles.
 
     The period of a rod in free swing is T = T0 / agm(1, cos(A/2)) with the arithmetic-geometric mean agm and the
     amplitude A. A position in mm that is read as degrees has the period of another amplitude.

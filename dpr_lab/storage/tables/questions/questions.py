@@ -1,6 +1,6 @@
 """Doubts about the interpretation of a table.
 
-A table that cannot be used is refused. Other doubts become warnings that name the option which may correct them.
+A table that cannot be used is refused. Each other doubt becomes a warning that names the option that may remove it.
 """
 
 from dataclasses import dataclass
@@ -35,8 +35,8 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
     """Doubts about a table, most serious first.
 
     Raises:
-        RunError: the table cannot be used: too few rows, constant or identical columns, another unit of time, another
-        pose.
+        RunError: the table cannot be used because of too few rows, constant or identical columns, a wrong unit of time,
+        or another pose.
     """
     t, theta = table.t[table.swing], table.theta[table.swing]
     if len(t) < SETTINGS.fewest_rows:
@@ -132,8 +132,8 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
     if len(t) < SETTINGS.few_rows or lasts < slow / 2:
         doubts.append(
             TableQuestion(
-                f"{len(t)} rows in {lasts:.3g} s: a recording of less than {SETTINGS.few_rows} rows or of less"
-                f" than half a period of the slower oscillation ({slow:.2g} s) contains little information"
+                f"{len(t)} rows in {lasts:.3g} s: a recording with fewer than {SETTINGS.few_rows} rows, or shorter"
+                f" than half a period of the slower oscillation ({slow:.2g} s), contains little information"
             )
         )
     return doubts
