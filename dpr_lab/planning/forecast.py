@@ -21,6 +21,12 @@ probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
+No gap is visible, but an effect may not be excluded. Let z be its estimate in standard deviations, and g the factor by
+which further releases increase the information about it. If the effect is absent, the next estimate has mean z /
+sqrt(g) and variance 1 - 1/g, in the new standard deviations. If it is present, with a flat prior of its size, the mean
+is z sqrt(g) and the variance g - 1. Both cases are equally probable. The releases decide if the estimate is then small
+enough to exclude the effect, or large enough to name it.
+
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
 regarding the probability of success as variable between the sets of trials, Journal of the Royal Statistical Society B
@@ -29,12 +35,14 @@ regarding the probability of success as variable between the sets of trials, Jou
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
 from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array, Flags
-from dpr_lab.planning.worth.criteria import OpenPairs
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, OpenPairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +61,8 @@ class ForecastSettings:
     """Minimum d^2 at which two causes count as separable; odds of 20 to 1 then result on average."""
     repeats: int = 6
     """Maximum number of further releases whose d^2 may be summed to reach this value."""
+    named: float = 6.2
+    """Minimum estimate of an effect that is named, in standard deviations."""
 
 
 FORECAST = ForecastSettings()
@@ -102,3 +112,18 @@ def _decided(p: Array, d2: Array, together: Flags) -> float:
         best = most * (1 - outside) / weight.sum(axis=1)
         total += p[truth] * float(np.mean(best >= SURE))
     return total / max(float(p.sum()), 1e-12)
+
+
+def settled_probability(amplitudes: OpenAmplitudes) -> float:
+    """Probability that further information excludes or names the most significant of the open amplitudes."""
+    if not amplitudes.tested:
+        return 1.0
+    z, gain, excluded = max(
+        (SIGMAS * abs(amplitude.estimate) / amplitude.size, gain, SIGMAS - NormalDist().inv_cdf(amplitude.sufficient))
+        for amplitude, gain in zip(amplitudes.tested, (amplitudes.after / amplitudes.before).tolist(), strict=True)
+    )
+    if gain <= 1.0:
+        return 0.0
+    absent = NormalDist(z / gain**0.5, (1.0 - 1.0 / gain) ** 0.5)
+    present = NormalDist(z * gain**0.5, (gain - 1.0) ** 0.5)
+    return 1.0 - 0.5 * sum(case.cdf(FORECAST.named) - case.cdf(excluded) for case in (absent, present))

@@ -13,13 +13,13 @@ from dpr_lab.acceptance.judge import SURE
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
-from dpr_lab.planning.forecast import FORECAST, decision_probability
+from dpr_lab.planning.forecast import FORECAST, decision_probability, settled_probability
 from dpr_lab.planning.knowledge import Knowledge
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.planning.sequence import SequenceStep
 from dpr_lab.planning.stopping import STOPPING, decided, recorded_releases, reservation, undecided
-from dpr_lab.planning.worth.criteria import detectable, library_bits, ratio_std, shown_ratio_std
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, detectable, library_bits, ratio_std, shown_ratio_std
 from dpr_lab.planning.worth.goals import limit_forecasts
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
@@ -97,13 +97,15 @@ def _planned(
         pairs=[PairBits(causes=pair, bits=bits) for pair, bits in objective.bits_of(gained).items()],
         library_bits=library_bits(known, F),
         ratio_std=shown_ratio_std(known, F),
-        decided=_forecast(objective, gained, number, together),
+        decided=_forecast(objective, F, gained, number, together),
         simulated=step.simulated,
     )
     return planned.driven_by(release.torques)
 
 
-def _forecast(objective: Objective, gained: Sequence[Array], releases: int, together: Collection[str]) -> float | None:
+def _forecast(
+    objective: Objective, F: Array, gained: Sequence[Array], releases: int, together: Collection[str]
+) -> float | None:
     """Probability that this number of releases decides the causes; the causes in `together` count as one.
 
     None before any recording, and if no further release is necessary.
@@ -112,7 +114,10 @@ def _forecast(objective: Objective, gained: Sequence[Array], releases: int, toge
     if diagnosis is None or _state(objective.known, together) != "record":
         return None
     failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
-    return decision_probability(objective.pairs, gained, releases, together, failed)
+    settled = 1.0
+    if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
+        settled = settled_probability(OpenAmplitudes.of(objective.known, F))
+    return settled * decision_probability(objective.pairs, gained, releases, together, failed)
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:

@@ -12,7 +12,7 @@ import pytest
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, Exclusion, RecordingUsed
 from dpr_lab.gap.result.posterior import PosteriorComponent
-from dpr_lab.planning.forecast import FORECAST
+from dpr_lab.planning.forecast import FORECAST, settled_probability
 from dpr_lab.planning.information import informed
 from dpr_lab.planning.knowledge import known_before
 from dpr_lab.planning.limits import PlanLimits
@@ -21,7 +21,7 @@ from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
 from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
 from dpr_lab.planning.summary import inseparable, summed_up
-from dpr_lab.planning.worth.criteria import open_bits
+from dpr_lab.planning.worth.criteria import OpenAmplitudes, open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
 from dpr_lab.report.gap.sections.exclusions import exclusion_words
@@ -190,6 +190,21 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
         after_one = replace(known, diagnosis=of_runs(nothing, "P1", exclusions=[tested]))
         assert open_bits(after_one, known.information) == pytest.approx(0.0, abs=1e-12)
         assert (open_bits(after_one, large) > 2 * open_bits(after_one, small)) is is_open
+
+
+def test_a_forecast_with_an_effect_that_is_not_excluded_is_the_share_of_draws_that_exclude_or_name_it() -> None:
+    tested = Exclusion(effect="latency_joint2", parameter="delay_s", size=5.0, estimate=-4.5, confidence=0.69)
+    gain, count, rng = 2.0, 100_000, np.random.default_rng(0)
+    made = settled_probability(OpenAmplitudes((tested,), np.ones(1), np.full(1, gain)))
+    sizes = np.concatenate([np.zeros(count), 4.5 + rng.standard_normal(count)])  # absent, present
+    further = sizes * (gain - 1) ** 0.5 + rng.standard_normal(2 * count)
+    both = (4.5 + (gain - 1) ** 0.5 * further) / gain**0.5
+    assert made == pytest.approx(np.mean((np.abs(both) < 5.0 - 1.645) | (np.abs(both) > FORECAST.named)), abs=0.01)
+    more = [settled_probability(OpenAmplitudes((tested,), np.ones(1), np.full(1, g))) for g in (1.0, 2.0, 4.0, 100.0)]
+    assert more == sorted(more)
+    assert more[0] == 0.0
+    assert more[-1] > 0.99
+    assert settled_probability(OpenAmplitudes((), np.zeros(0), np.zeros(0))) == 1.0
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])

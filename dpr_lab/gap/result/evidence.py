@@ -114,7 +114,12 @@ class Exclusion(Saved):
         limit of 3.4 standard deviations for other effects by chance on one rig in four. Its limit is therefore 4. This
         excludes a size of 5.6 standard deviations, instead of 5, with the same confidence.
         """
-        return self.confidence >= (EXCLUDED.of_shapes if EFFECTS[self.effect].shapes else EXCLUDED.sure)
+        return self.confidence >= self.sufficient
+
+    @property
+    def sufficient(self) -> float:
+        """Minimum confidence with which the effect counts as excluded."""
+        return EXCLUDED.of_shapes if EFFECTS[self.effect].shapes else EXCLUDED.sure
 
 
 class JointFriction(Saved):

@@ -39,6 +39,7 @@ from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.gap.advice.check_kind import expected_bits
 from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.mounted_ratios import ratio_of
+from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge
 from dpr_lab.planning.stopping import Causes, not_excluded
 
@@ -229,22 +230,41 @@ def library_bits(known: Knowledge, F: Array) -> float:
     return total / count
 
 
+@dataclass(frozen=True, slots=True)
+class OpenAmplitudes:
+    """Amplitudes of the library that the recordings do not exclude, and further information about them."""
+
+    tested: tuple[Exclusion, ...]
+    """Test of each amplitude."""
+    before: Array
+    """(n,) information about each amplitude from the recordings, with the unknowns of the model fitted."""
+    after: Array
+    """(n,) the same with further information."""
+
+    @classmethod
+    def of(cls, known: Knowledge, F: Array) -> "OpenAmplitudes":
+        """Open amplitudes, given the information F; none if part of the gap remains unexplained."""
+        diagnosis, places = known.diagnosis, dict[int, Exclusion]()
+        if diagnosis is not None and diagnosis.verdict in ("no_gap", "named"):
+            tested = {(amplitude.effect, amplitude.parameter): amplitude for amplitude in not_excluded(diagnosis)}
+            names = [(column.effect, column.name) for column in known.model.columns]
+            places = {i: tested[name] for i, name in enumerate(names) if name in tested}
+        if not places:
+            return cls((), np.zeros(0), np.zeros(0))
+        before, after = (np.diag(given(information, known.fitted, [*places])) for information in (known.information, F))
+        return cls(tuple(places.values()), before, after)
+
+
 def open_bits(known: Knowledge, F: Array) -> float:
     """Mean bits that further information contributes about the amplitudes that are not excluded.
 
     The value is 0 if part of the gap remains unexplained.
     """
-    diagnosis = known.diagnosis
-    if diagnosis is None or diagnosis.verdict not in ("no_gap", "named"):
+    amplitudes = OpenAmplitudes.of(known, F)
+    if not amplitudes.tested:
         return 0.0
-    sizes = {(amplitude.effect, amplitude.parameter): amplitude.size for amplitude in not_excluded(diagnosis)}
-    columns = known.model.columns
-    places = [i for i, column in enumerate(columns) if (column.effect, column.name) in sizes]
-    if not places:
-        return 0.0
-    after, before = (np.diag(given(information, known.fitted, places)) for information in (F, known.information))
-    size = np.array([sizes[columns[i].effect, columns[i].name] for i in places])
-    d = size * np.sqrt(np.maximum(after - before, 0.0) / CALIBRATION.temperature)
+    size = np.array([amplitude.size for amplitude in amplitudes.tested])
+    d = size * np.sqrt(np.maximum(amplitudes.after - amplitudes.before, 0.0) / CALIBRATION.temperature)
     return float(np.interp(d, *_even_bits()).mean())
 
 
