@@ -209,7 +209,7 @@ def test_a_release_cannot_be_triggered_from_a_read_only_view(simulated, spy_on) 
     with Device(spy, read_only=True) as view:
         view.connect()
         for command in (view.release, view.hold, view.stop, lambda: view.stream(100)):
-            with pytest.raises(SafetyStop, match="nothing was sent"):
+            with pytest.raises(SafetyStop, match="was not sent"):
                 command()
         status = status_of(view)
     assert set(spy.sent) <= {NUMBERS[Hello], NUMBERS[Ping]}

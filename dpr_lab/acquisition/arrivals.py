@@ -1,8 +1,8 @@
 """Clock rate of the device, estimated from the arrival times of its samples on the host's clock.
 
-A sample cannot arrive before it was taken, so arrival = offset + tick * period + delay with delay >= 0. Buffers and a
-busy host make individual delays long, but the shortest delay within a block of time hardly changes. A line is fitted to
-the samples with the shortest delays.
+A sample cannot arrive before it was taken. Therefore arrival = offset + tick * period + delay with delay >= 0. Buffers
+and a busy host make individual delays long, but the shortest delay within a block of time hardly changes. A line is
+fitted to the samples with the shortest delays.
 """
 
 from array import array
@@ -32,7 +32,7 @@ class ArrivalSettings:
     """Possible change of the shortest delay during a recording that stays undetected, s: a few time slices of the
     host."""
     central: tuple[float, float] = (0.1, 0.9)
-    """Quantiles of the residuals between which blocks are used. The other blocks may lie entirely within a stall."""
+    """Quantiles of the residuals between which blocks are used. Blocks outside may lie entirely within a stall."""
 
 
 ARRIVALS = ArrivalSettings()

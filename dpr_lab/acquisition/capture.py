@@ -47,8 +47,8 @@ class CaptureOptions:
     duration: float = 10.0
     """Duration of the recording after the release, s."""
     until_rest: bool = False
-    """Whether the recording ends when both rods have come to rest, at the latest after `max_duration`, rather than
-    after `duration`."""
+    """Whether the recording ends when both rods have come to rest (at the latest after `max_duration`) instead of after
+    `duration`."""
     max_duration: float = 180.0
     pose_timeout: float = 120.0
     """Maximum time to move the rods to the pose, s."""
@@ -109,15 +109,16 @@ def capture(
         options: rate, duration and limits
         out_dir: folder for the run file, created if missing
         on_progress: called with every step, in this thread
-        confirm: called once the rods are at rest: True releases, False stops, None repeats the call a moment later
+        confirm: called when the rods are at rest; returns True to release, False to stop, None to be called again a
+        moment later
         settings: timing of the capture, and limits of rest
 
     Raises:
-        ConfigError: unknown pose, or a device that does not match the rig.
+        ConfigError: the pose is unknown, or the device does not match the rig.
         LinkError, DeviceFault: see `Device`.
         SafetyStop: a check before the release failed, or no permission was given; the rods stay held.
-        RunError: there is no disk space for the file, which is detected before anything moves; or the disk failed, and
-            the recorded data are kept.
+        RunError: the disk has no space for the file (detected before the rods move), or failed; the recorded data are
+        kept.
         DeviceLost: the connection was lost; the message names the partial file if there is one.
         KeyboardInterrupt: re-raised with the name of the file, after the file was finished as incomplete and the device
             was stopped.

@@ -1,4 +1,4 @@
-"""Conformance test of a device: exchanges of `traces.json` over its port, and its timing.
+"""Conformance test of a device: the exchanges of `traces.json` over its port, and its timing.
 
 The test opens and closes the latch many times, so the rods must be removed.
 """
@@ -78,8 +78,8 @@ DRIVES = {"joints": PAGES, "arm": ARM_PAGE}
 """Kind of drives in a trace -> page of INFO that only devices with such drives send."""
 
 MARK = 0xBA00
-"""First token of the pings that follow a command. A device processes messages in order, so their answers mark its
-end."""
+"""First token of the pings that follow a command. A device processes messages in order, so the answers to the pings
+mark the end of the command."""
 
 
 def conformity(link: Transport, settings: ConformanceSettings = ConformanceSettings()) -> Iterator[Conformity]:
@@ -129,7 +129,7 @@ class _Peer:
         self._heard: list[Message] = []
 
     def to_idle(self) -> None:
-        """Start a new session with an idle device; its previous state does not matter."""
+        """Start a new session with an idle device, whatever its previous state."""
         self._released = None
         self.ask(Hello(token=200))
         for command in (Stop(token=201), ClearFault(token=202), Hold(token=203), Stream(token=204)):
@@ -305,7 +305,7 @@ def refuse_with_rods(rods_are_off: bool) -> None:
     """Refuse the test unless the operator confirmed that no rods are mounted.
 
     Raises:
-        DprError: the operator did not confirm it.
+        DprError: the operator did not confirm that no rods are mounted.
     """
     if not rods_are_off:
         raise DprError(

@@ -86,7 +86,8 @@ class Device:
         """Losses up to the newest batch, by cause."""
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
-        """The newest sample. It is delayed until the next one arrives, and discarded if the next one contradicts it."""
+        """The newest sample. It is delayed until the next sample arrives, and discarded if the next sample contradicts
+        it."""
         self._overruns = Counter()
         self._dropped = Counter()
         self._heard_at = time.monotonic()
@@ -122,7 +123,7 @@ class Device:
 
     @property
     def status(self) -> Status | None:
-        """Last STATUS of the device; None before the first one."""
+        """Last STATUS of the device; None before the first STATUS."""
         return self._session.status
 
     @property
@@ -142,7 +143,7 @@ class Device:
         return self._timing.silence_s * patience
 
     def connect(self, timeout: float = 2.0) -> DeviceInfo:
-        """Handshake with the device; it is repeated until the device answers or `timeout` s have passed.
+        """Handshake with the device, which is repeated until the device answers or `timeout` s have passed.
 
         Raises:
             LinkTimeout: the device does not answer; the message states whether any bytes arrived.
@@ -180,7 +181,7 @@ class Device:
         """Start sampling at tick 0.
 
         Raises:
-            LinkError, DeviceFault: see `check_rate`; or the device refuses the command.
+            LinkError, DeviceFault: as for `check_rate`, or the device refuses the command.
         """
         self.check_rate(rate_hz)
         with self._lock:
@@ -257,7 +258,7 @@ class Device:
 
     def _command(self, command: Command) -> None:
         if self._read_only:
-            raise SafetyStop(f"{self.url}: {type(command).__name__} from a read-only view: nothing was sent")
+            raise SafetyStop(f"{self.url}: {type(command).__name__} was not sent, because this view is read-only")
         with unbroken(), self._lock:
             self._raise_failure()
             self._transport.send(self._session.command(command, time.monotonic()))
@@ -375,8 +376,8 @@ class Device:
             return
         if now - self._heard_at > self.silence_s:
             raise DeviceLost(
-                f"{self.url}: neither sample nor status for {self.silence_s:g} s: check cable and power; the device may"
-                " have restarted"
+                f"{self.url}: neither sample nor status for {self.silence_s:g} s: check cable and power; the device"
+                " may have restarted"
             )
 
     def _note(self, message: Message, host_time: float) -> None:

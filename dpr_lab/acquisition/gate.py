@@ -34,7 +34,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class QualityReport:
-    """Results of all checks that could be made."""
+    """Results of all possible checks of a recording."""
 
     checks: tuple[Check, ...]
     notes: tuple[str, ...] = ()

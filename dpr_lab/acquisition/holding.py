@@ -49,7 +49,7 @@ class RestReading:
     ok: bool
     """Whether the rods are at rest."""
     restless: str
-    """Reason why the rods may not be released; empty if they may be."""
+    """Reason why the rods may not be released; empty if a release is permitted."""
     arm: str = ""
     """Reason why a movable arm forbids the release; empty if it does not."""
 
@@ -61,8 +61,8 @@ class HangReading:
     error: tuple[float, float]
     """Signed deviation of inner and outer rod from the vertical, rad."""
     ok: bool
-    """Whether the deviation is within `QualityLimits.hang_error`. A larger one means that counts were lost or that the
-    zero in the rig file is wrong."""
+    """Whether the deviation is within `QualityLimits.hang_error`. A larger deviation means that counts were lost or
+    that the zero in the rig file is wrong."""
 
 
 OnReading: TypeAlias = Callable[["PoseReading | RestReading | HangReading"], None]
@@ -133,7 +133,7 @@ def look_at_hanging(
 ) -> tuple[float, float] | None:
     """Deviation of the hanging rods from the vertical, rad.
 
-    None unless the rods are at rest with the latch open, or if a clamped elbow tilts them.
+    The result is None if the rods are not at rest with the latch open, or if a clamped elbow tilts them.
     """
     if rig.rods.mounting == "clamped":
         return None
@@ -242,7 +242,10 @@ class HeldPose:
                 raise SafetyStop(f"after {timeout:g} s {restless}; nothing was released, the rods stay held")
 
     def await_go_ahead(self, confirm: Confirm) -> None:
-        """Request permission until there is an answer, then check the rods again, because the answer may take long."""
+        """Request permission until there is an answer, then check the rods again.
+
+        The answer may take long.
+        """
         while (answer := confirm()) is None:
             self._look(self._settings.poll_s)
         if not answer:

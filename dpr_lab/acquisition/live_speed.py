@@ -12,7 +12,8 @@ from dpr_lab.rig import Rig
 class LiveSpeed:
     """Kalman filter for the speeds of both rods, updated with new samples of a recording.
 
-    Its creation imports the filter library, which takes about a second. Create it before the rods are released.
+    The creation of a filter imports the filter library, which takes about a second. Create the filter before the rods
+    are released.
 
     Args:
         rig: the rig, for its encoders
@@ -27,7 +28,7 @@ class LiveSpeed:
         self._omega = (0.0, 0.0)
 
     def after(self, t: Array, theta: Array) -> tuple[float, float]:
-        """Speeds of inner and outer rod after new samples of the swing, rad/s; unchanged without new samples.
+        """Speeds of inner and outer rod after new samples of the swing, rad/s; unchanged if there are no new samples.
 
         Args:
             t: (n,) time since the release, s, later than in the previous call; samples before the release are ignored

@@ -27,7 +27,7 @@ class PingClock:
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
 
     def due(self, now: float) -> Ping | None:
-        """PING to send at the host time `now`, s; None if none is due."""
+        """PING to send at the host time `now`, s; None if no PING is due."""
         if now < self._due_at:
             return None
         self._due_at = now + (self._timing.quick_ping_s if self._quick else self._timing.ping_s)

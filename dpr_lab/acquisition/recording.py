@@ -1,4 +1,4 @@
-"""Recording in progress: it is written to the run file as it arrives, and spooled for the quality checks at its end."""
+"""Recording in progress: samples are written to the run file, and spooled for the quality checks at the end."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -139,7 +139,10 @@ class Recording:
 
     @property
     def clock_due(self) -> bool:
-        """Whether a clock fit is due to be written, so that the file of a killed recording contains one."""
+        """Whether a clock fit must be written now.
+
+        The file of a killed recording then contains a clock fit.
+        """
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
@@ -185,7 +188,7 @@ class Recording:
     def new_inputs(self) -> Array | None:
         """Input of the arm's drive (n,) at the samples since the last call, in its unit of the rig file.
 
-        None without a drive.
+        None if there is no drive.
         """
         inputs, self._inputs = self._inputs, []
         return np.concatenate(inputs) if inputs else None
@@ -198,7 +201,7 @@ class Recording:
     def lost(self) -> dict[str, int]:
         """Number of samples lost during this recording, by cause.
 
-        Every missing tick counts once: as damaged or overrun if the link or the device reported it, otherwise as
+        Every missing tick counts once: as damaged or overrun if the link or the device reported the loss, otherwise as
         `tick_gap`.
         """
         lost = {cause: now - self._lost_before.get(cause, 0) for cause, now in self._lost.items()}
@@ -209,7 +212,7 @@ class Recording:
     def pose_measured(self) -> tuple[float, float, float] | None:
         """Mean angles just before the release without whole turns, rad.
 
-        None without samples at rest or without a pose.
+        None if there are no samples at rest, or no pose.
         """
         pose = self.rig.poses.get(self._writer.metadata.pose or "")
         if pose is None or self.release_tick is None:

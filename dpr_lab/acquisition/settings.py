@@ -53,11 +53,11 @@ class QualityLimits:
     release_window_s: float = 0.02
     """Duration of the first part of the swing, from which the initial speed is estimated, s."""
     fewest_samples: int = 8
-    """Minimum number of samples at rest, and also at the start of the swing, for these checks."""
+    """Minimum number of samples for the checks of the rest and of the start of the swing."""
     release_speed: float = 0.2
     """Maximum initial speed, rad/s. The fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0
-    """Maximum change of a speed that does not indicate a push or a jump, in standard deviations due to coarse
+    """Maximum change of a speed that does not count as a push or a jump, in standard deviations due to coarse
     counts."""
     lost_share: float = 1e-3
     gap_periods: int = 10
@@ -78,8 +78,8 @@ class QualityLimits:
     jitter_periods: float = 0.05
     """Maximum irregularity of the sampling, rms in sample periods."""
     speed_margin: float = 1.5
-    """Factor on the maximum possible speed, up to which a step between two samples is not a jump. It exceeds 1 because
-    the values of the rig file are not exact."""
+    """Factor on the maximum possible speed up to which a step between two samples does not count as a jump. It exceeds
+    1 because the values of the rig file are not exact."""
     travel_counts: int = 16
     """Minimum motion of an encoder during a swing, counts."""
     hang_error: float = 0.02
@@ -105,7 +105,7 @@ class CaptureSettings:
     """Maximum duration of the check of the hanging rods, s."""
     hang_readings: int = 3
     hang_near: float = 0.35
-    """Maximum deviation of a rod that counts as hanging, rad. A larger deviation means that it is held by hand."""
+    """Maximum deviation of a rod that counts as hanging, rad. A larger deviation means that a hand holds the rod."""
     elbow_error: float = 0.2
     """Maximum difference between the angle of a clamped elbow and that of a pose, rad. It is large because a clamp is
     coarse, and the measured angle is used."""

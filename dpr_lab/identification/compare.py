@@ -52,7 +52,8 @@ class Comparison(Shown):
     tracked: Array
     """(n, 2) theta1, theta2 simulated by segments with free initial states, rad."""
     horizon_s: float
-    """Predictability horizon, s: the uncertainty of the initial state alone then moves the free run by 0.1 rad.
+    """Predictability horizon, s: time at which the uncertainty of the initial state alone moves the free run by 0.1
+    rad.
 
     Beyond the horizon a comparison of free runs does not test the model.
     """
@@ -108,7 +109,7 @@ class Followed:
     bare: RatioFit
     """Fit of the rods without effects, for the predictability horizon."""
     fitted: RatioFit
-    """Fit of the model with its effects; `bare` if it has none."""
+    """Fit of the model with its effects; `bare` if the model has no effects."""
     step: float
     """Longest Runge-Kutta step of a free run, s."""
     tracked: Array
@@ -123,7 +124,7 @@ class Followed:
 
 
 def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
-    """Compare a run with a model: by segments, and as one free run from the initial state of the first segment.
+    """Compare a run with a model: by segments, and by one free run from the initial state of the first segment.
 
     Args:
         run: the measurement
@@ -149,8 +150,8 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
     """
     if moves([run]):
         raise RunError(
-            f"{run.file or run.name}: its arm was {run.arm_mode}, but the model has a clamped one: identify one from"
-            " such runs"
+            f"{run.file or run.name}: its arm was {run.arm_mode}, but the arm of the model is clamped: identify a"
+            " model from runs of this kind"
         )
     return follow_preprocessed(preprocess(run, rig), rig, model, segment_s)
 

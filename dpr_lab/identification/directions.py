@@ -1,7 +1,7 @@
 """Parameter directions that recordings and measured values do not determine.
 
 Information is represented by whitened rows: sensitivities to relative changes of the parameters. A direction is free if
-a change of the parameters by 100 % along it changes the rows together by less than one standard deviation.
+a change of the parameters by 100 % along this direction changes all rows together by less than one standard deviation.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -75,7 +75,7 @@ def _readable(direction: Array, names: Sequence[str]) -> dict[str, float]:
 
 
 def described(direction: Mapping[str, float]) -> str:
-    """Free direction in words, for example `m1, m2 +1 %, l2 -0.5 %`."""
+    """Text of a free direction, for example `m1, m2 +1 %, l2 -0.5 %`."""
     alike: dict[str, list[str]] = {}
     for name, change in direction.items():
         alike.setdefault(f"{100 * change:+.2g} %", []).append(name)

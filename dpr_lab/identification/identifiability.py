@@ -2,8 +2,8 @@
 
 Information is represented by whitened rows: sensitivities to relative changes of the nine parameters. The rows of the
 recordings are F dratios/dZ Z, with F^T F the information of the ratios. The row of a measured value is Z / std. Bounds
-are used only for spreads, as priors with the standard deviation of a uniform distribution. docs/theory.md, equations 48
-and 49.
+are used only to compute standard deviations, as priors with the standard deviation of a uniform distribution.
+docs/theory.md, equations 48 and 49.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,8 @@ class AdviceSettings:
     """Limits from which a measured value helps, or a measurement is recommended."""
 
     helps: float = 1.1
-    """Minimum factor by which a parameter's standard deviation grows without a measured value that helps it."""
+    """A measured value helps a parameter if, without it, the standard deviation of the parameter grows at least by this
+    factor."""
     worthwhile_bits: float = 0.1
     """Minimum gain of a recommended measurement over all nine parameters, in bits.
 
@@ -45,7 +46,7 @@ SETTINGS = AdviceSettings()
 CRAMER_RAO_NOTE = (
     "Cramér-Rao: lower bound of the standard deviation of an unbiased estimate for independent residuals"
     " with the variance of the fit. `identify` prints larger values if the model is incomplete, because the"
-    " residuals are then correlated in time (misfit inflation). Values follow from the nine parameters below: the"
+    " residuals are then correlated in time (misfit inflation). Values follow from the nine parameters below. The"
     " bounds of the rig file may shift a ratio within its interval of `identify`."
 )
 """Note on the difference between these standard deviations of ratios and those of `identify`."""
@@ -102,7 +103,7 @@ class LengthError:
     ratio_shift: Mapping[str, float]
     """Ratio -> relative change by the error."""
     residual_over_noise: float
-    """Residual with the error, in units of the noise floor; with 1 the error is not detectable."""
+    """Residual with the error, in units of the noise floor. At 1 the error is not detectable."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -116,7 +117,7 @@ class Identifiability(Shown):
     unknowns: Mapping[str, float]
     """Values of the five ratios, and of b if a known added mass makes it identifiable."""
     cramer_rao_std: Mapping[str, float]
-    """Cramér-Rao bound of the standard deviation of each unknown; inf without information."""
+    """Cramér-Rao bound of the standard deviation of each unknown; inf if there is no information."""
     null_space: tuple[Mapping[str, float], ...]
     """Directions that recordings and measured values do not determine, as relative changes of the parameters."""
     parameters: Mapping[str, ParameterValue]
@@ -128,7 +129,7 @@ class Identifiability(Shown):
     sequence: tuple[Advice, ...]
     """Sequence of best measurements until all nine parameters are determined."""
     length_error: LengthError | None
-    """Effect of an error of L1; None without poses to simulate, or if it was not requested."""
+    """Effect of an error of L1; None if there are no poses to simulate, or if it was not requested."""
 
     def _heading(self) -> str:
         least = ", ".join(f"{name} {self.cramer_rao_std[name]:.1g}" for name in self.unknowns)
@@ -179,7 +180,7 @@ def identifiability(
             `expected_information`
         rig: bounds, measured values, encoders and poses
         Z: (9,) parameters of the linearisation, SI; default: best known values of the rig file
-        visible: indices in `UNKNOWN_RATIOS` of the unknowns of the information; default: the first ones
+        visible: indices in `UNKNOWN_RATIOS` of the unknowns of the information; default: the first entries
         lengths: whether to compute the effect of an error of L1, which needs a fit to simulated releases
     """
     Z = rig.nominal if Z is None else Z

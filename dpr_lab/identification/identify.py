@@ -57,8 +57,8 @@ def identify(
     Raises:
         ConfigError: unknown objective or search.
         RunError: no runs.
-        IdentificationError: no candidate inside the bounds could be simulated, or the recordings do not match the rig:
-            zero, unit, sign or order of the readings is specified wrongly.
+        IdentificationError: no candidate inside the bounds could be simulated, or the recordings do not match the rig
+        because zero, unit, sign or order of the readings is specified wrongly.
     """
     runs = as_runs(runs)
     if not runs:
@@ -103,7 +103,7 @@ def identify(
 
 
 def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """Least-squares fit with segments from 0.25 s to the longest ones that the model follows.
+    """Least-squares fit with segments from 0.25 s up to the longest segments that the model follows.
 
     Args:
         Z: (9,) initial parameters
@@ -127,7 +127,7 @@ def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
 def identifiability_of(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability:
-    """Parameters that free swings of a rig determine, those that they do not, and recommended measurements.
+    """Parameters that free swings of a rig determine or do not determine, and recommended measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
@@ -138,14 +138,16 @@ def identifiability_of(
         tell: function that is called with each notice or warning
 
     Raises:
-        ConfigError: neither runs nor poses.
-        RunError: a run that cannot be used.
+        ConfigError: there are neither runs nor poses.
+        RunError: a run cannot be used.
         IdentificationError: the fitted values are physically impossible.
     """
     tell, runs = tell or (lambda sentence: None), as_runs(runs)
     if not runs:
         if not rig.poses:
-            raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
+            raise ConfigError(
+                f"{rig.path}: poses: there are no poses to simulate; add [poses.X1], or give recorded runs"
+            )
         tell(f"no runs given: simulated releases from {', '.join(rig.poses)}, with the values of the rig file")
         return identifiability(expected_information(rig.nominal, rig), rig)
     refuse_misread(runs, rig)

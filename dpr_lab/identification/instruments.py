@@ -18,10 +18,10 @@ class BenchReading:
     """Quantity that a bench instrument measures."""
 
     name: str
-    """Name of the quantity in words, for example `mass of the outer rod`."""
+    """Description of the quantity, for example `mass of the outer rod`."""
     unit: str
     symbol: str
-    """Symbol of the quantity; the name of the parameter of the rig file if it is one."""
+    """Symbol of the quantity. If the quantity is a parameter of the rig file, the symbol is its name."""
 
 
 class Measurement(Protocol):

@@ -2,8 +2,8 @@
 
 Two neighbours are merged if the free run of the first segment stays near the readings of the second. If the free run
 follows only a part of these readings, the border between the segments is shifted to the end of that part. The new
-segments are fitted again. If the residual increases, the level is discarded and repeated in smaller steps: the free run
-must then stay nearer to the readings.
+segments are fitted again. If the residual increases, the level is discarded and repeated with a smaller permitted
+distance between free run and readings.
 """
 
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ class MergeSettings:
     follows: float = 3.0
     """Maximum reduced chi-square for which segments are lengthened.
 
-    Above it, they would only amplify the model error.
+    Above this value, longer segments would only amplify the model error.
     """
     worse: float = 1.02
     """Maximum reduced chi-square of a level, divided by the reduced chi-square of the shortest segments.
@@ -37,7 +37,7 @@ class MergeSettings:
     A level with a larger ratio is discarded.
     """
     worth_moving: float = 0.1
-    """Minimum share of its neighbour that a segment must follow for the border between them to move."""
+    """Minimum share of the neighbouring segment that a segment must follow for the border between both to move."""
     solver_error: float = 0.2
     """Maximum integration error of a longer segment, relative to the noise."""
     shortest_step: float = 2e-4

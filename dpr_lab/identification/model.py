@@ -60,7 +60,7 @@ class EstimatedValue(_Record):
     fixed_by: Literal["data", "bound"] = "data"
     """Source of the value.
 
-    `bound`: the runs hardly determine it, and it depends on values and bounds of the rig file.
+    `bound`: the runs hardly determine the value, which then depends on values and bounds of the rig file.
     """
 
 
@@ -81,7 +81,7 @@ class ParameterValue(_Record):
     interval90: tuple[Number, Number] | None = None
     """90 % interval from the recordings and the rig file.
 
-    Its bounds are the prior of a value that only they determine.
+    If only the bounds determine a value, they are its prior.
     """
 
 
@@ -130,9 +130,9 @@ class RunUsed(_Record):
     """A run used in the identification."""
 
     file: str
-    """Name of the run file, or of the run without a file."""
+    """Name of the run file, or name of a run that has no file."""
     sha256: str
-    """SHA-256 of the file; empty without a file."""
+    """SHA-256 of the file; empty if there is no file."""
     pose: str | None = None
     """Name of the pose of the run; None if unknown."""
     samples: int = 0
@@ -179,7 +179,7 @@ class Identifiable(_Record):
     rank: int
     """Number of directions, of nine, that the runs determine."""
     null_space: list[dict[str, Number]]
-    """Directions of no influence on any swing, as relative changes of the parameters."""
+    """Directions that influence no swing, as relative changes of the parameters."""
     advice: list[str]
     """Bench measurements that would determine more parameters, best first."""
 
@@ -232,13 +232,13 @@ class Model(Shown, _Record):
     ratios: Annotated[dict[str, EstimatedValue], AfterValidator(of_rods)]
     """Ratios a/b, d/b, e1/b, c1/b, c2/b, or e1/a and c1/a for the inner rod alone.
 
-    A free swing determines these quantities only, because its equation of motion is homogeneous.
+    A free swing determines only these quantities, because its equation of motion is homogeneous.
     """
     fitted: list[EstimatedValue] = []
-    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b for the inner rod alone; empty for both rods.
+    """Fitted ratios a/b, d/b, e1/b, c1/b, c2/b if only the inner rod is mounted; empty for both rods.
 
-    Parts that are not mounted have values of the rig file. These ratios are initial values for other commands, not a
-    result.
+    Parts that are not mounted have the values of the rig file. These ratios are initial values for other commands, not
+    results.
     """
     covariance: Covariance
     """Covariance of the unknowns that the runs determine."""
@@ -262,7 +262,7 @@ class Model(Shown, _Record):
     runs: list[RunUsed]
     """Runs used in the identification."""
     p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
-    """Additional ratio m2 L1^2 / b for runs with the inner rod alone; None without such runs."""
+    """Additional ratio m2 L1^2 / b for runs with only the inner rod; None if there are no such runs."""
     effects: dict[str, dict[str, Number]] = {}
     """Effects that a diagnosis named: effect -> parameter -> value, SI."""
     warnings: list[str] = []
@@ -281,7 +281,7 @@ class Model(Shown, _Record):
 
     @property
     def all_ratios(self) -> "dict[str, EstimatedValue]":
-        """The five ratios of the fit; for an inner rod alone, undetermined ratios come from the rig file."""
+        """The five ratios of the fit; if only the inner rod is mounted, undetermined ratios come from the rig file."""
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
@@ -343,8 +343,8 @@ class Model(Shown, _Record):
         """
         if (self.rig.name, self.rig.L1) != (rig.name, rig.L1):
             raise RunError(
-                f"the model is of rig {self.rig.name}, L1 = {self.rig.L1:g} m, not of {rig.name}, L1 = {rig.L1:g}"
-                " m: use the rig file of this model, or identify this rig first"
+                f"the model belongs to rig {self.rig.name}, L1 = {self.rig.L1:g} m, not to {rig.name}, L1 ="
+                f" {rig.L1:g} m: use the rig file of this model, or identify this rig first"
             )
         return self.unknowns
 

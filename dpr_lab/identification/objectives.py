@@ -52,13 +52,13 @@ class ObjectiveChoice:
     settings: str
     """Name of the built-in search file of the objective."""
     words: str
-    """Name of the objective in words, for reports."""
+    """Description of the objective for reports."""
 
 
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
     """Objective of short segments: mean squared whitened angle error from smoothed initial states.
 
-    It is about 1 if only noise remains.
+    The objective is about 1 if only noise remains.
 
     Args:
         runs: runs with states and noise
@@ -133,7 +133,7 @@ OBJECTIVES = {
 
 
 def objective_words(name: str) -> str:
-    """Words and name of an objective, as `short segments, insensitive to chaos [segments]`.
+    """Description and name of an objective, for example `short segments, insensitive to chaos [segments]`.
 
     Unknown names are unchanged.
     """

@@ -28,10 +28,10 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
     Args:
         run: the recording
         rig: the recorded rig
-        every: decimation factor of the samples; the noise is that of all samples
+        every: decimation factor of the samples; the noise is estimated from all samples
 
     Raises:
-        RunError: too few samples, no motion, or an arm that was free or driven.
+        RunError: the run has too few samples or no motion, or its arm was free or driven.
     """
     refuse_moving_arms([run])
     refuse_without_motion(run, rig)

@@ -1,14 +1,14 @@
 """MAP update of the nine parameters by the ratios, and the source of each parameter (docs/theory.md, equation 47).
 
 A free swing determines five numbers. The nine parameters therefore form a four-dimensional family of equally good
-values. Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty, the others as the
-bounds of the search. A known added mass also makes b identifiable. The estimates then update this prior as a linear
-observation (maximum a posteriori, by iterated extended Kalman updates):
+values. Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty. For the other
+parameters, the prior follows from the bounds of the search. A known added mass also makes b identifiable. The estimates
+then update this prior as a linear observation (maximum a posteriori, by iterated extended Kalman updates):
 
     K = P0 J^T (J P0 J^T + C)^-1,    Z = Z0 + K (q - q(Z0)),    P = P0 - K J P0
 
 with q the ratios (and b), C their covariance and J = dq/dZ. A parameter that data and measured values do not determine
-keeps the standard deviation of its bounds and is reported as determined by bounds only.
+keeps the standard deviation of its bounds, and is reported as determined only by bounds.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Fit of the ratios of the rods to segments of runs with free initial states.
 
-A free swing determines only the ratios. With a known attached mass b is fitted as well, because the mass determines the
+A free swing determines only the ratios. With a known attached mass, b is also fitted, because the mass determines the
 scale. Segments contain encoder readings, each weighted by its own noise. This is equivalent to absolute angles with the
 correlated noise of a relative encoder 2.
 """
@@ -55,7 +55,8 @@ class ShortSegments:
     Above it, the model error is far larger.
     """
     nested: float = 1.1
-    """Maximum ratio of the reduced chi-square of short segments to that of long ones, by their degrees of freedom."""
+    """Maximum ratio of the reduced chi-square of short segments to that of long segments, by their degrees of
+    freedom."""
 
 
 SHORT = ShortSegments()
@@ -112,7 +113,7 @@ class RatioFit:
 
     @property
     def prior_information(self) -> Array:
-        """(k, k) information of the rig file on the unknowns; zeros without a prior."""
+        """(k, k) information of the rig file on the unknowns; zeros if there is no prior."""
         of_ratios = [i for i, parameter in enumerate(self.fit.free) if parameter.block == "ratios"]
         rows = self.fit.prior[:, of_ratios]
         return rows.T @ rows
@@ -241,7 +242,7 @@ def first_fit(
 
 
 def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
-    """Process noise of the prescribed motion of an arm in terms of the readings; None without such a motion."""
+    """Process noise of the prescribed motion of an arm in terms of the readings; None if no motion is prescribed."""
     if all(setup.arm is None for setup in problem.segments.setups):
         return None
     return disturbance(problem, estimate, begins=lambda first: first)

@@ -46,7 +46,7 @@ class RatioUncertainty:
     names: tuple[str, ...] = UNKNOWN_RATIOS
     """Names of the unknowns."""
     prior: Array | None = None
-    """(n, n) information of the rig file on the unknowns; None without a prior."""
+    """(n, n) information of the rig file on the unknowns; None if there is no prior."""
     assumed: Array | float = 0.0
     """(n, n) additional covariance due to ratios that the runs do not determine, and that only the rig file states."""
 

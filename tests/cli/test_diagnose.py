@@ -207,7 +207,7 @@ def test_a_model_of_another_rig_is_refused(worn: list[Path], model: Path, tmp_pa
     (tmp_path / "other.json").write_text(json.dumps(other))
     done = cli("diagnose", *worn, "--rig", "paper", "--model", tmp_path / "other.json")
     assert done.code == 3
-    assert "the model is of rig other" in done.err
+    assert "the model belongs to rig other" in done.err
 
 
 def test_names_of_effects_complete_after_a_comma() -> None:

@@ -115,7 +115,7 @@ def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> 
     assert (rig.joints.inner, rig.joints.geared) == ("prescribed", ())
     done = cli("identifiability", "--rig", "servo.toml", cwd=tmp_path)
     assert done.code == 3
-    assert "the inner rod of rig bench is prescribed: its motion is known from recordings only" in done.err
+    assert "the inner rod of rig bench is prescribed: its motion, which determines the identifiable parameters, is known only from recordings" in done.err
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> 
         ((*ONE, "--arm", "free"), 3, "an arm that is free needs its length: give --l0"),
         ((*ONE, "--l0", "0.1", "--arm", "driven"), 3, "needs the quantity of its input column: give --input"),
         ((*ONE, "--l0", "0.1", "--arm", "free", "--input", "torque"), 3, "--input torque needs --arm driven"),
-        ((*ONE, "--l0", "0.1", "--kt", "0.04"), 2, "--kt needs the input of the motor"),
+        ((*ONE, "--l0", "0.1", "--kt", "0.04"), 2, "--kt requires a driven arm"),
         ((*ONE, "--l0", "0.1", "--arm", "driven", "--input", "torque", "--kt", "1"), 3, "for which kt has no meaning"),
         ((*ONE, "--l0", "0.1", "--arm", "driven", "--input", "current", "--kt", "x"), 2, "--kt 'x': write the value"),
         ((*FLAGS, "--geared", "3"), 3, "joints.geared"),

@@ -231,7 +231,7 @@ def test_a_gravity_that_no_place_on_earth_has_is_questioned_instead_of_the_lengt
     wrong = paper.model_copy(update={"rig": paper.rig.model_copy(update={"g": 9.0})})
     diagnosis = diagnose(swings, wrong, library=TWINS)
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])
-    assert "g = 9 m/s^2 in the rig file is not a value that occurs on earth" in diagnosis.sentence
+    assert "g = 9 m/s^2 in the rig file does not occur on earth" in diagnosis.sentence
     assert "With g = 9.81" in diagnosis.sentence
 
 

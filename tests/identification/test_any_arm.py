@@ -50,7 +50,7 @@ def test_one_function_identifies_loads_and_compares_a_moving_arm(pendulum, tmp_p
 
 def test_a_model_of_a_clamped_arm_does_not_take_a_run_of_a_moving_one(pendulum):
     run, rig = pendulum
-    with pytest.raises(dpr.DprError, match="its arm was free, but the model has a clamped one"):
+    with pytest.raises(dpr.DprError, match="its arm was free, but the arm of the model is clamped"):
         dpr.compare(run, rig, dpr.Model.model_construct())
 
 

@@ -342,7 +342,7 @@ def test_an_input_that_is_practically_zero_or_not_used_is_named(tmp_path):
         rows = np.column_stack([t, 0.3 * np.sin(3 * t), 0.4 * np.cos(6 * t), size * np.sin(3 * t)])
         np.savetxt(file, rows, delimiter=",", header="t,theta0,theta1,motor_current", comments="", fmt="%.9g")
         if size < 1e-9:
-            with pytest.raises(RunError, match="never exceeds 1e-12, too little for a drive"):
+            with pytest.raises(RunError, match="never exceeds 1e-12, which is too little for a drive"):
                 import_csv(file, rig, ImportOptions(zero="hanging", keep_rest=True))
         free = import_csv(file, rig, ImportOptions(zero="hanging", keep_rest=True, arm="free"))
         assert any("column motor_current is not used, because the arm is free" in note for note in free.notes)

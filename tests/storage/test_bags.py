@@ -45,7 +45,7 @@ def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
     for topics, said in (
         ([], "contains no sensor_msgs/JointState"),
         ([("/a", ("theta1", "theta1"), ROWS)], "two joints with the same name in a JointState: theta1, theta1"),
-        ([("/a", ("theta1", "theta2", "tip"), ROWS)], "a JointState of 3 names and 2 positions"),
+        ([("/a", ("theta1", "theta2", "tip"), ROWS)], "a JointState with 3 names but 2 positions"),
     ):
         with pytest.raises(RunError, match=said):
             read(write(tmp_path / f"{len(said)}{suffix}", topics))

@@ -120,7 +120,7 @@ def test_a_packed_table_that_is_damaged_or_swells_is_refused(tmp_path: Path, mon
     with pytest.raises(RunError, match="is damaged or incomplete"):
         read_table(tmp_path / "cut.csv.gz")
     (tmp_path / "other.csv.gz").write_bytes(gzip.compress(bytes(range(256))))
-    with pytest.raises(RunError, match="binary file: unpack it with gunzip first"):
+    with pytest.raises(RunError, match="binary file and not a text table: unpack it with gunzip first"):
         read_table(tmp_path / "other.csv.gz")
     monkeypatch.setattr(table_module, "LIMITS", TableLimits(small_bytes=1 << 16))
     (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"\n" * (1 << 24)))

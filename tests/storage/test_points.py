@@ -97,7 +97,7 @@ def test_frames_that_repeat_the_one_before_are_removed(tmp_path: Path) -> None:
     run = read(text(tmp_path / "a.csv", np.column_stack([T, *points]), head="t,x1,y1,x2,y2\n"))
     assert 0.62 * N < len(run.t) < 0.72 * N
     np.testing.assert_allclose(run.theta[:, 1], THETA1[np.searchsorted(T, run.t + 1e-9) - 1], atol=0.01)
-    assert any("of the frames repeat the frame before them" in note for note in run.notes)
+    assert any("of the frames repeat the previous frame" in note for note in run.notes)
 
 
 @pytest.mark.parametrize("up", [1.0, -1.0])
@@ -246,7 +246,7 @@ def test_frames_that_a_tracker_interpolated_are_removed(tmp_path: Path, noise: f
     file = text(tmp_path / "film.csv", np.column_stack([t, np.round(point, digits)]), head="t,x,y\n")
     table = read_text(file, ())
     np.testing.assert_allclose(table.values[0], t[~lost], atol=1e-5)
-    assert any("of the frames are interpolated, on a straight line at equal steps" in note for note in table.notes)
+    assert any("of the frames are interpolated on a straight line in equal steps" in note for note in table.notes)
 
 
 @pytest.mark.parametrize("pixel", [1.0, 0.1, 1e-6])

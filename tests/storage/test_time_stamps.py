@@ -45,7 +45,7 @@ def test_stamps_on_the_wrong_side_of_a_gap_are_moved(seed: int, side: str) -> No
     # a rod near a turning point reads nearly the same on both sides: such a stamp matters little and may remain
     assert moved.sum() >= 3
     assert np.abs(np.delete(corrected - t, wrong)).max() == 0.0
-    assert note.startswith(f"stamps on the wrong side of a gap: {moved.sum()};")
+    assert note.startswith(f"time stamps on the wrong side of a gap: {moved.sum()}.")
 
 
 @pytest.mark.parametrize("seed", range(20))

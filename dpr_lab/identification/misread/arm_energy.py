@@ -58,15 +58,15 @@ def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
         return ""
     return (
         f"the arm is described as free, but the energy of rods and arm rises by {percent(rise)} of its range, which"
-        " friction and springs cannot cause: its motor was on, or something else pushed it. Import or capture with"
-        " --arm driven and the input of the motor, or with --arm prescribed if the input is not known"
+        " friction and springs cannot cause: its motor was on, or another force pushed it. Import or capture with"
+        " --arm driven and the input of the motor, or with --arm prescribed if the input is unknown"
     )
 
 
 def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
     """Smallest sum of energy increases for any parameters, relative to the range of the energy.
 
-    It is 0 for a passive arm, or if it cannot be computed.
+    The result is 0 for a passive arm, or if it cannot be computed.
     """
     parts = [part for run in runs if (part := _terms(run, rig)) is not None]
     inertias_and_gravity = [(ARM_ENERGY.least_ratio, None)] * (parts[0].shape[1] - 3 if parts else 0)

@@ -68,7 +68,7 @@ class EnergySettings:
     much_better: float = 0.6
     """Maximum ratio of the residual at another speed to the residual at the stated speed.
 
-    Below it, the other speed is probably right.
+    Below this ratio, the other speed is probably right.
     """
 
 
@@ -86,7 +86,7 @@ class EnergyFit:
     kinetic_scale: float
     """Factor for the times from the magnitudes of both energies; accurate to a factor of ten.
 
-    It is valid for driven rods as well.
+    It is also valid for driven rods.
     """
 
 
@@ -99,7 +99,7 @@ def mounted_base(rig: Rig, Z: ArrayLike) -> Array:
 def periods(rig: Rig) -> tuple[float, float]:
     """Periods of the two small oscillations about hanging with the values of the rig file, longer first, s.
 
-    Both are the same for one degree of freedom; a clamped elbow is assumed to be straight.
+    For one degree of freedom, both periods are equal. A clamped elbow is assumed to be straight.
     """
     a, b, d, e1, *_ = mounted_base(rig, rig.nominal).tolist()
     e2 = d * rig.g / rig.L1
@@ -131,7 +131,9 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
-    """Angles to add to both rods, within a turn, so that the energy of a free swing balances best; None without motion.
+    """Angles to add to both rods, within a turn, so that the energy of a free swing balances best.
+
+    None if there is no motion.
 
     Args:
         t: (n,) instants, s
@@ -147,11 +149,11 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
 
 
 def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> float:
-    """Residual of the balance of `energy_fit` at better zeros nearby; infinite without motion.
+    """Residual of the balance of `energy_fit` at better zeros nearby; infinite if there is no motion.
 
     An error delta of a zero changes the potential energy of a small swing of amplitude A by the share delta / A. Both
-    zeros are therefore moved towards the best ones, by at most `ENERGY.zero_error_rad`. The smaller residual of short
-    and long windows counts, so that the noise of the readings has little influence.
+    zeros are therefore moved towards the best ones, by at most `ENERGY.zero_error_rad`. The smaller of the residuals
+    with short and long windows is used, so that the noise of the readings has little influence.
     """
     return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
 
@@ -167,9 +169,7 @@ def _residual_near(terms: Array, rig: Rig) -> float:
 
 
 def other_pace(t: Array, rods: Array, rig: Rig) -> float:
-    """Factor by which a free swing is faster than its times state, if its energy then balances much better.
-
-    Otherwise 1.
+    """Factor by which a free swing is faster than its times state, if its energy then balances far better; else 1.
 
     A camera in slow motion takes more frames per second than its video shows.
 

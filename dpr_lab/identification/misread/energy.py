@@ -48,7 +48,7 @@ ENERGY = EnergyRiseSettings()
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = ENERGY) -> float:
     """Smallest sum of energy increases for any ratios, relative to the range of the energy; 0 for passive rods.
 
-    Runs with a moving arm, with a single rod, or with much noise are ignored; without any other run the result is 0.
+    Runs with a moving arm, with a single rod, or with much noise are ignored. If no other run remains, the result is 0.
     """
     free = [
         prepared

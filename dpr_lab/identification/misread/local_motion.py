@@ -31,7 +31,7 @@ class LocalMotionSettings:
     fewest: int = 30
     """Minimum number of windows for a result."""
     instants: int = 1500
-    """Maximum number of windows, and thus of instants."""
+    """Maximum number of windows, and therefore of instants."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class LocalMotion:
 
 
 def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
-    """Motion at the centres of windows; None with too few rows, or with instants that are numerically equal.
+    """Motion at the centres of windows; None if the rows are too few, or if instants are numerically equal.
 
     Args:
         t: (n,) instants, s

@@ -1,7 +1,7 @@
-"""Balance of the last rod of a moving arm: whether its acceleration can be that of a rod that the arm moves.
+"""Balance of the last rod of a moving arm: test whether the motion of the arm explains the rod's acceleration.
 
-The last rod is the outer one of two, or the only one. With its angle th, the angle q of the arm and, of two rods, the
-angle th1 of the inner rod, the equation of motion is (docs/theory.md, three coordinates)
+The last rod is the outer rod of two rods, or the only rod. With its angle th, the angle q of the arm and, of two rods,
+the angle th1 of the inner rod, the equation of motion is (docs/theory.md, three coordinates)
 
     al = k1 sin(th) + k2 cos(th) q'' + k3 sin(th) cos(th) q'^2 + k4 w + k5 s(w)
          + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2 + k8 w1 + k9 sin(th1) cos(th) q'^2
@@ -138,7 +138,7 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
 
 
 def wrong_unit(residual: float, converted: float) -> bool:
-    """Whether the angles are in another unit, from the residuals in the stated unit and in the other one."""
+    """Whether the angles are in another unit, from the residuals in the stated unit and in the other unit."""
     return residual > ARM_BALANCE.broken and ARM_BALANCE.better * converted < residual
 
 
@@ -148,7 +148,7 @@ def is_unit(scale: float | None, factor: float) -> bool:
 
 
 def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
-    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings indicate neither of them.
+    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings indicate neither.
 
     If the rods are in degrees and the scale of the arm is undetermined, the arm is assumed to be in degrees, too.
 

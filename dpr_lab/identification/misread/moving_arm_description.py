@@ -27,7 +27,7 @@ class DescriptionLimits:
     better_angles: float = 10.0
     """Minimum factor by which another zero or scale must reduce chi-square.
 
-    The right one reduces it by at least 100.
+    The correct zero or scale reduces it by a factor of at least 100.
     """
     unit: float = 0.5
     """Maximum distance between the logarithms (base 10) of the gain and of a unit's factor."""
@@ -51,7 +51,7 @@ UNITS = {
 def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
     """Sentence on another scale or unit of the angles, according to the acceleration of the last rod.
 
-    Empty without one.
+    Empty if there is none.
     """
     scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in runs))
     return next((scale.cause(rig.rods.mounted) for scale in scales), "")

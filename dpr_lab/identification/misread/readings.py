@@ -23,7 +23,7 @@ class Misreading:
     cause: str
     """Description of the mistake, and the option or key of the rig file that corrects it."""
     read: Callable[[Run], Run | None]
-    """Function that returns the run with this interpretation; None if it does not apply."""
+    """Function that returns the run with this interpretation; None if the interpretation does not apply."""
     arm: bool = False
     """Whether the arm moves in this interpretation; a compliant arm moves, too."""
     time_factor: float = 1.0
@@ -35,7 +35,7 @@ class ZeroSettings:
     """Limits of the zeros that are tested."""
 
     least_deg: float = 5.0
-    """Smallest error of a zero that is tested, degrees; smaller ones are fitted as an encoder offset."""
+    """Smallest error of a zero that is tested, degrees. Smaller errors are fitted as an encoder offset."""
     alike_deg: float = 2.0
     """Maximum difference between the zeros of two runs that count as equal, degrees."""
 

@@ -43,7 +43,7 @@ class ScaledReadings:
         return sigma * np.abs([self.rods, self.rods, self.arm])[: sigma.shape[-1]]
 
     def cause(self, mounted: str) -> str:
-        """Description of the mistake, with the option or key of the rig file that corrects it.
+        """Description of the mistake, with the option or the key of the rig file that corrects the mistake.
 
         Args:
             mounted: the mounted rods, as in the rig file

@@ -47,9 +47,9 @@ class MisreadSettings:
     hopeless: float = 0.3
     """Maximum ratio of the residual to the standard deviation of the angle for a fit that follows the swing."""
     better: float = 10.0
-    """Minimum factor by which chi2 is smaller in another interpretation for which recordings are refused."""
+    """Minimum factor by which chi2 must be smaller in another interpretation for the recordings to be refused."""
     better_hint: float = 5.0
-    """Minimum factor by which the excess of chi2 is smaller in another interpretation that is reported as a hint.
+    """Minimum factor by which the excess of chi2 must be smaller in another interpretation that is reported as a hint.
 
     Correctly interpreted rods with an effect reach 3.
     """
@@ -100,7 +100,7 @@ class SecondLook:
     energy_rise: float
     """Increase of the rods' energy relative to its range, which is impossible for passive rods.
 
-    It is evidence if no other interpretation explains the recordings.
+    The increase is evidence if no other interpretation explains the recordings.
     """
 
     @property
@@ -116,8 +116,8 @@ class SecondLook:
             return ""
         return (
             f"The energy of the rods rises by {percent(self.energy_rise)} of its range, which is impossible for"
-            " a passive rig with exact readings: the rods have a drive that is not described, or an encoder is late or"
-            " has backlash. Import known torques (without --torque none), import an arm"
+            " a passive rig with exact readings: either the rods have a drive that is not described, or an encoder"
+            " is late or has backlash. Import known torques (without --torque none), import an arm"
             " that moves with its column of theta0 and --arm prescribed, or check counts_per_rev and the units."
         )
 
@@ -174,7 +174,9 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 def better_readings(
     runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> list[tuple[Misreading, RatioFit]]:
-    """Other interpretations that explain the runs far better, best first; those far worse than the best are omitted.
+    """Other interpretations that explain the runs far better, best first.
+
+    Interpretations far worse than the best are omitted.
 
     In an interpretation with slower times, segments of the same length contain less of the swing. The residual then
     accumulates less, in chi2 with the fourth power of the time. In an interpretation with smaller angles, the noise of
@@ -226,7 +228,7 @@ def _noise_of_swing(run: Run, rig: Rig) -> float:
 
 
 def impossible(ratios: Array, rig: Rig) -> str:
-    """Reason why no positive masses have (5,) ratios; empty if some masses have them.
+    """Reason why no positive masses have (5,) ratios; empty if the ratios are possible.
 
     With m2 at l2 on the rod and M >= m2 at the joint: d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2, e1 >= M L1 g.
     Therefore a/b > (d/b)^2 and e1/b >= (d/b)^2 g/L1.
@@ -276,8 +278,8 @@ def fitted(
 ) -> RatioFit | None:
     """Fit of the rods without effects to the beginning of each run.
 
-    None if the fit has no finite result, or if a part of the first run alone has a chi2 far above `worst`. A fit to a
-    part of the segments has at most the chi2 of the fit to all segments.
+    The result is None if the fit has no finite result, or if a part of the first run alone has a chi2 far above
+    `worst`. A fit to a part of the segments has at most the chi2 of the fit to all segments.
 
     Args:
         runs: runs in one interpretation

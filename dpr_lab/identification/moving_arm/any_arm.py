@@ -38,8 +38,8 @@ def identify(
 
     With a clamped or prescribed arm the search (IGA by default) finds the basin inside the rig file's bounds. Least
     squares over segments of 0.25 s, then over longer and longer segments while the model follows them, gives the ratios
-    and their covariance. With a free or driven arm the same least squares starts from the rig file, and the options
-    below have no meaning: a genetic algorithm searches only if this start fails.
+    and their covariance. With a free or driven arm, the same least-squares fit starts from the rig file, and the search
+    options below have no effect. A genetic algorithm searches for initial values only if this start fails.
 
     Args:
         runs: one or several runs; of free swings, releases from two different poses are enough
@@ -60,7 +60,7 @@ def identify(
 
     Raises:
         ConfigError: unknown objective or search.
-        RunError: no runs, or one that cannot be used.
+        RunError: there are no runs, or a run cannot be used.
         IdentificationError: no candidate inside the bounds could be simulated, the fit determines nothing, or the
             recordings do not match the rig: zero, unit, sign or order of the readings is specified wrongly.
     """
@@ -86,7 +86,7 @@ def identify(
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
     """Whether `identify` returns a `MovingArmModel`.
 
-    One rod with a clamped arm determines ratios to its own inertia only. The rig file of a rotary pendulum expects
+    One rod with a clamped arm determines only ratios to its own inertia. The rig file of a rotary pendulum expects
     these ratios.
     """
     alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
@@ -97,7 +97,7 @@ def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
 def identifiability(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability | ArmIdentifiability:
-    """Parameters that recordings of a rig determine, those that they do not, and recommended measurements.
+    """Parameters that recordings of a rig determine or do not determine, and recommended measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
@@ -112,8 +112,9 @@ def identifiability(
         `Identifiability`.
 
     Raises:
-        ConfigError: neither runs nor poses, or no runs of a rig with a prescribed joint, whose motion only runs show.
-        RunError: a run that cannot be used.
+        ConfigError: there are neither runs nor poses, or no runs of a rig with a prescribed joint, whose motion only
+        runs show.
+        RunError: a run cannot be used.
         IdentificationError: the fitted values are physically impossible, or cannot be simulated.
     """
     runs = as_runs(runs)
@@ -122,8 +123,8 @@ def identifiability(
     if not runs and "prescribed" in (rig.joints.inner, rig.arm.mode):
         joint = "inner rod" if rig.joints.inner == "prescribed" else "arm"
         raise ConfigError(
-            f"the {joint} of rig {rig.name} is prescribed: its motion is known from recordings only, and it determines"
-            " which parameters are identifiable. Give runs, for example runs/*.mcap"
+            f"the {joint} of rig {rig.name} is prescribed: its motion, which determines the identifiable parameters,"
+            " is known only from recordings. Give runs, for example runs/*.mcap"
         )
     return identifiability_of(runs, rig, tell)
 

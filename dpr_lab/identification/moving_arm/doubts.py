@@ -88,9 +88,9 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
         moved = float(np.ptp(recording.run.theta[:, 0]))
         if recording.run.arm_mode == "free" and moved < DOUBTS.hardly_rad:
             return (
-                f"{recording.run.file or recording.run.name}: its arm moves by {moved:.2g} rad only, which determines"
-                " neither A nor c0. If it was held, import or capture with --arm clamped; otherwise record swings"
-                " that move the arm"
+                f"{recording.run.file or recording.run.name}: its arm moves by only {moved:.2g} rad, which"
+                " determines neither A nor c0. If the arm was held, import or capture with --arm clamped; otherwise"
+                " record swings that move the arm"
             )
     return "the fit did not converge: give [arm] A and c0 better nominal values"
 

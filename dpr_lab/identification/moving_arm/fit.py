@@ -25,7 +25,8 @@ class ArmFitSettings:
     first_s: float = 0.25
     """Length of the first segments, s."""
     ranges_rad: tuple[float, ...] = (0.2, 0.05, 0.0125)
-    """Maximum distance of the free run of a segment from the readings of the next one for which both are merged, rad.
+    """Maximum distance of the free run of a segment from the readings of the next segment for which both are merged,
+    rad.
 
     After a failed merge, the next smaller distance is tried.
     """
@@ -90,7 +91,7 @@ class ArmFit:
 
     @property
     def rms(self) -> Array:
-        """(3,) rms residual of the readings of each joint, rad; nan without readings."""
+        """(3,) rms residual of the readings of each joint, rad; nan if a joint has no readings."""
         read = self.problem.read
         residuals = self.problem.measured - self.problem.predict(self.fit.estimate)
         squares = np.sum(residuals**2, axis=0, where=read)

@@ -34,7 +34,7 @@ SINGLE_ROD = ("l1", "m1", "c1", "J1")
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """Assumed excitation of a driven arm without recordings."""
+    """Assumed excitation of a driven arm if there are no recordings."""
 
     turn_rad: float = 0.5
     """Amplitude of the arm's motion for each sine of the input, on a rigid rig, rad."""
@@ -98,7 +98,7 @@ class ArmIdentifiability(Shown):
     arm: tuple[str, ...]
     """Modes of the arm in the recordings."""
     input: str
-    """Kind of the input of the arm; empty without an input."""
+    """Kind of the input of the arm; empty if there is no input."""
     simulated: bool
     """Whether the recordings were simulated with the values of the rig file; no value is then a result."""
     rank: int
@@ -169,8 +169,8 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
         rig: bounds, measured values and motor
 
     Raises:
-        ConfigError: neither runs nor poses of a free arm.
-        RunError: a run that cannot be used.
+        ConfigError: there are neither runs nor poses of a free arm.
+        RunError: a run cannot be used.
         IdentificationError: the rig file's values cannot be simulated.
     """
     modes = tuple(sorted({run.arm_mode for run in runs} or {rig.arm.mode}))
@@ -313,7 +313,7 @@ def _simulated(rig: Rig) -> ArmFit:
     driven = rig.arm.mode == "driven"
     poses = list(rig.poses.values()) or ([Pose(theta1=np.pi, theta2=np.pi)] if driven else [])
     if not poses:
-        raise ConfigError(f"{rig.path}: poses: there are none to simulate; add [poses.X1], or name recorded runs")
+        raise ConfigError(f"{rig.path}: poses: there are no poses to simulate; add [poses.X1], or give recorded runs")
     t = np.arange(round(RELEASES.duration_s * rig.link.rate_hz)) / rig.link.rate_hz
     mode = mode_number(rig.arm.mode, rig.motor.input if rig.motor else "")
     still = [

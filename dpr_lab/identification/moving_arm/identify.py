@@ -32,7 +32,7 @@ class ArmWarnings:
     unseen: float = 1e3
     """Maximum standard deviation of an unknown with information, relative to its value or in units of the ratio.
 
-    A larger one occurs after a failed fit.
+    A larger standard deviation occurs after a failed fit.
     """
     gap: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
@@ -49,7 +49,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
         rig: initial values and measured values
 
     Raises:
-        RunError: a run that cannot be used.
+        RunError: a run cannot be used.
         IdentificationError: the rig file's values cannot be simulated, or the fit determines nothing.
     """
     recordings = recordings_of(runs, rig)
@@ -138,8 +138,8 @@ def _warnings(fit: ArmFit) -> list[str]:
         return []
     return [
         f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model is incomplete, and `diagnose`"
-        f" looks for the missing effect. The standard deviations are those of residuals clustered by segment, and a"
-        f" systematic error may be larger"
+        " looks for the missing effect. The standard deviations are computed for residuals clustered by segment; a"
+        " systematic error may be larger"
     ]
 
 
@@ -185,7 +185,7 @@ def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: flo
     recordings = recordings_of([run], rig)
     problem, initial = arm_problem(recordings, rig, segment_s)
     if recordings[0].run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
-        raise RunError(f"{run.file or run.name}: its arm is driven, but the model has no such input")
+        raise RunError(f"{run.file or run.name}: its arm is driven, but the model has no input")
     try:
         fit = fit_segments(problem, np.array(model.swing), initial, states_only=True)
     except IdentificationError as error:

@@ -35,12 +35,13 @@ class InputRows:
     alike: float = 1.1
     """Minimum factor by which the reduced chi-square must decrease for a more complex description of the input.
 
-    A delay is more complex than none, and a delayed continuous input is more complex than a delayed held one.
+    An input with a delay is more complex than an input without a delay. A delayed continuous input is more complex than
+    a delayed held input.
     """
     step_s: float = 0.004
     """Minimum increment of the tested delays, s."""
     most_steps: float = 8.0
-    """Maximum distance of a delay from the tested ones, in steps; the parabola is not valid farther away."""
+    """Maximum distance of a delay from the tested delays, in steps. The parabola is not valid farther away."""
 
 
 INPUT_ROWS = InputRows()
@@ -89,7 +90,7 @@ class _Tested:
 
 
 def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Sentence with import options that would describe the input better than the present ones; empty without any.
+    """Sentence with import options that would describe the input better than the present options; may be empty.
 
     Args:
         fit: fit with the input as the runs state it
@@ -148,5 +149,5 @@ def _cause(model: _InputModel, interval: float) -> str:
     if model.continuous:
         return f"the input of the arm changes between its rows, as a continuous signal{late and f', and acts {late}'}"
     if model.delay_s < 0:
-        return f"the input of the arm acts before its rows, {-model.delay_s / interval:.2g} of a row"
+        return f"the input of the arm acts before its rows, by {-model.delay_s / interval:.2g} of the row interval"
     return f"the input of the arm acts {late}" if late else "the input of the arm is held from row to row"

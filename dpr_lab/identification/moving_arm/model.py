@@ -52,9 +52,9 @@ class MovingArmModel(Shown, BaseModel):
     mounted: Literal["both", "inner"]
     """Mounted rods."""
     input: str
-    """Kind of the input of the arm; empty without a driven run."""
+    """Kind of the input of the arm; empty if there is no driven run."""
     scale: Literal["a", "b"]
-    """Inertia by which ratios are divided: a for the inner rod alone, b for both rods."""
+    """Inertia by which ratios are divided: a if only the inner rod is mounted, b for both rods."""
     ratios: dict[str, EstimatedValue]
     """Determined ratios, SI; `L0` in m."""
     undetermined: dict[str, str]

@@ -23,7 +23,8 @@ class ArmScale:
     relative_std: float
     """Relative standard deviation of the sources other than the recordings; 0 if unknown."""
     by_gain: bool
-    """Whether the scale is torque over fitted gain; its error is then correlated with the errors of the ratios."""
+    """Whether the scale is the torque divided by the fitted gain. The error of the scale is then correlated with the
+    errors of the ratios."""
     known: bool
     """Whether recordings or measured values determine the scale."""
     sentence: str
@@ -162,7 +163,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
         share = best(motor.ke, 0.0) * gain * motor.gear
         total = fit.p[SWING_PARAMETERS.index("c0")] * scale.value
         notes.append(
-            f"With ke of the rig file the back-EMF is {share:.3g} N m s/rad of c0, which leaves {total - share:.3g} for"
-            " friction."
+            f"With ke of the rig file, the back-EMF contributes {share:.3g} N m s/rad to c0, and friction"
+            f" {total - share:.3g}."
         )
     return notes

@@ -28,7 +28,7 @@ class ArmSearchSettings:
     population: int = 24
     generations: int = 16
     wide: float = 10.0
-    """Factor between an end of the range of an unknown and its initial value, without bounds in the rig file."""
+    """Factor between an end of the range of an unknown and its initial value, if the rig file contains no bounds."""
     draws: int = 200
     """Number of random rigs within the bounds from which the range of a ratio is computed."""
 

@@ -9,8 +9,8 @@ The x_j are 1, q, q', sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i
 the term of their coupling. The angles Q are scanned. All coefficients follow by linear least squares from local
 polynomials, without the rig file's values.
 
-A stop also reduces the residual of a cable that stiffens gradually, or of cogging, but less than the smooth torque K2
-q^2 + K3 q^3 does. A stop is therefore named only if it reduces the residual more than this torque does.
+If a cable stiffens gradually, or if cogging acts, a stop also reduces the residual, but less than the smooth torque K2
+q^2 + K3 q^3. A stop is therefore named only if it reduces the residual more than this torque.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class SoftStopSettings:
     On rigs without a stop, with or without Coulomb friction or drag, they reduce it by a factor below 1.5.
     """
     separated: float = 1.5
-    """Minimum factor by which stops reduce the residual more than a smooth torque does.
+    """Minimum factor by which stops reduce the residual more than a smooth torque.
 
     It was at least 1.6 on 95 of 96 simulated rigs with a stop, and at most 1.03 on 96 rigs with a stiffening cable or
     cogging.
@@ -80,7 +80,7 @@ class _Trial:
 
 
 def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
-    """Stop that explains most of the residual of the arm's equation; None without a stop.
+    """Stop that explains most of the residual of the arm's equation; None if there is no stop.
 
     Args:
         run: a recording with a moving arm

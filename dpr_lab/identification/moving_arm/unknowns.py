@@ -1,6 +1,6 @@
 """Unknowns that recordings with a moving arm determine: ratios to the inertia of one rod, and the scale of torques.
 
-The ratios of both rods are to b, and those of the inner rod alone (a Furuta pendulum) to its own a = J1 + m1 l1^2. A
+The divisor of the ratios is b for both rods, and a = J1 + m1 l1^2 for the inner rod alone (a Furuta pendulum). A
 torque input u enters as u/b, so that its gain is 1/b. The gain of a current is kt gear/b, and that of a voltage is kt
 gear/(R b). The back-EMF of a voltage drive, ke kt gear^2/R, adds to c0, and no recording separates these two terms.
 """
@@ -47,7 +47,7 @@ class Unknowns:
     free: tuple[str, ...]
     """Names of the fitted parameters, as in `SWING_PARAMETERS`."""
     input: str
-    """Kind of the input of the arm; empty without an input."""
+    """Kind of the input of the arm; empty if there is no input."""
     scale_value: float
     """Value of the inertia `scale` in the rig file, kg m^2."""
     start: Array
@@ -85,7 +85,7 @@ def mode_number(mode: ArmMode, kind: str) -> int:
 
 
 def best(parameter: Parameter | None, otherwise: float) -> float:
-    """Measured value of a parameter, or its nominal value without a measurement; `otherwise` without an entry."""
+    """Measured value of a parameter, otherwise its nominal value; `otherwise` if it is not in the rig file."""
     return otherwise if parameter is None else parameter.measured or parameter.nominal
 
 

@@ -79,7 +79,7 @@ class _GuidedCapture:
     def _end_if_wanted(self) -> None:
         reason = self._inbox.why_to_end(self._order.attempt)
         if reason:
-            raise SafetyStop(reason if self._released else f"{reason}: the rods were not released and stay held")
+            raise SafetyStop(reason if self._released else f"{reason}: nothing was released, the rods stay held")
 
 
 def _thinned(recorded: SwingReading) -> SwingReading:

@@ -307,7 +307,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         countdown, self._countdown = self._countdown, None
         attempt, obstacle = self.attempt, self._obstacle()
         if not release or attempt is None:
-            held = "the rods were not released and stay held"
+            held = "nothing was released, the rods stay held"
             if not self.device.fresh(time.monotonic()):
                 held = "no release was commanded, but the device is silent, so the latch is UNKNOWN: keep clear"
             reason = obstacle if countdown is None else countdown.why

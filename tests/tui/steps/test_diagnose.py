@@ -322,7 +322,7 @@ async def test_a_model_of_another_rig_is_refused(
         await pilot.press("s")
         await until(pilot, lambda: step(pilot.app).job is None)
         (notice,) = pilot.app.notices
-        assert "the model is of rig other" in notice.message
+        assert "the model belongs to rig other" in notice.message
         assert pilot.app.workspace.diagnosis is None
 
 
