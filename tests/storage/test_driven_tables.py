@@ -173,7 +173,9 @@ def test_a_prescribed_arm_is_kept_and_refused_where_it_is_not_known(paper: Rig, 
         assert run.setup.arm.omega[5:-5] == pytest.approx(1.2 * np.cos(4 * T)[5:-5], abs=2e-3)
     with pytest.raises(RunError, match=r"needs its length L0 in \[rig\]"):
         import_csv(file, paper.model_copy(update={"rig": RigGeometry(name="paper", L1=0.4)}), options)
-    with pytest.raises(RunError, match="the angle of a prescribed joint is required in every row: name the columns of theta0 and t"):
+    with pytest.raises(
+        RunError, match="the angle of a prescribed joint is required in every row: name the columns of theta0 and t"
+    ):
         import_csv(table(tmp_path, "tau1,tau2", TAU), armed, ImportOptions(arm="prescribed", columns={"t": "t"}))
 
 

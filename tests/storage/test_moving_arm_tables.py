@@ -75,9 +75,14 @@ def test_the_input_of_a_driven_arm_is_no_torque_on_the_rods(rig_file, table):
 
 
 def test_an_input_without_its_constant_is_noted_at_the_import(rig_file, table):
-    assert not any("the torque per current is therefore fitted" in note for note in import_csv(table, load_rig(rig_file)).notes)
+    assert not any(
+        "the torque per current is therefore fitted" in note for note in import_csv(table, load_rig(rig_file)).notes
+    )
     rig_file.write_text(rig_file.read_text().replace("kt = {", "# kt = {"))
-    assert any("has no kt: the torque per current is therefore fitted" in n for n in import_csv(table, load_rig(rig_file)).notes)
+    assert any(
+        "has no kt: the torque per current is therefore fitted" in n
+        for n in import_csv(table, load_rig(rig_file)).notes
+    )
 
 
 @pytest.mark.parametrize(("factor", "stated", "named"), [(180 / np.pi, "rad", "deg"), (1.0, "deg", "rad")])
