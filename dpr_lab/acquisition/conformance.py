@@ -129,7 +129,7 @@ class _Peer:
         self._heard: list[Message] = []
 
     def to_idle(self) -> None:
-        """Start a new session with an idle device, whatever its previous state."""
+        """Start a new session with an idle device, from any previous state."""
         self._released = None
         self.ask(Hello(token=200))
         for command in (Stop(token=201), ClearFault(token=202), Hold(token=203), Stream(token=204)):
