@@ -54,6 +54,16 @@ def test_a_rod_at_its_own_pace_is_not_doubted(one_rod):
     assert not findings(rig, runs)
 
 
+def test_a_fall_in_one_direction_does_not_show_the_time_base(one_rod):
+    """Friction that slows a fall would be named slow motion."""
+    rig, runs = one_rod
+    (film,) = filmed(runs[:1], 8.0)
+    angle = film.swing.theta[:, 1]
+    stop = len(film.t) - len(angle) + int(np.abs(angle - angle[0]).argmax())  # the first turning point
+    parts = {"t": film.t[:stop], "theta": film.theta[:stop], "counts": film.counts[:stop]}
+    assert not findings(rig, [replace(film, **parts)])
+
+
 @pytest.mark.slow
 def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
     rig, runs = one_rod

@@ -13,6 +13,7 @@ from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.misread import tried
 from dpr_lab.identification.misread.energy import ENERGY, energy_rise
+from dpr_lab.identification.misread.local_motion import shows_a_period
 from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look
@@ -344,6 +345,19 @@ def test_a_rod_alone_has_no_interpretation_of_joint_2(paper: Rig):
     assert not any(
         words in cause for cause in of_alone for words in ("joint 2 turns", "of joint 2", "outer rod", "one rod's sign")
     )
+
+
+def test_a_fall_in_one_direction_shows_no_pace(paper: Rig) -> None:
+    t = np.arange(0.0, 2.0, 0.01)
+    swung = np.column_stack([np.pi + 0.5 * np.cos(4 * t), np.full_like(t, np.pi)])
+    fallen = np.column_stack([0.1 * np.cosh(2 * t) + 1e-3 * np.sin(90 * t), np.full_like(t, np.pi)])
+    assert shows_a_period(swung)
+    assert shows_a_period(np.column_stack([4.0 * t, swung[:, 1]]))
+    assert not shows_a_period(fallen)
+    run = Run("fall", t, np.column_stack([0 * t, fallen]), None, "", paper.name, "", 100.0)
+    causes = {reading.cause for reading in readings(paper) if reading.read(run) is not None}
+    assert not any("as fast as its time stamps" in cause for cause in causes)
+    assert any("milliseconds" in cause for cause in causes)
 
 
 @pytest.mark.slow

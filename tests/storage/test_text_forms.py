@@ -8,6 +8,7 @@ import pytest
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
+from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.preview import preview
 from dpr_lab.storage.tables.table import read_table
 from tests.storage.test_rod_alone import ONE_ROD
@@ -41,6 +42,11 @@ FORMS = {
     "input with the letter of an angle": "time,angle,Q\n" + lines("{t:.2f},{angle:.6f},0\n", SWING),
     "columns twice": "t,theta (rad),,t,theta (rad)\n"
     + "".join(f"{t:.2f},{angle:.6f},,{t:.2f},{angle:.6f}\n" for t, angle in zip(T, SWING, strict=True)),
+    "units in the fields": "time,angle\n" + lines("{t:.2f} s,{angle:.4f}°\n"),
+    "separated thousands": "time_us;angle_deg\n"
+    + "".join(f"{1e6 * t + 1e6:,.0f};{angle:.4f}\n" for t, angle in zip(T, DEG, strict=True)),
+    "blanks before units": "Time (s) Angle (deg)\n" + lines("{t:.2f} {angle:.4f}\n"),
+    "empty last column": "\tmass A\t\nt\tangle_deg\t\n" + lines("{t:.2f}\t{angle:.4f}\t\n"),
     "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
 }
 
@@ -95,3 +101,42 @@ def test_a_row_that_lacks_a_label_is_refused(tmp_path, one):
     (tmp_path / "a.csv").write_text(lines("t:{t:.2f},angle:{angle:.4f}\n") + "t:1.0\nt:1.01,angle:3\n")
     with pytest.raises(RunError, match="line 101 has 1 fields"):
         import_csv(tmp_path / "a.csv", one)
+
+
+def test_separators_of_thousands_are_read(tmp_path):
+    (tmp_path / "a.csv").write_text("t;x;y\n1,5;1.234,5;-1.002.003,25\n2,5;0,5;7,0\n")
+    (tmp_path / "b.csv").write_text('t,x,y\n1.5,"1,234.5","-1,002,003.25"\n2.5,0.5,7\n')
+    for name in ("a.csv", "b.csv"):
+        table = read_table(tmp_path / name)
+        np.testing.assert_array_equal(np.column_stack(table.values), [[1.5, 1234.5, -1002003.25], [2.5, 0.5, 7.0]])
+
+
+def test_different_units_in_a_column_are_refused(tmp_path, one):
+    text = "time,angle\n" + lines("{t:.2f},{angle:.4f} deg\n") + "1.0,1.2 rad\n"
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(RunError, match=r"line 102: '1.2 rad' in column 'angle \(deg\)' is not a number"):
+        import_csv(tmp_path / "a.csv", one)
+
+
+def test_names_that_belong_to_no_column_are_refused_by_name(tmp_path, one):
+    (tmp_path / "a.txt").write_text("x y dx dy\n" + lines("{t:.2f} {angle:.4f}\n"))
+    with pytest.raises(RunError, match=r"the header has 4 names \(x, y, dx, dy\), but line 2 has 2 fields"):
+        import_csv(tmp_path / "a.txt", one)
+
+
+def test_errors_next_to_x_and_y_are_no_second_point(tmp_path, one):
+    """Programs for plots name time and angle x and y, and their errors x' and y'."""
+    (tmp_path / "a.txt").write_text("X Y X' Y'\n" + lines("{t:.2f} {angle:.6f} 0.01 {angle:.2f}\n", SWING))
+    with pytest.raises(RunError, match=r"no single column found for theta1; the table has: X, Y, X', Y'"):
+        import_csv(tmp_path / "a.txt", one)
+    run = import_csv(tmp_path / "a.txt", one, ImportOptions(zero="hanging", columns={"theta1": "Y"}))
+    np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-5)
+
+
+def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
+    counts = np.round(1000 / 360 * DEG)
+    theta = np.column_stack([0 * T, counts + np.pi, 0 * T])
+    (note,) = odd_notes(T, theta, upright=False, rods=1, in_radians=True)
+    assert "whole numbers are usually counts of an encoder (--unit counts" in note
+    (note,) = odd_notes(T, 1.01 * theta, upright=False, rods=1, in_radians=True)
+    assert "are the units right" in note

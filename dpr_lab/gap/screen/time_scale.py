@@ -17,6 +17,7 @@ from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.estimate import whole_of
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.identification.misread.local_motion import shows_a_period
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
@@ -66,7 +67,8 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     """Contradiction between gravity and the time stamps of a recording of one rod; empty if there is none."""
     setup = record.run.setup
-    if not (setup.alone and setup.free) or record.encoder0_moves:
+    swings = shows_a_period(record.run.swing.theta[:, 1:])
+    if not (setup.alone and setup.free and swings) or record.encoder0_moves:
         return ""
     length = equivalent_length(whole_of(ratios), setup, rig)
     nominal = equivalent_length(whole_parameters(rig.nominal, rig.L1, rig.g), setup, rig)

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.projection import RIDGE, bounded_solution
-from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion
+from dpr_lab.identification.misread.local_motion import LocalMotion, LocalMotionSettings, local_motion, shows_a_period
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
@@ -127,7 +127,8 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
     if not (np.isfinite(residual) and size > 0):
         return None
     losses = terms[8:] if torques is None else terms[:0]
-    return EnergyFit(residual, _time_scale(kinetic, potential, losses), float(np.sqrt(kinetic.mean() / size)))
+    scale = _time_scale(kinetic, potential, losses) if shows_a_period(rods) else np.nan
+    return EnergyFit(residual, scale, float(np.sqrt(kinetic.mean() / size)))
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:

@@ -35,6 +35,17 @@ class LocalMotionSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class TurningSettings:
+    """Limit of a turning point."""
+
+    back: float = 0.05
+    """Minimum motion in both directions, relative to the range of the angle."""
+
+
+TURNING = TurningSettings()
+
+
+@dataclass(frozen=True, slots=True)
 class LocalMotion:
     """Motion of the rods at the centres of windows."""
 
@@ -97,3 +108,15 @@ def _local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionS
     return LocalMotion(
         near, times.mean(axis=1), coefficients[:, 0], coefficients[:, 1] / reach, 2 * coefficients[:, 2] / reach**2
     )
+
+
+def shows_a_period(rods: Array) -> bool:
+    """Whether a rod turns back or turns over in (n, rods) angles, rad.
+
+    A fall in one direction has no period. A wrong clock cannot be distinguished from an unknown initial speed or from
+    friction in it.
+    """
+    highest, lowest = np.maximum.accumulate(rods, axis=0), np.minimum.accumulate(rods, axis=0)
+    both_ways = np.minimum((highest - rods).max(axis=0), (rods - lowest).max(axis=0))
+    extent = np.ptp(rods, axis=0)
+    return bool(((both_ways > TURNING.back * extent) | (extent > 2 * np.pi)).any())

@@ -9,6 +9,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.estimation.arm_motion import FEWEST, arm_motion
 from dpr_lab.estimation.noise import ORDER, difference_std
 from dpr_lab.identification.misread.balance import energy_zeros
+from dpr_lab.identification.misread.local_motion import shows_a_period
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
@@ -221,7 +222,10 @@ def _paced(factor: float) -> Misreading:
         words = _MANY[round(1 / factor)]
         film = ": is it a video in slow motion?" if factor < 0.5 else ""
         cause = f"the swing is {words} as fast as its time stamps (import with {words} the --rate-hz, or check t{film})"
-    return Misreading(cause, _in_time(factor), time_factor=factor)
+    paced = _in_time(factor)
+    return Misreading(
+        cause, lambda run: paced(run) if shows_a_period(run.swing.theta[:, 1:]) else None, time_factor=factor
+    )
 
 
 _TIMES = (

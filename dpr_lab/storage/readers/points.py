@@ -22,7 +22,7 @@ from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
 from dpr_lab.storage.readers.circle import most_of_a_circle
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
-from dpr_lab.storage.tables.columns import bare, counter, is_time, numbers, own_name, runs, varies
+from dpr_lab.storage.tables.columns import counter, is_time, numbers, own_name, runs, varies
 from dpr_lab.storage.tables.table import Table, read_table, without_copies
 
 
@@ -131,7 +131,7 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
     if "bodyparts" in rows and "coords" in rows:
         columns = zip(rows["bodyparts"], (coord.lower() for coord in rows["coords"]), strict=True)
         return "table of points by DeepLabCut", list(_upwards(table, list(columns)[1:], 1, -1.0))
-    names = [bare(name) for name in table.names]
+    names = [own_name(name).lower() for name in table.names]
     if names.count("x") > 1 and names.count("x") == names.count("y"):
         columns = list(zip(_groups(table), names, strict=True))
         return "table of points by Tracker", list(_upwards(table, columns, 0, 1.0))
@@ -141,7 +141,9 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
         _ANGLE.search(name.lower()) and varies(column) for name, column in zip(ungrouped, table.values, strict=True)
     )
     alone = [("point", match[1].lower()) if (match := _ALONE.fullmatch(name)) else ("", "") for name in ungrouped]
-    plotted = len(ungrouped) == 2 and runs(table.values[0])  # x is the time
+    timed = len(ungrouped) > 2 and any(map(is_time, table.names))
+    abscissa = next((column for (_, axis), column in zip(alone, table.values, strict=True) if axis == "x"), None)
+    plotted = not timed and abscissa is not None and runs(abscissa)  # x is the time
     if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not (angles or plotted):
         return PLAIN, list(_upwards(table, alone, 0, -1.0))
     columns = [_coordinate(name) for name in ungrouped]

@@ -34,6 +34,9 @@ class QuestionSettings:
     unexplained: tuple[float, float] = (0.3, 0.8)
     """Maximum residual of the energy balance without a warning, for a free and for a driven swing. Geared drives of
     real rigs dissipate up to half of the exchanged energy by Coulomb friction."""
+    nearest: tuple[float, float] = (1.5, 0.5)
+    """Limits for naming the interpretation with the smallest residual, which is too large to be right: minimum ratio of
+    the next residual to it, and its maximum."""
     time_scale: float = 1.6
     """Maximum factor between the time scales of kinetic and potential energy, without a warning."""
     arm_rad: float = 0.05

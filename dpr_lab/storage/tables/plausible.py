@@ -54,6 +54,8 @@ class Plausible:
     back: float = 1.5
     """Maximum number of turns of a single rod between two turning points. If angles exceed this number, they cannot be
     in radians."""
+    whole: float = 1e-6
+    """Maximum difference of the steps of an angle from whole numbers, for whole numbers, rad."""
     typical_rows: int = 20_000
     """Maximum number of examined rows, evenly spaced over the table."""
 
@@ -215,7 +217,13 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
     above = upright & (np.median(np.cos(theta[rows, 1:]), axis=0) > 0)
     speed = float(np.quantile(moved.max(axis=1) / steps, 0.1))
     turns, points = ("the rod turns", "the rod points") if rods == 1 else ("the rods turn", "both rods point")
-    fast = [f"{turns} at more than {speed:.3g} rad/s most of the time: are the units right (--unit, --time-unit)?"]
+    counted = in_radians and bool((np.abs(moved[:, :rods] - np.round(moved[:, :rods])) < PLAUSIBLE.whole).all())
+    units = (
+        "whole numbers are usually counts of an encoder (--unit counts, with counts_per_rev in the rig file)"
+        if counted
+        else "are the units right (--unit, --time-unit)?"
+    )
+    fast = [f"{turns} at more than {speed:.3g} rad/s most of the time: {units}"]
     inverted = [f"{points} upwards most of the time: if the table's zero is hanging, import it with --zero hanging"]
     turned = _between_turning_points(theta[rows, 1]) if rods == 1 and in_radians else 0.0
     far = [

@@ -31,7 +31,12 @@ _STAMP = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d+) -> ?")
 _LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_NUMBER})"
 _LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
 """Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
-ONLY_UNIT = re.compile(r"\W*(rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m)\W*", re.I)
+_UNITS = r"rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m"
+ONLY_UNIT = re.compile(rf"\W*({_UNITS})\W*", re.I)
+_QUANTITY = re.compile(rf"(.*[\d.,])\s*({_UNITS})", re.I)
+"""Pattern of a field with a number and its unit, such as `12.3 deg`."""
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?|[-+]?\d{1,3}(?:\.\d{3})+,\d*")
+"""Pattern of a number with separators between groups of three digits, such as `1,234.5` or `1.234,5`."""
 _CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 
 
@@ -120,6 +125,11 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                 raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
             early = [_trimmed(other, len(begin[1])) for other in early]
             names = labels or _of_numbers(_names(early, content.comments, delimiter, len(begin[1])), begin[1])
+            if len(names) > len(begin[1]) and not labels and _NEXT not in "".join(begin[1]):
+                raise RunError(
+                    f"{path}: the header has {len(names)} names ({', '.join(map(printable, names))}), but line"
+                    f" {begin[0]} has {len(begin[1])} fields: remove the names that belong to no column"
+                )
             first = [begin, *islice(rows, LIMITS.looked_at - 1)]
             comma = delimiter != "," and any("," in cell for _, cells in first for cell in cells)
             columns = _Columns(path, len(names), comma)
@@ -134,7 +144,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             columns.finish()
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {error.strerror}") from error
-    shown = tuple(printable(name.strip()) for name in names)
+    shown = tuple(printable(_with_unit(name.strip(), unit)) for name, unit in zip(names, columns.units, strict=True))
     heading = tuple(tuple(printable(cell.strip()) for cell in row) for row in early)
     strange = tuple(columns.strange)
     return Table(path, shown, columns.arrays, strange, columns.line_numbers, columns.notes, heading=heading)
@@ -145,6 +155,8 @@ class _Columns:
 
     def __init__(self, path: Path, width: int, decimal_comma: bool) -> None:
         self.strange = [""] * width
+        self.units = [""] * width
+        """Unit of each column, from its fields; empty if they contain only numbers."""
         self.notes: tuple[str, ...] = ()
         self._path, self._comma = path, decimal_comma
         self._values = [array("d") for _ in range(width)]
@@ -214,18 +226,23 @@ class _Columns:
     def _number(self, word: str, place: int, line: int) -> float:
         """A field as number.
 
-        A time such as `14:30:00.123`, `30:00.1`, or with a date before it, is converted to seconds.
+        A time such as `14:30:00.123`, `30:00.1`, or with a date before it, is converted to seconds. A unit must be the
+        same in the whole column.
         """
         word = word.replace(_MINUS, "-")
-        try:
-            return float(word.replace(",", ".") if self._comma else word)
-        except ValueError:
-            if clock := _CLOCK_TIME.fullmatch(word):
-                hours, minutes, seconds = clock.groups("0")
-                return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
-            if word.lower() not in NOT_A_VALUE and not self.strange[place]:
-                self.strange[place] = f"line {line}: {printable(word[:40])!r}"
-            return np.nan
+        if (value := _value(word, self._comma)) is not None:
+            return value
+        if clock := _CLOCK_TIME.fullmatch(word):
+            hours, minutes, seconds = clock.groups("0")
+            return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
+        if (quantity := _QUANTITY.fullmatch(word)) and self.units[place] in ("", quantity[2]):
+            value = _value(quantity[1], self._comma)
+        if quantity and value is not None:
+            self.units[place] = quantity[2]
+            return value
+        if word.lower() not in NOT_A_VALUE and not self.strange[place]:
+            self.strange[place] = f"line {line}: {printable(word[:40])!r}"
+        return np.nan
 
 
 def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
@@ -234,7 +251,7 @@ def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | No
         return _commented_header(comments, delimiter, width)
     wide = [row for row in early if len(row) == width] or _otherwise_separated(early, delimiter, width)
     # Names of groups may precede the names of columns, and units may follow them.
-    names = next((row for row in wide if all(row)), (wide or early[-1:])[0])
+    names = max(wide or early[-1:], key=lambda row: sum(bool(cell.strip()) for cell in row))
     below = wide[wide.index(names) + 1 :] if names in wide else []
     units = next((row for row in below if any(row) and all(not cell or ONLY_UNIT.fullmatch(cell) for cell in row)), ())
     return [*map(_with_unit, names, units)] if units else names
@@ -255,6 +272,7 @@ def _labels(lines: list[str]) -> list[str]:
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
     """Possible header rows with one name per column, if the header has another delimiter than the numbers."""
     lines = [(delimiter or " ").join(row) for row in early]
+    lines += [re.sub(r"\s+(?=[(\[])", "", line) for line in lines]  # a blank before a unit separates no names
     split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
     return [names for names in split if len(names) == width]
 
@@ -311,17 +329,30 @@ def _cells(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) 
 
 def _is_data(row: list[str]) -> bool:
     """Whether a row contains numbers rather than names or units; an additional column of words is accepted."""
-    row = _numbers_of(row)
+    row = [cell.strip() for cell in _numbers_of(row)]
     numbers = sum(map(_is_number, row))
-    empty = sum(cell.strip().lower() in NOT_A_VALUE for cell in row)
-    return numbers > 0 and 2 * (numbers + empty) >= len(row)
+    empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
+    quantities = sum(bool(match) and _is_number(match[1]) for match in map(_QUANTITY.fullmatch, row))
+    with_units = quantities > 0 and numbers + quantities + empty == len(
+        row
+    )  # a header may contain names such as `10 cm`
+    return with_units or (numbers > 0 and 2 * (numbers + empty) >= len(row))
 
 
 def _is_number(cell: str) -> bool:
+    value = _value(cell.replace(_MINUS, "-"), decimal_comma=True)
+    return value is not None and bool(np.isfinite(value))
+
+
+def _value(word: str, decimal_comma: bool) -> float | None:
+    """A number, perhaps with separators between groups of three digits; None for other words."""
     try:
-        return bool(np.isfinite(float(cell.strip().replace(",", ".").replace(_MINUS, "-"))))
+        return float(word.replace(",", ".") if decimal_comma else word)
     except ValueError:
-        return False
+        if not _THOUSANDS.fullmatch(word):
+            return None
+        thousands = "," if word.find(",") < word.find(".") or "." not in word else "."
+        return float(word.replace(thousands, "").replace(",", "."))
 
 
 def _commented_header(comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:

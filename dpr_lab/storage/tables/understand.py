@@ -281,7 +281,7 @@ def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
     if part.stop < len(t):
         notes.append(
             f"ends at {t[part.stop - 1]:.7g} s, when the rods are held; the rows after it are excluded"
-            f" (--keep-rest uses all rows)"
+            f" (--keep-rest uses all rows; necessary if friction holds the rods)"
         )
     return notes
 

@@ -12,7 +12,7 @@ from dpr_lab.storage.tables.columns import TO_SECONDS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.questions.pose import as_posed
-from dpr_lab.storage.tables.readings import READ, OtherReading, better_readings
+from dpr_lab.storage.tables.readings import READ, OtherReading, ReadTable, better_readings
 from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 
@@ -44,12 +44,14 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
         filmed = (
             f"; much less with --rate-hz {rate * pace:g}: was this the frame rate of the camera?"
             if rate and pace != 1.0
-            else ""
+            else _nearest(read, residual)
         )
+        counted = table.options.unit == "counts"
+        angles = "counts_per_rev, zero_counts, --offset" if counted else "--unit, --zero, --offset, --angles"
         doubts.append(
             TableQuestion(
                 f"the energy of the swing changes by {share} the energy exchanged by gravity, which friction and known"
-                " torques do not explain: check --unit, --zero, --offset, --angles, --columns, --time-unit, --torque"
+                f" torques do not explain: check {angles}, --columns, --time-unit, --torque"
                 f" (in N m) and --arm, and lengths and masses of the rig{filmed}"
             )
         )
@@ -66,6 +68,25 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     radians = table.free and table.options.unit in (None, "rad")
     odd = odd_notes(table.t[table.swing], table.theta[table.swing], upright, table.rig.rods.number, radians)
     return [TableQuestion(note) for note in odd] + doubts, []
+
+
+def _nearest(read: ReadTable, residual: float) -> str:
+    """Interpretation with by far the smallest change of the energy, as the end of a sentence; empty if there is none.
+
+    It is no correction, because its energy changes too.
+    """
+    fits = (
+        (energy_fit(read.t * other.time_factor, read.rods(other.values, other.options), read.torques, read.rig), other)
+        for other in read.others()
+        if other.mend
+    )
+    tried = sorted(((fit.residual, other.sentence) for fit, other in fits if fit is not None), key=lambda pair: pair[0])
+    lead, most = SETTINGS.nearest
+    if not tried or tried[0][0] > min(
+        most, *(other / lead for other in [residual, *(other for other, _ in tried[1:2])])
+    ):
+        return ""
+    return f"; it changes by {percent(tried[0][0])} if {tried[0][1]}"
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
