@@ -47,6 +47,7 @@ FORMS = {
     + "".join(f"{1e6 * t + 1e6:,.0f};{angle:.4f}\n" for t, angle in zip(T, DEG, strict=True)),
     "blanks before units": "Time (s) Angle (deg)\n" + lines("{t:.2f} {angle:.4f}\n"),
     "empty last column": "\tmass A\t\nt\tangle_deg\t\n" + lines("{t:.2f}\t{angle:.4f}\t\n"),
+    "time in the last column": lines("{angle:.6f},{t:.2f}\n", SWING),
     "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
 }
 

@@ -191,12 +191,12 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
 
 
 def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
-    """The first column as time, if it increases like one and no column is named like a time or a counter of rows."""
+    """The first column, without names also the last, as time, if it increases and no name is a time or row counter."""
     if table.settled or "t" in given or any(map(is_time, table.names)) or counter(table):
         return {}
     unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
-    name, column = table.names[0], table.values[0]
-    timelike = _never_falls(column) if unnamed else runs(column)
+    place = -1 if unnamed and not _never_falls(table.values[0]) else 0
+    name, timelike = table.names[place], (unnamed and not place) or runs(table.values[place])
     return {"t": name} if timelike and len(table.names) > 1 and name not in given.values() else {}
 
 
