@@ -113,7 +113,7 @@ class ChildProgram:
 
     @property
     def last_words(self) -> str:
-        """Last line that the program wrote to stderr; empty without one."""
+        """Last line that the program wrote to stderr; empty if there is none."""
         if not self._log.closed:
             self._log.seek(0)
             lines = [line.strip() for line in self._log.read().decode(errors="replace").split("\n")]
@@ -123,7 +123,7 @@ class ChildProgram:
     def line(self, timeout: float) -> str:
         """Next line from the program's stdout.
 
-        Empty if the program has ended or writes no line within `timeout` s.
+        The result is empty if the program has ended or writes no line within `timeout` s.
         """
         stdout, lines = self._process.stdout, []
         assert stdout is not None

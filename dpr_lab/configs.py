@@ -46,7 +46,7 @@ def find_config(kind: str, name: str | Path) -> Path:
     if path.name == str(name) and builtin.is_file():
         return builtin
     if path.is_dir():
-        raise ConfigError(f"{name}: is a folder: give a file in it")
+        raise ConfigError(f"{name}: is a folder: give a file in this folder")
     known = sorted(p.stem for p in (BUILTIN / kind).glob("*.toml"))
     problem = f"{name}: is neither a file nor the name of a built-in {kind.removesuffix('s')}"
     raise ConfigError(unknown_name(problem, str(name), known))
@@ -70,7 +70,7 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
     """Validate TOML text with a pydantic model; `source` is the name of the text in messages.
 
     Raises:
-        ConfigError: not TOML, or a key that is unknown, missing or out of range.
+        ConfigError: the text is not TOML, or a key is unknown, missing or out of range.
     """
     try:
         table = tomllib.loads(text)

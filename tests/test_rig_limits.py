@@ -44,7 +44,7 @@ def test_a_file_of_windows_may_begin_with_a_byte_order_mark(tmp_path) -> None:
 
 
 def test_a_folder_is_not_a_rig_file(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ConfigError, match="is a folder: give a file in it"):
+    with pytest.raises(ConfigError, match="is a folder: give a file in this folder"):
         load_rig(tmp_path)
     (tmp_path / "paper").mkdir()  # such as a folder of runs
     monkeypatch.chdir(tmp_path)

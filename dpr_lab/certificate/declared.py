@@ -13,7 +13,7 @@ EVERYTHING = f"all {len(EFFECTS)} effects"
 def choices_of(certificate: Certificate) -> list[Declared]:
     """Free choices of the certified diagnosis.
 
-    The note of a choice names the default if the choice differs from it.
+    If a choice differs from its default, its note names the default.
     """
     choices, recordings = certificate.choices, certificate.recordings
     library, without = choices.library, ", ".join(choices.without)

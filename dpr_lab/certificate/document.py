@@ -1,7 +1,8 @@
 """The certificate file: recordings, rig, choices, code and claims of one diagnosis.
 
 The file contains no tolerances and no rules: these are the policy of the code (`dpr_lab.certificate.policy`). The seal
-is a hash without a key. It detects damage and accidental edits, but can be computed again after an intended edit.
+is a hash without a key. The seal detects damage and accidental edits, but anyone can compute it again after an intended
+edit.
 """
 
 import hashlib
@@ -120,7 +121,7 @@ class CertifiedClaim(_Part):
     value: Annotated[str, Field(max_length=65536)] | Number
     """Value of the claim: a text, or a number in SI units."""
     interval90: tuple[Number, Number] | None
-    """90 % interval of a number; None for a text, or a number without an interval."""
+    """90 % interval of a number; None for a text, or for a number without an interval."""
 
 
 class Signature(_Part):
@@ -139,7 +140,7 @@ class Certificate(_Part):
     recordings: list[CertifiedRecording] = Field(min_length=1)
     rig: CertifiedRig
     limits: CertifiedLimits | None = None
-    """Limits file whose test results are also claimed; None without limits."""
+    """Limits file whose test results are also claimed; None if there are no limits."""
     choices: CertifiedChoices
     made_with: MadeWith
     claims: dict[str, CertifiedClaim]

@@ -39,7 +39,7 @@ def certify_limits(path: Path, folder: Path) -> CertifiedLimits:
 
 
 def compare_limits(certificate: Certificate, folder: Path) -> list[Verified]:
-    """Compare the limits file with its hash; empty without limits."""
+    """Compare the limits file with its hash; empty if there are no limits."""
     if certificate.limits is None:
         return []
     path, certified = folder / certificate.limits.file, certificate.limits.sha256

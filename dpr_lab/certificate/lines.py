@@ -12,9 +12,9 @@ class Verified:
     certified: str | float | None
     """Value in the certificate; None if it is missing."""
     now: str | float | None
-    """Value of the repetition; None if there is none to compare with."""
+    """Value of the repetition; None if there is no such value."""
     holds: bool
-    """Whether the two agree within the tolerance."""
+    """Whether both values agree within the tolerance."""
     reason: str = ""
     """Reason why the claim does not hold, or a remark on a claim that holds."""
     within: float | None = None

@@ -2,7 +2,7 @@
 
 These rules are part of the code and not of the file: a certificate with a missing, additional or changed claim is not
 valid. A change of the rules requires a new policy (`dpr_lab.certificate.document.POLICY`). Names and verdicts must be
-equal. The tolerances of numbers are those by which the results of different versions of this program are compared
+equal. The tolerances of numbers are also used to compare the results of different versions of this program
 (tests/golden). They follow from the repeated diagnosis, so editing the file cannot widen them.
 """
 
@@ -54,7 +54,7 @@ def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) 
 
     Args:
         diagnosis: the diagnosis
-        acceptance: results of the limits of the certificate; None without limits
+        acceptance: results of the limits of the certificate; None if there are no limits
     """
     closed = diagnosis.gap.closed_held_out
     required = {

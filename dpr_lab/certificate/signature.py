@@ -29,7 +29,7 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
 
     Args:
         path: the key file
-        passphrase: asks for the passphrase of a protected key; None without a terminal
+        passphrase: asks for the passphrase of a protected key; None if there is no terminal
 
     Raises:
         ConfigError: the file does not exist or is not an Ed25519 private key, the passphrase is wrong, or
@@ -118,7 +118,7 @@ def is_valid(certificate: Certificate) -> bool:
 
 
 def compare_signature(certificate: Certificate, trusted: str | None) -> list[Verified]:
-    """Verify the signature of a certificate; empty without a signature or without `cryptography`.
+    """Verify the signature of a certificate; empty if there is no signature, or if `cryptography` is missing.
 
     Args:
         certificate: the certificate
@@ -131,7 +131,7 @@ def compare_signature(certificate: Certificate, trusted: str | None) -> list[Ver
         return []
     key = fingerprint(certificate.signature.public_key)
     if trusted and certificate.signature.public_key != trusted:
-        return [Verified("signature", key, required, False, "is by another key")]
+        return [Verified("signature", key, required, False, "was made with another key")]
     if not is_valid(certificate):
         return [Verified("signature", key, required, False, "is not valid for this content")]
     return [Verified("signature", key, required, True, "" if trusted else "no key was required")]
@@ -156,7 +156,7 @@ def require_library() -> None:
     """Check that `cryptography` is installed.
 
     Raises:
-        ConfigError: it is not installed.
+        ConfigError: `cryptography` is not installed.
     """
     try:
         import cryptography.hazmat.primitives.asymmetric.ed25519  # noqa: F401

@@ -6,7 +6,8 @@ The model of the parameter q of run k is
 
 s is estimated from runs of the same group and pose, or from successive runs if no group has several runs. It is at
 least the standard deviation due to the noise of a single run. Contrasts c of the group means are tested: each group
-minus the first, and for each change point the mean of all later groups minus that of all earlier ones. One critical
+minus the first group, and for each change point the mean of all later groups minus the mean of all earlier groups. One
+critical
 value applies to all contrasts and all parameters simultaneously: the quantile of
 
     max |c . mean| / (s |c|)
@@ -147,7 +148,7 @@ def changes(
         seed: seed of the simulation; the same seed gives the same result
 
     Raises:
-        RunError: a group shares no pose with the others, so that they are not comparable.
+        RunError: a group shares no pose with the other groups, so the groups are not comparable.
     """
     design = _design(np.asarray(group), estimates.poses, len(names), settings, names)
     null = _null_distribution(design, len(estimates.names), settings, np.random.default_rng(seed))

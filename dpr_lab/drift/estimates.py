@@ -1,4 +1,4 @@
-"""Ratios and sizes of given effects, fitted to each run alone."""
+"""Estimates of ratios and sizes of given effects from each run alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ class Estimates:
     std: Array
     """(runs, parameters) standard deviations due to the noise of each run, SI units."""
     b: float | None = None
-    """Assumed inertia for absolute sizes, kg m^2; None if the runs identify it. Sizes that scale with it are ratios to
-    it, and their names end in `/b` or `*b` (`/a` or `*a` for an inner rod alone)."""
+    """Assumed inertia for absolute sizes, kg m^2; None if the runs identify the inertia. Sizes that depend on this
+    inertia are given as ratios, and their names end in `/b` or `*b` (`/a` or `*a` if only the inner rod is mounted)."""
     inertia: str = "b"
     """Name of the assumed inertia: `a` for an inner rod alone, otherwise `b`."""
 
@@ -55,7 +55,7 @@ def estimate_each(
     Args:
         runs: the runs in chronological order
         rig: lengths, masses and encoders
-        effects: named effects of a diagnosis with all parameters; their amplitudes are fitted too
+        effects: named effects of a diagnosis with all parameters; their amplitudes are also fitted
         start: (6,) initial values of the ratios and of b; None: values of the rig file
 
     Raises:

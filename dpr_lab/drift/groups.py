@@ -51,7 +51,7 @@ def grouped(runs: Sequence[Occasion], by: str) -> Grouped:
         by: a name of `KEYS`
 
     Raises:
-        RunError: fewer than two groups, or grouping by date with undated runs.
+        RunError: there are fewer than two groups, or runs without a date are grouped by date.
     """
     undated = [run.name for run in runs if run.at is None]
     if undated and by != "label":

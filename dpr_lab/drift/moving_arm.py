@@ -15,7 +15,7 @@ from dpr_lab.run import Run
 
 @solvable
 def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> Estimates:
-    """Fit every run alone; ratios that some run does not determine are left out.
+    """Fit every run alone; ratios that at least one run does not determine are left out.
 
     Args:
         runs: the runs in chronological order, all with the same mode of the arm
@@ -24,7 +24,7 @@ def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> E
             relative to the largest estimate
 
     Raises:
-        RunError: a run cannot be fitted, the runs differ in the mode of the arm, or no ratio is determined by all.
+        RunError: a run cannot be fitted, the runs differ in the mode of the arm, or no ratio is determined by all runs.
         IdentificationError: the values of the rig file cannot be simulated.
     """
     modes = sorted({run.arm_mode for run in runs})
@@ -40,7 +40,7 @@ def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> E
     scale = np.abs(estimates).max(axis=0)
     clear = np.isfinite(estimates).all(axis=0) & (std <= clearest * scale).all(axis=0)
     if not clear.any():
-        raise RunError("no ratio is determined by every one of these runs: record longer or larger swings")
+        raise RunError("no ratio is determined by all of these runs: record longer or larger swings")
     determined = tuple(name for name, is_clear in zip(names, clear, strict=True) if is_clear)
     return Estimates(
         tuple(run.name for run in runs),

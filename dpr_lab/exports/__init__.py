@@ -1,8 +1,8 @@
 """Export of the corrected model to other programs.
 
 A new format is one file and one row of `FORMATS`. `Effect.exported` describes each effect by elements that are common
-to simulators. A program that can call functions receives the kernel of an effect instead. An effect with neither is
-lost in this format, and the reason is listed.
+to simulators. A program that can call functions receives the kernel of an effect instead. An effect that can be
+exported in neither way is lost in this format, and the reason is listed.
 """
 
 import json

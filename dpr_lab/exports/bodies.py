@@ -56,14 +56,14 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
     for parameter in EFFECTS[name].amplitudes[1:]:
         if words_of({name: {**values, parameter.name: 0.0}}):
             return f"{program} has no element for its parameter {parameter.name}"
-    return f"{program} has no element for it"
+    return f"{program} has no element for this effect"
 
 
 def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
     """Rigid bodies that move according to equation (1) of docs/theory.md, with the effects that a format expresses.
 
-    A swing depends only on the base parameters. Their masses are therefore those of the model, at the scale of its base
-    parameters.
+    A swing depends only on the base parameters. The masses of the bodies are therefore the masses of the model, at the
+    scale of its base parameters.
 
     Raises:
         ConfigError: no rigid bodies can represent the model with a moving arm.
@@ -104,7 +104,7 @@ def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
 
 
 def arm_of(model: Model, rig: Rig) -> Arm | None:
-    """Compliant arm of an effect; None without one, or if the arm is lighter than the rods at its tip."""
+    """Compliant arm of an effect; None if there is none, or if the arm is lighter than the rods at its tip."""
     params = effect_params(known_effects(model.effects))
     held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
     z = {name: parameter.value for name, parameter in model.parameters.items()}

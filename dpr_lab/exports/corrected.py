@@ -1,9 +1,9 @@
 """The corrected model of a diagnosis: the model with the named effects.
 
-An amplitude whose interval contains zero is set to zero. A spring with an insignificant cubic term thus becomes a
-linear spring, which every format with springs can represent. The other values are then replaced by their conditional
+An amplitude whose interval contains zero is set to zero. A spring with an insignificant cubic term becomes a linear
+spring, which every format with springs can represent. The other values are then replaced by their conditional
 means in the joint normal distribution: x - C_xz C_zz^-1 z. A named effect whose amplitudes are all insignificant keeps
-them. Effects that are fitted to every rig of this kind are omitted if they are insignificant and not named.
+them. Effects that are fitted to every rig of this kind are omitted if they are neither significant nor named.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -45,7 +45,7 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
 
     Args:
         diagnosis: ratios, covariance and effects
-        runs: the diagnosed runs, without the held-out ones
+        runs: the diagnosed runs, without held-out runs
         rig: measured values and bounds of the nine parameters
     """
     if has_moving_arm(diagnosis):

@@ -23,8 +23,8 @@ class ReplayRule:
     most: int = 3
     """Maximum number of replayed releases. It is small, because a program may run in real time."""
     worse: float = 1.02
-    """Maximum ratio of the error of an export to the error of the bare model; above it the export is refused. Smaller
-    differences are within the uncertainty of the initial state."""
+    """Maximum ratio of the error of an export to the error of the bare model. An export with a larger ratio is refused;
+    smaller differences are within the uncertainty of the initial state."""
 
 
 REPLAY_RULE = ReplayRule()
@@ -63,8 +63,8 @@ class Yardstick:
     def held_against(self, model: AnyModel) -> tuple[AnyModel, tuple[Replay, ...]]:
         """Model to write and its replays.
 
-        The bare model replaces the refitted model if that is worse over the whole swing, which a fit over segments of
-        half a second does not exclude.
+        The bare model replaces the refitted model if the refitted model is worse over the whole swing. A fit over
+        segments of half a second does not exclude this case.
         """
         if model is self.model:
             return model, self.own
@@ -98,7 +98,7 @@ def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
         rig: the rig
 
     Raises:
-        RunError: no run, a run that is too short, or one that no initial state fits.
+        RunError: there is no run, a run is too short, or no initial state fits a run.
     """
     if not runs:
         raise RunError("no run can be replayed")

@@ -1,6 +1,6 @@
 """Programs that run an export: Python, MuJoCo, FMPy.
 
-Each simulates a recording from the fitted initial state.
+Each program simulates a recording from the fitted initial state.
 """
 
 import json
@@ -150,7 +150,7 @@ def in_fmu(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
             [sys.executable, "-c", _FMU], input=json.dumps(swing), capture_output=True, text=True, cwd=file.parent
         )
         if done.returncode:
-            last = done.stderr.strip().splitlines()[-1:] or ["it printed nothing"]
+            last = done.stderr.strip().splitlines()[-1:] or ["it printed no message"]
             raise DprError(f"the FMU did not run in FMPy (pip install 'dpr-lab[exports]'): {last[0]}")
         return np.array(json.loads(done.stdout.splitlines()[-1])).T
 

@@ -1,4 +1,4 @@
-"""Replacement of effects that a program cannot express by simpler ones, refitted to the recordings.
+"""Replacement of effects that a program cannot express by simpler effects, refitted to the recordings.
 
 If an effect is omitted, the parameters that were fitted together with it are wrong, for example a viscous friction that
 was estimated as zero. The ratios, the simpler effects, and all effects that the program supports are therefore
@@ -33,13 +33,13 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
-"""Stages of the effects that move the rods. Effects of the other stages act on the readings only."""
+"""Stages of the effects that move the rods. Effects of the other stages act only on the readings."""
 
 
 def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig: Rig) -> dict[str, AnyModel]:
     """Format -> model to write.
 
-    It is the given model, or a simpler, refitted model if the format cannot express the given one.
+    The result is the given model, or a simpler, refitted model if the format cannot express the given model.
 
     Args:
         formats: names of `FORMATS`
@@ -48,7 +48,7 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
         rig: the rig
 
     Raises:
-        RunError: a run that is too short, or one that no initial state fits.
+        RunError: a run is too short, or no initial state fits a run.
     """
     losses = {name: moving_losses(name, model, rig) for name in formats}
     if not any(losses.values()):
@@ -85,7 +85,7 @@ def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run],
 
 
 def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
-    """Effects of a model that the written, simpler model contains with all their amplitudes."""
+    """Effects of a model that the written, simpler model contains with all amplitudes."""
     sizes = known_effects(model.effects)
     return {
         name

@@ -47,7 +47,7 @@ def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Repla
     """Swings of a model along runs, over the same times as the swings `like` of another model.
 
     Raises:
-        RunError: a run that is too short, or one that no initial state fits.
+        RunError: a run is too short, or no initial state fits a run.
     """
     if isinstance(model, MovingArmModel):
         return tuple(swing for run in runs for swing in arm_replays(run, rig, model))

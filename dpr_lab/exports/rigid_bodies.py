@@ -68,7 +68,7 @@ class Arm:
     words: Words
     """Elements of effects at the joint."""
     input: str = ""
-    """Kind of the input of the drive; empty without a drive."""
+    """Kind of the input of the drive; empty if there is no drive."""
     gain: float = 0.0
     """Torque per input, N m over the unit of the input."""
     mass: float = 1e-9
@@ -116,7 +116,7 @@ class Bodies:
     """Bodies of the rig: rods, parts at joint 2, and arm, with gravity."""
 
     rods: tuple[Rod, ...]
-    """The inner rod, and the outer one if it is mounted."""
+    """The inner rod, and the outer rod if it is mounted."""
     tip_mass: float
     """Mass of the encoder at joint 2, kg."""
     gravity: float

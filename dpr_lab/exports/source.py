@@ -1,6 +1,6 @@
 """Python sources of compiled functions with all dependencies, for programs without dpr-lab and without Numba.
 
-The source is that of the functions which dpr-lab itself runs. Decorators and annotations are removed, and names are
+The source is taken from the functions that dpr-lab itself runs. Decorators and annotations are removed, and names are
 made unique. A division by zero gives the same result as in compiled code.
 """
 
@@ -47,10 +47,7 @@ class _Writer:
         self.written: list[str] = []
 
     def write(self, value: Any) -> str:
-        """Write the definition of a value and of its dependencies, unless they are written already.
-
-        Returns its name.
-        """
+        """Write the definition of a value and of its dependencies, unless already written; return the name of the value."""
         key = _identity(value)
         if key not in self.names:
             self.names[key] = self._free_name(value)

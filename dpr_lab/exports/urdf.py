@@ -1,6 +1,6 @@
 """Export of the corrected model as URDF: inertia, viscous and Coulomb friction.
 
-URDF contains no gravity: it is a setting of the simulator. A tilt is a fixed joint below the base. Source:
+URDF contains no gravity, because gravity is a setting of the simulator. A tilt is a fixed joint below the base. Source:
 https://wiki.ros.org/urdf/XML (link, joint).
 """
 

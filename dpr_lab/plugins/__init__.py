@@ -7,9 +7,9 @@
     dpr_lab.searches     `dpr_lab.search.problem.Algorithm`                      `algorithm` of a search file
     dpr_lab.exports      `dpr_lab.exports.ExportFormat`                          name of the format
 
-Only installed packages are plugins: a package in the current folder is not one, and a module there cannot replace one.
-A plugin that cannot be used is skipped, and `skipped` says why. The environment variable `DPR_LAB_NO_PLUGINS` turns all
-of them off, in this process and in the processes that it starts.
+Only installed packages are plugins. A package in the current folder is not a plugin, and a module in this folder cannot
+replace a plugin. A plugin that cannot be used is skipped, and `skipped` states the reason. The environment variable
+`DPR_LAB_NO_PLUGINS` disables all plugins, in this process and in the processes that it starts.
 
 Source: entry points of the Python Packaging Authority, https://packaging.python.org/specifications/entry-points/.
 """

@@ -9,7 +9,7 @@ from dpr_lab.plugins.installed import announced, without_current_folder
 
 
 def fingerprint(*groups: str) -> str:
-    """Name, version and source hash of each plugin in some groups, one plugin per line; empty without plugins."""
+    """Name, version and source hash of each plugin in some groups, one plugin per line; may be empty."""
     used = sorted({(p.package, p.version, p.module.partition(".")[0]) for p in announced() if p.group in groups})
     return "".join(f"{package} {version} {module} {_source_hash(module)}\n" for package, version, module in used)
 

@@ -30,7 +30,7 @@ def origin(group: str, row: str) -> Plugin | None:
 
 
 def failure(error: BaseException) -> str:
-    """Sentence for an exception that a plugin, or a library called by it, raised; empty for an exception of dpr-lab."""
+    """Sentence on an exception raised by a plugin, or by a library that it called; empty for others."""
     by_module = {plugin.module.partition(".")[0]: plugin for plugin in announced()}
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
@@ -60,7 +60,7 @@ def plugin_rows(
         kind: class of the rows
         taken: names of the table's own rows, which no plugin may replace
         name_of: function that returns the name of a row, from the name of its entry point and the row
-        refusal: function that returns the reason why a row cannot be used; empty if it can
+        refusal: function that returns the reason why a row cannot be used; empty if the row can be used
     """
     added: dict[str, Row] = {}
     for plugin in announced():

@@ -26,7 +26,7 @@ LARGEST_GROWTH = 64
 class CmaEsSettings(SearchSettings, frozen=True):
     """Settings of the covariance matrix adaptation.
 
-    When a search has ended, the next one starts with a larger population (IPOP).
+    When a search has ended, the next search starts with a larger population (IPOP).
     """
 
     algorithm: Literal["cma_es"] = "cma_es"

@@ -10,7 +10,7 @@ from dpr_lab.search.problem import Bounds
 
 
 def near_duplicates(genes: Array, tolerance: Array) -> Flags:
-    """Mask of the chromosomes that nearly equal a better one.
+    """Mask of the chromosomes that nearly equal a better chromosome.
 
     Args:
         genes: (M, n) population, best first
@@ -26,8 +26,8 @@ def near_duplicates(genes: Array, tolerance: Array) -> Flags:
 def replacements(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
     """New chromosomes that replace near-duplicates.
 
-    Each chromosome is, with equal probability, near the best one (dynamic encoding) or anywhere in the box (hybrid
-    coding).
+    Each new chromosome is, with equal probability, near the best chromosome (dynamic encoding) or anywhere in the box
+    (hybrid coding).
 
     Args:
         best: (n,) best chromosome

@@ -38,7 +38,7 @@ def inbred(x: Array, y: Array, tolerance: Array | float = 0.0) -> Flags:
 def pair(genes: Array, fitness: Array, pairs: int, box: Bounds, rng: np.random.Generator) -> tuple[Array, Array]:
     """Draw pairs of parents with probability proportional to fitness.
 
-    If the parents of a pair are nearly equal, a new chromosome replaces the second one.
+    If the parents of a pair are nearly equal, a new chromosome replaces the second parent.
 
     Args:
         genes: (M, n) population

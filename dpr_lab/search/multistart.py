@@ -29,7 +29,7 @@ class MultistartSettings(SearchSettings, frozen=True):
     generations: Annotated[int, Field(ge=0)] = 20
     """Maximum number of generations, each of which is one local search."""
     population: Annotated[int, Field(ge=2)] = 50
-    """Number of points of a Latin hypercube; when all have been used as starts, the next hypercube is drawn."""
+    """Number of points of a Latin hypercube. When all points have been used as starts, the next hypercube is drawn."""
     iterations: Count = 50
     """Maximum number of iterations of a local search."""
     difference: Annotated[Positive, Field(lt=0.1)] = 1e-6

@@ -47,8 +47,8 @@ def array_for(name: str, genes: int) -> Levels:
     levels = ARRAYS[name]
     if genes > levels.shape[1]:
         raise ConfigError(
-            f"orthogonal_array = {name!r} takes at most {levels.shape[1]} searched parameters and there are {genes}:"
-            " choose a larger array, or measure some of them"
+            f"orthogonal_array = {name!r} takes at most {levels.shape[1]} searched parameters, but there are"
+            f" {genes}: choose a larger array, or measure some of the parameters"
         )
     return levels[:, :genes]
 

@@ -9,7 +9,7 @@ from dpr_lab.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class Population:
-    """Chromosomes with their costs, the best one first."""
+    """Chromosomes with their costs, the best chromosome first."""
 
     genes: Array
     """(size, n) values of the free genes."""
@@ -17,7 +17,7 @@ class Population:
     """(size,) cost H of each chromosome, ascending."""
 
     def best(self, size: int) -> "Population":
-        """Population of the first `size` individuals, which are the best ones."""
+        """Population of the best `size` individuals."""
         return Population(self.genes[:size], self.cost[:size])
 
 
@@ -28,5 +28,8 @@ def ranked(genes: Array, cost: Array) -> Population:
 
 
 def merged(first: Population, second: Population) -> Population:
-    """Merge two populations, best first; of two individuals with equal cost, the one from `first` precedes."""
+    """Merge two populations, best first.
+
+    If two individuals have equal costs, the individual from `first` precedes.
+    """
     return ranked(np.vstack([first.genes, second.genes]), np.concatenate([first.cost, second.cost]))

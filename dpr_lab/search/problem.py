@@ -32,9 +32,9 @@ class Generation:
     """Cost H of the best candidate; `inf` if every candidate has failed so far."""
     best_fitness: float
     population_fitness: float
-    """f_pop of docs/theory.md (8): 1 if all individuals are as fit as the best one."""
+    """f_pop of docs/theory.md (8): 1 if all individuals are as fit as the best individual."""
     population: Array
-    """(size, d) candidates, the best one first."""
+    """(size, d) candidates, the best candidate first."""
     cost: Array
     """(size,) cost H of each candidate of the population."""
 
@@ -51,7 +51,7 @@ class Algorithm(Generic[Settings]):
     settings: type[Settings]
     run: Callable[[Objective, Bounds, Settings, np.random.Generator], Iterator[Generation]]
     words: str
-    """Title of the algorithm in words."""
+    """Title of the algorithm."""
 
 
 @dataclass(slots=True)
@@ -91,7 +91,7 @@ class SearchProblem:
         """(size,) costs H of candidates given by (size, n) free genes; `inf` for a candidate that failed.
 
         Raises:
-            ValueError: as `errors`.
+            ValueError: as for `errors`.
         """
         return self.cost(self.errors(genes)) if len(genes) else np.empty(0)
 

@@ -1,4 +1,4 @@
-"""Settings of a search (`configs/search/*.toml`); the defaults are the published ones (docs/theory.md)."""
+"""Settings of a search (`configs/search/*.toml`); the defaults are the published values (docs/theory.md)."""
 
 from typing import Annotated, Literal
 
@@ -17,7 +17,7 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     generations: Annotated[int, Field(ge=0)] = 1000
     """Maximum number of generations after the initial population."""
     aggregate: Literal["sum", "max", "min"] = "sum"
-    """How the errors E of the poses are combined to the cost H."""
+    """Combination of the errors E of the poses to the cost H."""
     stagnation_generations: Count | None = None
     """Number of generations without progress after which the search stops; default: no such limit."""
     stagnation_improvement: Share = 0.01

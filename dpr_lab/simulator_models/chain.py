@@ -1,6 +1,6 @@
 """Types for the rods of a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
 
-The arm may carry the inner rod alone. theta_i is the angle of rod i from upright about the axis of joint 1
+The arm may carry only the inner rod. theta_i is the angle of rod i from upright about the axis of joint 1
 (docs/theory.md). The inner rod points from joint 1 to joint 2, the last rod from its joint to its centre of mass.
 """
 
@@ -63,7 +63,7 @@ class ChainRod:
     offset: float = 0.0
     """Distance of the centre of mass from the axis of the rod, m."""
     gear: float | None = None
-    """Gear ratio of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
+    """Gear ratio of the only motor on its joint; None if there is no motor, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class ChainArm:
     hanging: float = 0.0
     """Angle of the joint in the model at theta0 = 0, rad."""
     gear: float | None = None
-    """Gear ratio of the only motor on its joint. None without a motor, or if other actuators act on the joint."""
+    """Gear ratio of the only motor on its joint; None if there is no motor, or if other actuators act on the joint."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,7 +72,7 @@ def last_rod(
 ) -> ChainRod:
     """The outer rod, or a single rod.
 
-    Its direction is that from the joint to the centre of mass.
+    The direction of the rod points from the joint to the centre of mass.
 
     Args:
         parts: its parts

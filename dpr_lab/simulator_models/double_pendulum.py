@@ -23,7 +23,7 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
         gravity: gravity downwards along z, m/s^2; None: the value of the model
 
     Raises:
-        ConfigError: unknown joints, several choices, or axes that are not parallel.
+        ConfigError: joints are unknown or ambiguous, or axes are not parallel.
     """
     notes = list(model.notes)
     hinges = named(model, names) if names else only_choice(model)
@@ -95,7 +95,7 @@ def _pull(model: SimulatorModel, gravity: float | None, notes: list[str]) -> Vec
         )
         return np.array([0.0, 0.0, -CHAIN.gravity])
     if model.gravity.shape != (3,) or not np.linalg.norm(model.gravity) > 0:
-        raise ConfigError("the model has no gravity, and a pendulum needs it: give --g 9.81")
+        raise ConfigError("the model has no gravity, but a pendulum needs gravity: give --g 9.81")
     return model.gravity
 
 

@@ -11,7 +11,9 @@ from dpr_lab.errors import ConfigError
 from dpr_lab.simulator_models.chain import CHAIN
 from dpr_lab.simulator_models.tree import ModelJoint, SimulatorModel, Vector
 
-CHOOSE = "name those to use, --joints INNER,OUTER or INNER,OUTER,ARM or ROD,ARM; the others are fixed at zero"
+CHOOSE = (
+    "name the joints to use, --joints INNER,OUTER or INNER,OUTER,ARM or ROD,ARM; the other joints are fixed at zero"
+)
 """Advice for a model with more hinges than those of a double pendulum on an arm."""
 
 
@@ -24,12 +26,12 @@ class Hinges(NamedTuple):
 
     @property
     def all(self) -> list[int]:
-        """Indices for the rods, followed by that for the arm."""
+        """Indices for the rods, followed by the index for the arm."""
         return [*self.rods, *(() if self.arm is None else (self.arm,))]
 
 
 def joint_of(model: SimulatorModel, index: int) -> ModelJoint:
-    """Joint of a part that has one."""
+    """Joint of a part that has a joint."""
     joint = model.parts[index].joint
     assert joint is not None
     return joint
@@ -40,7 +42,7 @@ def _hinges(model: SimulatorModel) -> list[int]:
 
 
 def carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
-    """Nearest of the parts `among` on the way from a part to the world; -1 without one."""
+    """Nearest of the parts `among` on the way from a part to the world; -1 if there is none."""
     above = model.parts[index].parent
     while above >= 0 and above not in among:
         above = model.parts[above].parent
@@ -55,7 +57,7 @@ def named(model: SimulatorModel, names: Sequence[str]) -> Hinges:
     """Rods and arm of a model, from the names of their joints.
 
     Raises:
-        ConfigError: unknown joint, not two or three joints, or joints that are not in a chain.
+        ConfigError: a joint is unknown, there are not two or three joints, or the joints are not in a chain.
     """
     hinges = _hinges(model)
     by_name = {joint_of(model, index).name: index for index in hinges}
@@ -92,7 +94,9 @@ def only_choice(model: SimulatorModel) -> Hinges:
         have = f"only one hinge, {_names(model, hinges)}" if hinges else "no hinge"
         kinds = sorted({part.joint.kind for part in model.parts if part.joint is not None} - {"hinge"})
         others = f" (joints of other kinds: {', '.join(kinds)})" if kinds else ""
-        raise ConfigError(f"the model has {have}{others}; a double pendulum, or a rod on an arm, has two in a chain")
+        raise ConfigError(
+            f"the model has {have}{others}; a double pendulum, or a rod on an arm, has two hinges in a chain"
+        )
     if len(hinges) > 3:
         raise ConfigError(f"the model has {len(hinges)} hinges, {_names(model, hinges)}: {CHOOSE}")
     chain = set(hinges)

@@ -60,7 +60,7 @@ def _problem(text: str) -> str:
     """Description of invalid numbers in a text; empty if all are valid."""
     parts = text.split()
     if not parts:
-        return "is empty: give a number, or remove it"
+        return "is empty: give a number, or remove the entry"
     bad = next((part for part in parts if not _NUMBER.fullmatch(part) or not math.isfinite(float(part))), None)
     return "" if bad is None else f"{bad[:50]!r} is not a finite number: write it as 1.5 or 1e-3"
 

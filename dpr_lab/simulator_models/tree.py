@@ -32,7 +32,7 @@ class ModelJoint:
     rest: float = 0.0
     """Angle of the joint at which its spring is relaxed, rad."""
     limits: tuple[float, float] | None = None
-    """Minimum and maximum angle of the joint, rad; None without limits."""
+    """Minimum and maximum angle of the joint, rad; None if there are no limits."""
     other: dict[str, str] = field(default_factory=dict)
     """Term that a rig file cannot contain -> its numbers as text."""
 

@@ -20,7 +20,7 @@ class StartTag:
     first: int
     """Position of its `<` in the file, bytes."""
     end: int = -1
-    """Position of the end tag, bytes; for an empty element, that of the start tag."""
+    """Position of the end tag, bytes; for an empty element, the position of the start tag."""
     text: str = ""
     """Text of the element, without the text of its children."""
     children: int = 0
@@ -79,12 +79,12 @@ class XmlEdit:
     changes: list[ChangedAttribute]
 
     def find(self, tag: str, **attributes: str) -> int | None:
-        """Index of the first element with this tag and these attributes; None without one."""
+        """Index of the first element with this tag and these attributes; None if there is none."""
         wanted = attributes.items()
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
 
     def child(self, parent: int, tag: str) -> int | None:
-        """Index of the first child with this tag; None without one."""
+        """Index of the first child with this tag; None if there is none."""
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and t.parent == parent), None)
 
     def set(self, index: int, label: str, **attributes: str) -> None:
@@ -115,7 +115,7 @@ class XmlEdit:
     def insert_texts(self, parent: int, label: str, within: str = "", **texts: str) -> None:
         """Insert elements with texts at the beginning of an element.
 
-        With `within`, they are inserted in a new element of this name.
+        If `within` is given, the elements are inserted in a new element of this name.
         """
         elements = [f"<{tag}>{escape(value)}</{tag}>" for tag, value in texts.items()]
         elements = [f"<{within}>{''.join(elements)}</{within}>"] if within else elements

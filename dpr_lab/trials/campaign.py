@@ -142,7 +142,9 @@ def _alone(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout:
-        raise RunError(f"{folder}: a campaign is running in it; wait for its end, or give another folder") from None
+        raise RunError(
+            f"{folder}: a campaign is running in this folder; wait for its end, or give another folder"
+        ) from None
     except OSError as error:
         raise DprError(f"{folder}: cannot be written: {error.strerror}") from error
     try:
@@ -169,7 +171,7 @@ def _claim(folder: Path, campaign: Campaign) -> None:
     other = [name for name, value in settings.items() if before.get(name) != value]
     if other:
         was = ", ".join(f"{name} = {before.get(name)}" for name in other)
-        raise RunError(f"{folder}: contains another campaign ({was}); continue that one, or give another folder")
+        raise RunError(f"{folder}: contains another campaign ({was}); continue that campaign, or give another folder")
 
 
 def read_trials(folder: Path) -> dict[int, TrialOutcome]:

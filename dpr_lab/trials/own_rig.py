@@ -50,7 +50,7 @@ class OwnRigSettings:
     finer: float = 4.0
     """Factor by which the integration step of a plant is smaller than the step of the fits."""
     kinds: tuple[str, ...] = ("as found", "another", "another", "clean")
-    """Kinds of plants; successive trials take them in turn."""
+    """Kinds of plants. Successive trials use the kinds in turn."""
 
 
 OWN_RIG = OwnRigSettings()

@@ -1,4 +1,4 @@
-"""One blind trial in a folder: drawn and recorded, diagnosed, and revealed after the diagnosis is written.
+"""Blind trial in a folder: the plant is drawn and recorded, diagnosed, and revealed after the diagnosis is written.
 
 trial.json      the seal, published before the recording; written when all runs are complete
 rig.toml        the rig file of the plant
@@ -115,7 +115,7 @@ def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
 def refuse_opened(trial: Trial) -> None:
     """Raise RunError if the truth of the trial is already revealed."""
     if trial.opened.exists():
-        raise RunError(f"{trial.folder}: this trial was opened already; a diagnosis after that would not be blind")
+        raise RunError(f"{trial.folder}: this trial was already opened, so a diagnosis would not be blind")
 
 
 def open_trial(trial: Trial) -> Opened:

@@ -40,7 +40,7 @@ class SizeError:
     covered: bool
     """Whether the 90 % interval contains the true value."""
     leads: bool
-    """Whether this amplitude is the largest one of its effect."""
+    """Whether this amplitude is the largest amplitude of its effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class TrialOutcome:
     first: bool
     """Whether the first named effect is one of the causes."""
     top3: bool
-    """Whether one of the causes is among the first three names; alternatives count as names."""
+    """Whether one of the causes is among the first three named effects and alternatives."""
     exact: bool
     """Whether the named effects are exactly the causes."""
     invented: bool
@@ -243,7 +243,7 @@ def _faults(truth: Truth) -> list[str]:
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:
-    """Index of the true cause that an effect of a diagnosis, or a member of its class, names; None if there is none."""
+    """Index of the true cause that an effect of a diagnosis, or a member of its class, names, or None."""
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
 

@@ -38,7 +38,7 @@ class Kind(StrEnum):
     DRIVEN = "driven"
     """Driven joints with reported torques, with or without a fault of the drives; never chosen by `ANY`."""
     BACKGROUND = "background"
-    """One effect among several small ones, sometimes with a fault of the logger; never chosen by `ANY`."""
+    """One effect among several small effects, sometimes with a fault of the logger; never chosen by `ANY`."""
 
 
 DRAWN: tuple[Kind, ...] = tuple(kind for kind in Kind if kind not in (Kind.ANY, Kind.DRIVEN, Kind.BACKGROUND))
@@ -78,7 +78,7 @@ class PlantRequest:
     seed: int | None = None
     """Seed of the draw; None: 128 random bits, so that nobody can repeat the draw.
 
-    A small seed can be found by trial, and the plant with it.
+    A small seed could be guessed, and with it the plant.
     """
     rig: str = "paper"
     """Rig file or built-in name of the rig about which the random rig is drawn."""

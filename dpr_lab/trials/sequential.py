@@ -71,9 +71,10 @@ class SequentialLook:
     decided: bool
     """Whether the recordings decide the causes."""
     bench_check: bool
-    """Whether the causes are decided except for those that no release separates; a bench check must then decide."""
+    """Whether all causes are decided except for causes that no release separates, between which a bench check must
+    decide."""
     forecast: tuple[float, ...]
-    """Probabilities that the causes are decided after this release, after the next one, and so on.
+    """Probabilities that the causes are decided after this release, after the next release, and so on.
 
     The plan that recommended the release computed these probabilities.
     """

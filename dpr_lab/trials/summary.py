@@ -65,7 +65,7 @@ def brier(claims: Sequence[Claim]) -> float:
 
 
 def wilson90(held: int, of: int) -> tuple[float, float]:
-    """90 % interval of a share, by Wilson's score, when `held` of `of` trials have a property."""
+    """90 % Wilson score interval of a share, if `held` of `of` trials have a property."""
     from scipy.stats import binomtest  # slow import
 
     interval = binomtest(held, of).proportion_ci(0.9, method="wilson")
@@ -73,7 +73,7 @@ def wilson90(held: int, of: int) -> tuple[float, float]:
 
 
 def summary(outcomes: Sequence[TrialOutcome]) -> dict[str, Any]:
-    """All scores of the given trials; a share of no trials is nan.
+    """All scores of the given trials; a share is nan if there are no trials.
 
     Names are scored if the library contains the cause. Otherwise the cause should be reported as unexplained.
     """

@@ -20,11 +20,11 @@ class CampaignRequest:
     n: int
     """Number of trials."""
     out: Path
-    """Folder of the results. An interrupted campaign in it is continued."""
+    """Folder for the results. An interrupted campaign in this folder is continued."""
     jobs: int = 1
     """Number of trials that run in parallel on this machine."""
     scheduler: str | None = None
-    """Address of a dask scheduler that runs the trials; None: they run on this machine."""
+    """Address of a dask scheduler that runs the trials; None: the trials run on this machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +42,8 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
     Event: `TrialDone`, at the start and after each trial.
 
     Raises:
-        ConfigError: a kind that is not available for a moving arm.
-        RunError: the folder contains another campaign, or one that is running.
+        ConfigError: a kind is not available for a moving arm.
+        RunError: the folder contains another campaign, or a running campaign.
         DprError: a file cannot be written, or the workers are lost; finished trials are kept.
     """
     from dpr_lab.trials.campaign import run_campaign as run_trials

@@ -24,7 +24,7 @@ class CaptureRequest:
     """Options of a capture."""
 
     rig: str
-    """Rig file, or the name of a built-in one."""
+    """Rig file, or name of a built-in rig."""
     out: Path
     """Folder of the runs."""
     options: "CaptureOptions"

@@ -1,4 +1,4 @@
-"""Write a certificate of a diagnosis, and verify one by repeating the diagnosis."""
+"""Writing of certificates of a diagnosis, and their verification by a repetition of the diagnosis."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

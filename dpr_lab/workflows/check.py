@@ -24,14 +24,14 @@ class CheckRequest:
     diagnosis: Path
     """Output of `diagnose --json`."""
     check: str
-    """Id of the check."""
+    """Identifier of the check."""
     runs: tuple[Path, ...] = ()
     value: float | str | None = None
     """Measured value: a number in the unit of the check's quantity, or text with a unit, for example `6.1 mN m`."""
     std: float | str | None = None
     """Standard uncertainty of the value, as a number or text. Text without a unit is in the unit of the value."""
     rig: str | None = None
-    """Rig file, or the name of a built-in one; None: the rig stored with the first run."""
+    """Rig file, or name of a built-in rig; None: the rig stored with the first run."""
     out: Path | None = None
     """Folder of `diagnosis.json` and its page; None: no files are written."""
     torque: str | None = None
@@ -47,8 +47,8 @@ def take_check(request: CheckRequest, on_event: OnEvent = ignore) -> "Diagnosis"
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
-        RunError: no diagnosis, no such check, a result of another kind, a recording that the diagnosis already used, a
-            value without unit, or a value that no candidate predicts and that is not confirmed.
+        RunError: there is no diagnosis or no such check, the result has another kind, the diagnosis already used the
+        recording, the value has no unit, or no candidate predicts an unconfirmed value.
         DprError: a result cannot be written.
     """
     from dpr_lab.checks.update import find_check, update

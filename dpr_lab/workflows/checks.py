@@ -26,7 +26,7 @@ def refuse_own_folder(out: Path, original: Path) -> None:
     """Check that results, with a changed copy of a file, can be written to a folder that is not the file's own.
 
     Raises:
-        ConfigError: it is the folder of the file, or `refuse_file`.
+        ConfigError: the folder is the folder of the file, or an error of `refuse_file`.
     """
     refuse_file(out)
     if (out / original.name).resolve() == original.resolve():
@@ -58,7 +58,7 @@ def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
     """Copy of the rig with other mounted rods or another mode of the elbow.
 
     Raises:
-        ConfigError: a clamped elbow without joint 2, or rods that are not supported with a moving arm.
+        ConfigError: there is no joint 2 to clamp, or the rods are not supported with a moving arm.
     """
     try:
         return rig.with_rods(mounted, elbow)
@@ -102,7 +102,7 @@ def refuse_no_poses(rig: "Rig") -> None:
     """
     if not rig.poses:
         raise ConfigError(
-            f"{rig.path or rig.name}: has no poses, so there is nothing to release from: add a table [poses.NAME] with"
+            f"{rig.path or rig.name}: has no poses for a release: add a table [poses.NAME] with"
             " theta1 and theta2 (docs/rig-file.md)"
         )
 

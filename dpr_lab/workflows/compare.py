@@ -38,7 +38,7 @@ class CompareResult:
 
     comparisons: "tuple[Comparison, ...]"
     followed: "tuple[Followed, ...]"
-    """Fit behind each comparison, from which `free_run` starts; for use in this process only."""
+    """Fit of each comparison, from which `free_run` starts; only for use in this process."""
     left_out: tuple[Path, ...]
     saved: dict[str, Any]
     """Output of `compare --json`."""
@@ -90,7 +90,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     refuse_repeated([recording.preprocessed.run for recording in followed])
     if not comparisons:
         without = f"skipped: {', '.join(file.stem for file in left_out)}"
-        raise RunError(f"no run can be compared ({without}): choose others")
+        raise RunError(f"no run can be compared ({without}): choose other runs")
     saved = save_comparison(model, comparisons, request.out) if request.out is not None else {}
     if request.record is not None:
         write_json(saved, request.record)
@@ -105,7 +105,7 @@ def _follow(file: Path, model: "Model", request: CompareRequest, on_event: OnEve
     rig = stored_rig(file)
     if (rig.name, rig.L1) != (model.rig.name, model.rig.L1):
         raise RunError(
-            f"{file}: run of rig {rig.name}, L1 = {rig.L1:g} m, but the model is of {model.rig.name}, L1 ="
+            f"{file}: run of rig {rig.name}, L1 = {rig.L1:g} m, but the model belongs to {model.rig.name}, L1 ="
             f" {model.rig.L1:g} m: give a model of this rig"
         )
     (run,) = read_runs([file], rig, on_event, request.any_clock, request.torque, moving=True)

@@ -36,7 +36,7 @@ class DemoRequest:
     """Options of the demo."""
 
     out: Path
-    """Folder of runs, model and report. The trial of each demo has a folder of its own in it."""
+    """Folder for runs, model and report. It contains a separate folder for the trial of each demo."""
     seed: int | None = None
     """Seed of the trial's plant, for repeatable demos; None: a random plant."""
     default_seed: int = 1

@@ -71,7 +71,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     Events: `RunRead`, `StageBegan`, `FitBegan`, `ScoreTestBegan`, `TrustTrialDone`, `Warned`.
 
     Raises:
-        ConfigError: the rig is not valid, unknown effect, or no candidate effect left.
+        ConfigError: the rig is not valid, an effect is unknown, or no candidate effect remains.
         RunError: a run or the model cannot be used, or there are no runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
@@ -156,7 +156,7 @@ def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapp
     """Candidate effects.
 
     Raises:
-        ConfigError: an unknown name, or no effect left.
+        ConfigError: a name is unknown, or no effect remains.
     """
     from dpr_lab.effects import EFFECTS
 
@@ -177,7 +177,7 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 
 
 def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
-    """Sentences on those of the requested `REASONS` that apply to a diagnosis.
+    """Sentences on the requested `REASONS` that apply to a diagnosis.
 
     A sentence is always included if the recordings cannot show a gap, or if their description is probably wrong.
 

@@ -30,7 +30,7 @@ class DriftRequest:
     by: Literal["day", "session", "label"] = "day"
     """Criterion of the groups: a key of `dpr_lab.drift.groups.KEYS`."""
     diagnosis: Path | None = None
-    """Diagnosis, as JSON file or folder, the sizes of whose effects are compared too; None: only parameters are
+    """Diagnosis, as JSON file or folder. The sizes of its effects are also compared. None: only parameters are
     compared."""
     model: Path | None = None
     """Identified model that provides initial values; None: values of the rig file."""

@@ -52,7 +52,7 @@ class ExportResult:
     """Kinds of the known torques that drove the runs."""
     scale: dict[str, Any] | None = None
     """Scale of masses, inertias and torques: the assumed inertia (`b`, kg m^2), its 90 % interval, its source, and its
-    name (`inertia`, which is a for an inner rod alone). None: unknown."""
+    name (`inertia`; a if only the inner rod is mounted). None: unknown."""
     scale_sentence: str = ""
     """Sentence that describes the scale."""
 
@@ -68,7 +68,7 @@ def export(request: ExportRequest, on_event: OnEvent = ignore) -> ExportResult:
     `RunRead`, `StageBegan`, `Warned`.
 
     Raises:
-        ConfigError: the rig is not valid, unknown format, or a package of the format is not installed.
+        ConfigError: the rig is not valid, the format is unknown, or a package of the format is not installed.
         RunError: the model or a run cannot be used.
         DprError: a file cannot be written, or a program did not run.
     """
@@ -132,7 +132,7 @@ def model_to_export(file: Path, rig: "Rig") -> "AnyModel":
     """Read a model of a rig, with a clamped or a moving arm.
 
     Raises:
-        RunError: it cannot be read, or belongs to another rig.
+        RunError: the model cannot be read, or belongs to another rig.
     """
     from dpr_lab.identification.moving_arm.any_arm import load_model
     from dpr_lab.identification.moving_arm.model import MovingArmModel
@@ -172,8 +172,8 @@ def _checked(
         )
         if not tried[name].off_rad <= REPLAY_RULE.worse * reference.bare_rad:
             refused[name] = (
-                f"{name} was not written: its error on these runs is {1e3 * tried[name].off_rad:.3g} mrad, that"
-                f" of the bare model {1e3 * reference.bare_rad:.3g} mrad; diagnose more recordings, or use"
+                f"{name} was not written: its error on these runs is {1e3 * tried[name].off_rad:.3g} mrad, but the"
+                f" error of the bare model is {1e3 * reference.bare_rad:.3g} mrad; diagnose more recordings, or use"
                 " another format"
             )
     return ExportResult({}, {}, {}, refused, reference.bare_rad, reference.replayed(reference.own), tried)

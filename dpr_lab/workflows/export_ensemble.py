@@ -69,7 +69,7 @@ class EnsembleResult:
     folders: tuple[Path, ...]
     """Folder of each model, if formats were requested."""
     sets: dict[str, int]
-    """Effects of a model, joined by +, or - without effects -> number of models with these effects."""
+    """Effects of a model, joined by + (`-` if there are none) -> number of models with these effects."""
     factor: float
     """Factor by which the standard deviations of the posterior were multiplied."""
     factor_of_fit: float
@@ -82,7 +82,7 @@ class EnsembleResult:
     """Smallest and largest amplitude of the fitted recordings, rad. At other amplitudes bands may be too narrow. None:
     unknown."""
     from_diagnosis: bool
-    """Whether the posterior is that of a diagnosis, including causes; otherwise it is that of the ratios alone."""
+    """Whether the posterior comes from a diagnosis and includes causes; otherwise it contains only the ratios."""
     scatter: bool
     """Whether the posterior includes the scatter between recordings. Without a diagnosis, the scatter is estimated from
     the recordings of the model."""
@@ -99,7 +99,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     Event: `RunRead`.
 
     Raises:
-        ConfigError: the rig is not valid, or no such format.
+        ConfigError: the rig is not valid, or a format is unknown.
         RunError: the model, its diagnosis or a run cannot be used.
         DprError: a file cannot be written.
     """
@@ -163,7 +163,7 @@ class _Ensemble:
     """Functions of an ensemble: draw models, and compare them with a recording."""
 
     drawn: "Callable[[float, int], Sequence[Any]]"
-    """Function of a factor on the posterior's standard deviations and of a number of models that returns so many random
+    """Function that returns random models, for a given factor on the posterior's standard deviations and number of
     models."""
     band: "Callable[[Sequence[Any], Run], PredictiveBand]"
     """Function that returns the predictive band of models for a recording."""

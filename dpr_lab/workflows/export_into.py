@@ -28,7 +28,7 @@ class ExportedInto:
     passive: tuple[str, ...] = ()
     """Effects that only the module of passive forces contains."""
     passive_file: Path | None = None
-    """File of the module of passive forces, for MuJoCo; None without such effects."""
+    """File of the module of passive forces, for MuJoCo; None if there are no such effects."""
     replays: "tuple[FileReplay, ...]" = ()
     """Replay errors before and after the change, on the recordings to check."""
 

@@ -28,12 +28,12 @@ class IdentifyRequest:
     search: str = "iga"
     """Search algorithm: a name in `dpr_lab.search.ALGORITHMS`."""
     settings: str | None = None
-    """Search settings: a TOML file or the name of built-in settings. Settings name their own search. None: settings of
+    """Search settings: a TOML file or the name of built-in settings, which also define the algorithm. None: settings of
     the objective."""
     seed: int = 0
     """Seed of all random numbers; the same seed gives the same result."""
     profile: bool = False
-    """Whether intervals of the ratios by profile likelihood are computed too."""
+    """Whether profile likelihood intervals of the ratios are also computed."""
     any_clock: bool = False
     """Whether to accept runs of a device whose clock rate error is larger than that of a crystal."""
     torque: str | None = None

@@ -65,11 +65,11 @@ class PlanResult:
 def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     """Plan the next recordings of a rig.
 
-    The events are those of a diagnosis, if runs are given without one.
+    If runs are given without a diagnosis, the events are those of a diagnosis.
 
     Raises:
-        ConfigError: the rig, the limits or the budget is not valid, or leaves nothing to record; a diagnosis without
-            its runs.
+        ConfigError: the rig, the limits or the budget is not valid or permits no recording; or a diagnosis is given
+        without its runs.
         RunError: a run or the diagnosis cannot be used; the diagnosis belongs to other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.

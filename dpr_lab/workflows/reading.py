@@ -33,9 +33,9 @@ def read_runs(
         moving: whether the arm may have been free or driven
 
     Raises:
-        RunError: a file is not a run, or of another rig; two files contain the same recording; a table contains several
-            swings between which the rods are held; it contains only torques of the other kind; or, unless `any_clock`,
-            the clock rate error of a device is larger than that of a crystal.
+        RunError: a file is not a run, or belongs to another rig; two files contain the same recording; a table contains
+        several swings between which the rods are held; a table contains only torques of the other kind; or, unless
+        `any_clock`, the clock rate error of a device is larger than that of a crystal.
     """
     from dpr_lab.estimation.held_rods import refuse_held
     from dpr_lab.run import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks
@@ -74,7 +74,7 @@ def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
 def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
     """Refuse a diagnosis that belongs to other runs.
 
-    Otherwise its causes would be combined with the information of these runs.
+    Otherwise the causes of the diagnosis would be combined with the information of these runs.
     """
     from dpr_lab.gap.screen.pieces import whole
 

@@ -33,7 +33,7 @@ class MotorMeasures:
 
 
 def arm_bounds(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> dict[str, Bounds]:
-    """Bounds of the arm's inertia with the rods at its end, from a few measurements; empty if it is not needed.
+    """Bounds of the arm's inertia with the rods at its end, from a few measurements; empty if not needed.
 
     Args:
         mode: motion of the arm
@@ -42,8 +42,7 @@ def arm_bounds(mode: "ArmMode", length: float | None, carried: float, motor: Mot
         motor: motor of the arm
 
     Raises:
-        ConfigError: a moving arm without its length, a driven arm without its input, or an input for an arm without a
-            drive.
+        ConfigError: a moving arm has no length, a driven arm has no input, or an arm without a drive has an input.
     """
     if motor is not None and mode != "driven":
         raise ConfigError(f"--input {motor.input} needs --arm driven: a {mode} arm has no input")

@@ -48,7 +48,7 @@ class RigMeasures:
     rezeroed: bool = False
     """Whether the encoders of joints 1 and 2 are zeroed before each recording."""
     mounted: Literal["both", "inner", "outer"] = "both"
-    """Which rods are mounted."""
+    """Mounted rods."""
     elbow: Literal["free", "clamped"] = "free"
     """Whether joint 2 is free or clamped."""
     inner: "InnerMode" = "free"
@@ -56,7 +56,7 @@ class RigMeasures:
     arm: "ArmMode" = "clamped"
     """Mode of the arm."""
     motor: MotorMeasures | None = None
-    """Motor at the arm; None: none."""
+    """Motor at the arm; None: there is no motor."""
     arm_counts_per_rev: int | None = None
     """Counts per turn of the arm's encoder; None: as for the other encoders."""
 
@@ -181,7 +181,7 @@ def refuse_rig_file(file: Path) -> None:
     """Check that a rig file can be written.
 
     Raises:
-        ConfigError: another suffix than `.toml`, or the file exists already.
+        ConfigError: the suffix is not `.toml`, or the file exists already.
     """
     if file.suffix != ".toml":
         raise ConfigError(f"{file}: give the file a name that ends in .toml")
@@ -215,7 +215,7 @@ class RigFinding:
     """Kind of the remark. `wrong`: the file cannot be used; `missing`: a function is not available; `odd`: possibly a
     mistake."""
     key: str
-    """Key of the rig file; empty if the remark is about several."""
+    """Key of the rig file; empty if the remark is about several keys."""
     text: str
 
 
@@ -258,7 +258,7 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
     from dpr_lab.rig import MASSES
 
     if not rig.poses:
-        yield RigFinding("missing", "poses", "none: capture needs a pose; the import of tables does not")
+        yield RigFinding("missing", "poses", "there are no poses: capture needs a pose, the import of tables does not")
     masses = ("m1",) if rig.rods.mounted == "inner" else MASSES
     if all(rig.parameters[name].measured is None for name in masses) and rig.added_mass is None:
         message = (
@@ -266,7 +266,7 @@ def _missing(rig: "Rig") -> Iterator[RigFinding]:
         )
         yield RigFinding("missing", "parameters", message)
     if rig.L2 is None and rig.rods.mounted != "inner":
-        yield RigFinding("missing", "rig.L2", "without it, drawings and exports use an assumed length of the outer rod")
+        yield RigFinding("missing", "rig.L2", "is missing: drawings and exports use an assumed length of the outer rod")
 
 
 def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
@@ -277,7 +277,9 @@ def _odd_geometry(rig: "Rig") -> Iterator[RigFinding]:
         yield from _outside("rig.L2", rig.L2, USUAL.length, "m: was it measured in another unit?")
     if rig.encoders.noise_counts == 0:
         yield RigFinding(
-            "odd", "encoders.noise_counts", "0: every reading has noise, and the limits of rest are derived from it"
+            "odd",
+            "encoders.noise_counts",
+            ("is 0: every reading has noise, and the limits of rest are derived from this value"),
         )
     if rig.link.rate_hz < USUAL.rate_hz:
         yield RigFinding("odd", "link.rate_hz", f"{rig.link.rate_hz} Hz is too low for a fast rod")

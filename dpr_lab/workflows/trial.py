@@ -22,7 +22,7 @@ class TrialRequest:
 
     plant: "PlantRequest"
     folder: Path
-    """Folder for the trial; it must not contain one already."""
+    """Folder for the trial; it must not already contain a trial."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ def test_a_signed_certificate_holds_for_its_key_and_for_no_other(folder: Path, k
     other = "pem" if key == "ssh" else "ssh"
     done = verify(path, signed_by=keys / f"{other}.pub")
     assert not done.holds
-    assert signature_line(done) == (False, "is by another key")
+    assert signature_line(done) == (False, "was made with another key")
     shown = {each.name: each.value for each in verify(path).origin}["signature"]
     assert shown == f"by key {fingerprint(load_public_key(keys / f'{key}.pub'))}"
 

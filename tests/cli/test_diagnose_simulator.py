@@ -73,7 +73,7 @@ def test_what_does_not_fit_is_refused_first(cli, bench: tuple[Path, Rig], paper:
     assert cli("diagnose", *RUNS, cwd=folder).code == 2
     assert cli("diagnose", *RUNS, "--rig", "rig.toml", "--joints", "a,b", cwd=folder).code == 2
     other = cli("diagnose", *RUNS, "--rig", "paper", "--simulator", "robot.xml", cwd=folder)
-    assert (other.code, "its L1 is 0.3, but that of the model is 0.4" in other.err) == (3, True)
+    assert (other.code, "its L1 is 0.3, but the model has 0.4" in other.err) == (3, True)
     own = cli("diagnose", *RUNS, "--simulator", "robot.xml", "--out", ".", cwd=folder)
     assert (own.code, "is not overwritten" in own.err) == (3, True)
 

@@ -18,7 +18,7 @@ def opens_and_stays_open(folder: Path, hidden: str, cli) -> None:
     assert f"hidden: {named(hidden)}; diagnosis:" in shown.out
     late = cli("trials", "run", folder)
     assert late.code == 3
-    assert "opened already" in late.err
+    assert "already opened" in late.err
 
 
 @pytest.mark.long

@@ -143,7 +143,7 @@ def test_effects_without_an_attribute_are_listed(start: tuple[Path, Rig]) -> Non
 
 def test_a_model_of_another_rig_is_refused(start: tuple[Path, Rig], paper: Rig) -> None:
     path, _ = start
-    with pytest.raises(ConfigError, match=r"its L1 is 0.3, but that of the model is 0.4: start from the rig file"):
+    with pytest.raises(ConfigError, match=r"its L1 is 0.3, but the model has 0.4: start from the rig file"):
         into_mjcf(model_of(paper, {}), paper, path)
 
 

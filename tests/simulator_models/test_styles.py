@@ -217,7 +217,7 @@ REFUSED = {
         <body><joint name="backlash" axis="0 0 1" range="-.3 .3"/><geom size=".01" pos=".05 0 0"/><body pos=".1 0 0">
         <joint name="pend" axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 .12" size=".002"/></body></body></body>
         </worldbody></mujoco>""",
-        "three hinges, 'motor', 'backlash', 'pend'.*ROD,ARM; the others are fixed",
+        "three hinges, 'motor', 'backlash', 'pend'.*ROD,ARM; the other joints are fixed",
     ),
     "mjcf, pendulum that swings along its arm": (
         "model.xml",

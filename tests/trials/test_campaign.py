@@ -102,7 +102,7 @@ def test_a_folder_holds_one_running_campaign(tmp_path: Path) -> None:
     (tmp_path / "trials.jsonl").write_bytes(lines(tmp_path, 0))
     run_campaign(CLEAN, 1, tmp_path, on_trial=once_more)
     assert len(refused) == 1
-    assert "a campaign is running in it; wait" in refused[0]
+    assert "a campaign is running in this folder; wait" in refused[0]
     assert len(run_campaign(CLEAN, 1, tmp_path).outcomes) == 1
 
 

@@ -55,9 +55,9 @@ def test_nothing_is_opened_before_a_diagnosis(diagnosed: Trial) -> None:
 def test_nothing_is_diagnosed_after_opening(diagnosed: Trial) -> None:
     before = diagnosed.diagnosis.read_bytes()
     diagnosis = open_trial(diagnosed).diagnosis
-    with pytest.raises(RunError, match="opened already"):
+    with pytest.raises(RunError, match="already opened"):
         refuse_opened(diagnosed)
-    with pytest.raises(RunError, match="opened already"):
+    with pytest.raises(RunError, match="already opened"):
         keep_diagnosis(diagnosed, diagnosis)
     assert diagnosed.diagnosis.read_bytes() == before
 

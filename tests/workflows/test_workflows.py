@@ -108,7 +108,9 @@ def test_identification_reports_its_progress_and_stops_on_request(recorded, tmp_
 
     saved = json.loads(result.file.read_text())
     (tmp_path / "other.json").write_text(json.dumps(saved | {"rig": saved["rig"] | {"L1": 0.3}}))
-    with pytest.raises(RunError, match=r"L1 = 0.4 m, but the model is of paper, L1 = 0.3 m: give a model of this rig"):
+    with pytest.raises(
+        RunError, match=r"L1 = 0.4 m, but the model belongs to paper, L1 = 0.3 m: give a model of this rig"
+    ):
         compare(CompareRequest(files, tmp_path / "other.json", tmp_path))
     (tmp_path / "diagnosis.json").write_text('{"verdict": "no_gap"}')
     with pytest.raises(RunError, match=r"is a diagnosis; its corrected model is model.json in the same folder"):

@@ -5,7 +5,7 @@ the same energy E at rest:
 
     E = (e1 + e2) (1 - cos alpha),    alpha = pi for more energy.
 
-At other amplitudes a friction law is extrapolated, and its error there is unknown.
+At other amplitudes a friction law is extrapolated, with an unknown error.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ class FittedAmplitudes:
 
 
 def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmplitudes | None:
-    """Range of the amplitudes in the recordings to which a model was fitted; None without a recording."""
+    """Range of the amplitudes in the recordings to which a model was fitted; None if there is no recording."""
     if not runs:
         return None
     fitted = np.concatenate([amplitudes(model, run, rig)[1] for run in runs])
@@ -52,7 +52,7 @@ def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, 
 
 
 def amplitudes(model: Model, run: Run, rig: Rig) -> tuple[Array, Array]:
-    """Start of each segment of a recording, s since the release, and the swing amplitude at it, rad."""
+    """Start of each segment of a recording, s since the release, and the swing amplitude at the start, rad."""
     bare = follow(run, rig, model).bare
     problem, estimate = bare.problem, bare.fit.estimate
     upright = energies(problem, estimate.changed(initial=np.zeros((1, 4))))

@@ -4,7 +4,7 @@ Each model starts from a random initial state, drawn from its distribution given
 freely; noise of the torque measurement is added to the known torques of driven joints, and encoder noise to the
 readings. The band at an instant lies between two quantiles over the models. Readings that were used for the initial
 states, and readings beyond the predictability horizon, are not compared. At first a hand may still have moved the rods.
-If the model therefore follows the first half second much worse than the later ones, the band starts at the first half
+If the model therefore follows the first half second much worse than later parts, the band starts at the first half
 second that the model follows.
 """
 
@@ -40,9 +40,9 @@ class BandSettings:
     rate_hz: float = 200.0
     """Rate of the compared readings, Hz."""
     unlike: float = 10.0
-    """Limits on the misfit of the first readings. A model follows the readings if the misfit is below the first limit,
-    in standard deviations of the noise. It does not follow them if the misfit exceeds the second limit, relative to the
-    median over all half seconds."""
+    """Two limits on the misfit of the first readings. The model follows the readings if the misfit is below the first
+    limit, in standard deviations of the noise. The model does not follow the readings if the misfit exceeds the second
+    limit, relative to the median over all half seconds."""
     unexplained: float = 0.5
     """Maximum share of the variance of the first readings that a model which follows them leaves unexplained."""
 
@@ -144,7 +144,7 @@ def _first_followed(followed: Followed) -> float:
             return float(run.t[offsets[k]])
     raise RunError(
         f"{run.file or run.name}: the model does not follow the first {tried * BANDS.start_s:g} s, so no band can"
-        " start there; a hand may still have moved the rods, or the model lacks an effect: exclude this recording, or"
+        " start there. Either a hand still moved the rods, or the model lacks an effect: exclude this recording, or"
         " diagnose it"
     )
 

@@ -23,8 +23,8 @@ class CalibrationSettings:
     factors: tuple[float, ...] = (2.0, 4.0, 8.0, 16.0)
     """Factors on the standard deviations, in the order in which they are tried if the factor 1 is too small."""
     halvings: int = 2
-    """Number of bisection steps, on a logarithmic scale, between the last factor that is too small and the first that
-    is sufficient."""
+    """Number of bisection steps, on a logarithmic scale, between the last factor that is too small and the first
+    sufficient factor."""
     members: int = 39
     """Number of models in each trial. The band lies between their second smallest and second largest values."""
 
@@ -48,7 +48,7 @@ def calibrated(
     """Find the width factor.
 
     Args:
-        drawn: function of a factor on the standard deviations and of a number that returns so many random models
+        drawn: function that returns random models, for a given factor on the standard deviations and number of models
         band: function that returns the band of models for a run
         runs: the calibration runs
 

@@ -4,7 +4,8 @@ First a set of effects is drawn by its probability, then its values from their j
 recording. This distribution has the covariance of the fit plus the covariance between recordings
 (`dpr_lab.gap.conclusion.scatter`). It is truncated: a draw is repeated if a quantity that cannot be negative is
 negative, or if the inertias are physically impossible. Setting negative values to zero instead would lose their
-correlations. For example, a friction drawn together with a negative damping would brake too much without this damping.
+correlations. For example, a large friction is drawn together with a negative damping. Without this damping, it would
+brake too much.
 If the recordings determine the scale b, it is drawn with the other values: under a known torque tau a swing depends on
 tau / b. A free swing does not determine b. It is then drawn log-normally within its interval, and all masses, inertias
 and torques are proportional to it.
@@ -47,7 +48,7 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 def posterior_of(
     model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
-    """Posterior of a diagnosis; for a model without one, the covariance of its ratios.
+    """Posterior of a diagnosis; for a model without a diagnosis, the covariance of its ratios.
 
     Args:
         model: the model
@@ -55,7 +56,7 @@ def posterior_of(
         scatter: scatter of the ratios between recordings, for a model without a diagnosis
 
     Raises:
-        RunError: a diagnosis of an older version, without a posterior.
+        RunError: the diagnosis was written by an older version, without a posterior.
     """
     if diagnosis is not None:
         return diagnosed_posterior(diagnosis)

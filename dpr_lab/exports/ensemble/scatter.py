@@ -24,7 +24,7 @@ class RatioScatter:
     between: Array
     """(n, n) covariance of the values of a further recording about the common values."""
     left_out: Array
-    """(recordings, n) values fitted without one recording each."""
+    """(recordings, n) values that are fitted without the recording of the row."""
 
 
 def scatter_of_ratios(model: Model, runs: Sequence[Run], rig: Rig, segment_s: float = 0.5) -> RatioScatter:

@@ -218,7 +218,7 @@ def _with_body(file: _File, edit: XmlEdit, joint: str, change: BodyChange) -> Xm
     link = file.link(edit, _part(model, joint))
     inertial, label = edit.child(link, "inertial"), f"link {change.name}"
     if inertial is None:
-        raise ConfigError(f"{file.path}: link {change.name!r} has no <inertial> element: give it one")
+        raise ConfigError(f"{file.path}: link {change.name!r} has no <inertial> element: add this element")
     if change.scales:
         file.editor.scale_inertia(edit, inertial, label, change.factor)
     if not change.moves:

@@ -27,7 +27,7 @@ class ChangeSettings:
     idle: float = 1e-6
     """Damping, as a fraction of the typical damping, below which it counts as zero."""
     felt: float = 0.01
-    """Relative growth of the mean square error over segments below which an effect keeps its value of the file."""
+    """Relative growth of the mean square error over segments below which an effect keeps the value of the file."""
 
 
 CHANGE = ChangeSettings()
@@ -82,7 +82,7 @@ def _joint(name: str) -> int:
 
 
 def in_file(chain: ModelChain, name: str) -> dict[str, float]:
-    """Amplitudes of an effect according to the attributes of its joint in the file; empty without such attributes."""
+    """Amplitudes of an effect according to the attributes of its joint in the file; empty if there are none."""
     term = _term(name)
     if term is None:
         return {}
@@ -159,7 +159,7 @@ def effect_rows(
 def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> Effects:
     """Effects that the recordings require.
 
-    The other effects keep their value of the file, and are omitted if it is zero.
+    The other effects keep their values of the file, and are omitted if these values are zero.
 
     Args:
         effects: identified sizes by name

@@ -81,7 +81,7 @@ def _read(path: Path, joints: Sequence[str], text: bytes | None = None) -> _File
         raise ConfigError(f"{path}: {error}") from error
     names = tuple(part.joint.name for part in chain.parts)
     if unnamed := [name for name in names if name in compiled.unnamed]:
-        raise ConfigError(f"{path}: {unnamed[0]!r} has no name in the file: give its <joint> one")
+        raise ConfigError(f"{path}: {unnamed[0]!r} has no name in the file: give its <joint> a name")
     return _File(path, compiled, read, chain, names)
 
 

@@ -33,7 +33,7 @@ class PassiveForces:
     friction: tuple[float, float] = (0.0, 0.0)
     """Coulomb friction of these effects at rest, at joints 1 and 2, N m."""
     module: str = field(default="", repr=False)
-    """Source of the module; empty without effects."""
+    """Source of the module; empty if there are no effects."""
 
 
 def passive_forces(

@@ -1,8 +1,8 @@
 """Replay of recordings in MuJoCo with the numbers of the user's file.
 
-An MJCF file whose only joints are those of the rods is simulated itself, with its own integrator. Its time step is at
-most 0.5 ms, so that the error of the model dominates the error of the integration. For other files, bodies with the
-numbers that were read are simulated, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
+If the rods have the only joints of an MJCF file, the file itself is simulated, with its own integrator. Its time step
+is at most 0.5 ms, so that the error of the model dominates the error of the integration. For other files, bodies with
+the numbers that were read are simulated, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
 
 Recordings of a moving arm are replayed in segments of 1 s. The recorded input of the drive acts as a torque on the arm.
 """
@@ -39,7 +39,7 @@ from dpr_lab.simulator_models.mjcf import compile_mjcf
 class FileReplay:
     """Errors of replays of one recording, rad: root mean square over both rods up to the predictability horizon.
 
-    For a moving arm, it is the root mean square over arm and rods, in segments of 1 s with fitted initial states.
+    For a moving arm, the errors are root mean squares over arm and rods, in segments of 1 s with fitted initial states.
     """
 
     run: str

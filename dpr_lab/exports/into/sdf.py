@@ -54,7 +54,7 @@ class SdfEditor:
         """
         axis = edit.child(joint, "axis")
         if axis is None:
-            raise ConfigError(f"{label} has no <axis> element: give it one")
+            raise ConfigError(f"{label} has no <axis> element: add this element")
         dynamics = edit.child(axis, "dynamics")
         if dynamics is None:
             required = {"spring_reference": "0", "spring_stiffness": "0"} | values

@@ -58,7 +58,7 @@ class RodTarget:
     damping: float
     words: Words
     gear: float | None
-    """Gear ratio of the motor of its joint; None without a motor."""
+    """Gear ratio of the motor of its joint; None if there is no motor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class ArmTarget:
     damping: float
     words: Words
     gear: float | None
-    """Gear ratio of the motor of its joint; None without a motor."""
+    """Gear ratio of the motor of its joint; None if there is no motor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
     for name, in_file, wanted in (("L1", length, L1), ("g", chain.gravity, g)):
         if in_file is None or abs(in_file - wanted) > PATCH.same * wanted:
             raise ConfigError(
-                f"{path}: its {name} is {in_file:.6g}, but that of the model is {wanted:.6g}: start from the rig file"
+                f"{path}: its {name} is {in_file:.6g}, but the model has {wanted:.6g}: start from the rig file"
                 f" that `dpr-lab rig from {path.name}` writes"
             )
 

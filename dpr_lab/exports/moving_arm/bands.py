@@ -1,8 +1,8 @@
 """Predictive bands of an ensemble of models with a moving arm.
 
-They are computed as for a clamped arm (`dpr_lab.exports.ensemble.bands`), but in windows, because an arm with rods soon
-moves chaotically. In each window every model starts from a random initial state, drawn from its distribution given the
-first readings of the window. The later readings are compared.
+The bands are computed as for a clamped arm (`dpr_lab.exports.ensemble.bands`), but in windows, because an arm with rods
+soon moves chaotically. In each window every model starts from a random initial state, drawn from its distribution given
+the first readings of the window. The later readings are compared.
 """
 
 from collections.abc import Sequence

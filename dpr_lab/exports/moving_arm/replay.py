@@ -57,7 +57,7 @@ class FollowedSegments:
     initial: Array
     """(segments, 6) states theta0, theta1, theta2 and their speeds at the start of each segment."""
     noise: Array
-    """(3,) noise of the readings of each joint, rad; nan without readings."""
+    """(3,) noise of the readings of each joint, rad; nan if a joint has no readings."""
 
 
 def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> tuple[Problem, Array]:
@@ -74,7 +74,7 @@ def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> 
     if model.input == "acceleration":
         raise RunError(f"{name}: its arm is driven by an acceleration, which the replay does not support")
     if run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
-        raise RunError(f"{name}: its arm is driven, but the model has no such input")
+        raise RunError(f"{name}: its arm is driven, but the model has no input")
     problem, initial = Recordings((record(run, rig),), rig).cut(segment_s)
     return replace(problem, model=RodsWithEffects(engine_constants(model, rig))), initial
 

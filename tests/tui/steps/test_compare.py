@@ -123,7 +123,7 @@ async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
 async def test_with_no_run_left_nothing_is_compared(lab, until, said, fixed_model: Path) -> None:
     async with lab(CompareStep, runs=[Path("gone.mcap")], model=fixed_model) as pilot:
         await until(pilot, lambda: step(pilot.app).job is None)
-        assert figures(pilot.app) == "no run can be compared (skipped: gone): choose others (b)"
+        assert figures(pilot.app) == "no run can be compared (skipped: gone): choose other runs (b)"
         assert "gone.mcap: cannot be read" in said(pilot.app)
 
 
