@@ -33,7 +33,8 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import RATE_HZ, record
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
-from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.unknowns import arm_start
 from dpr_lab.planning.acting import GRAVITY_ONLY, Acting
 from dpr_lab.planning.information import PresentModel, informed
 from dpr_lab.planning.release import ArmState, CandidateRelease

@@ -7,6 +7,8 @@ from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import ArmRunCompared, OnEvent, ignore
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dpr_lab.identification.compare import Comparison
     from dpr_lab.identification.model import Model
     from dpr_lab.identification.moving_arm.identify import ArmComparison
@@ -38,8 +40,6 @@ def compare_moving_arm(
     loaded = load_moving_arm_model(model)
     if loaded is None:
         return None
-    import numpy as np
-
     from dpr_lab.report.pages.moving_arm import write_arm_report
     from dpr_lab.run import refuse_repeated
     from dpr_lab.storage.reader import stored_rig
@@ -57,19 +57,26 @@ def compare_moving_arm(
     for run, rig in zip(recorded, rigs, strict=True):
         compared.append(compare_arm_run(run, rig, loaded))
         on_event(ArmRunCompared(compared[-1]))
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "comparison.csv"
+    write_text(file, angles_csv(compared), RunError)
+    keys = ("run", "held_out", "segment_s", "rms_rad", "noise_rad")
+    saved = {"file": str(file), "runs": [{key: getattr(comparison, key) for key in keys} for comparison in compared]}
+    return saved | {"report": str(write_arm_report(loaded, compared, saved, out))}
+
+
+def angles_csv(compared: "Sequence[ArmComparison]") -> str:
+    """Measured and simulated angles as a table; nan without an encoder, no row where no joint was simulated."""
+    import numpy as np
+
     rows = [
         ",".join([comparison.run, *(f"{value:.9g}" for value in (t, *measured, *simulated))])
         for comparison in compared
         for t, measured, simulated in zip(comparison.t, comparison.measured, comparison.simulated, strict=True)
-        if np.isfinite(simulated).all()
+        if np.isfinite(simulated).any()
     ]
     names = [f"{kind}_joint{joint}_rad" for kind in ("measured", "simulated") for joint in range(3)]
-    out.mkdir(parents=True, exist_ok=True)
-    file = out / "comparison.csv"
-    write_text(file, "\n".join([",".join(["run", "t_s", *names]), *rows]) + "\n", RunError)
-    keys = ("run", "held_out", "segment_s", "rms_rad", "noise_rad")
-    saved = {"file": str(file), "runs": [{key: getattr(comparison, key) for key in keys} for comparison in compared]}
-    return saved | {"report": str(write_arm_report(loaded, compared, saved, out))}
+    return "\n".join([",".join(["run", "t_s", *names]), *rows]) + "\n"
 
 
 def compare_any_run(

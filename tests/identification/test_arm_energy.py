@@ -1,6 +1,7 @@
 """An arm that is described as free, but receives energy."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -32,5 +33,5 @@ def test_such_a_fit_is_not_reliable(monkeypatch: pytest.MonkeyPatch):
     run, rig = swing("inner", 3.0)
     recordings = recordings_of([run], rig)
     monkeypatch.setattr(doubts, "angles_are_right", lambda runs, rig: True)
-    (sentence,) = doubts.failures(cast(Any, None), 100.0, recordings, rig)
+    (sentence,) = doubts.failures(cast(Any, SimpleNamespace(misfit=100.0)), recordings, rig)
     assert "rises by" in sentence

@@ -159,8 +159,8 @@ def test_an_arm_that_hits_its_stop_is_named():
     ((end, angle, contacts),) = stops(T, run.theta[:, 0])
     assert (end, len(contacts) >= 2) == ("largest", True)
     assert abs(angle - limit) < 0.05
-    fit: Any = SimpleNamespace(converged=True)
-    (failure,) = failures(fit, DESCRIPTION.doubted, recordings_of([run], rig), rig, gain_seen=False)
+    fit: Any = SimpleNamespace(converged=True, misfit=DESCRIPTION.doubted)
+    (failure,) = failures(fit, recordings_of([run], rig), rig, gain_seen=False)
     assert "hits a stop at theta0" in failure
 
 
@@ -236,8 +236,8 @@ def test_a_scale_that_the_readings_show_is_the_only_failure_of_a_poor_fit():
     run = recorded(rig, Z, arm, start, PUSH, PUSH, rng)
     fit = fit_moving_arm(recordings_of([run.between(0.0, 0.5)], rig), rig)
     geared = recordings_of([replace(run, theta=run.theta * [5.0, 1.0, 1.0])], rig)
-    assert failures(fit, DESCRIPTION.doubted, geared, rig) == []
-    (failure,) = failures(fit, 1.01 * DESCRIPTION.doubted, geared, rig)
+    assert failures(replace(fit, at_noise=DESCRIPTION.doubted), geared, rig) == []
+    (failure,) = failures(replace(fit, at_noise=1.01 * DESCRIPTION.doubted), geared, rig)
     assert "import a table with --scale theta0=0.197" in failure
 
 

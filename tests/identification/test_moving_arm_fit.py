@@ -12,11 +12,11 @@ from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.moving_arm.fit import ARM_FIT, fit_moving_arm
 from dpr_lab.identification.moving_arm.identify import (
     compare_moving_arm,
-    estimated,
     identify_moving_arm,
     undetermined,
 )
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
+from dpr_lab.identification.moving_arm.scale import estimated
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.report.data_frame import to_dataframe
@@ -180,7 +180,7 @@ def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
     far = Rig.model_validate(table)
     recordings = recordings_of([run], far)
     problem, initial = arm_problem(recordings, far, 0.25)
-    found = searched_start(problem, initial, far)
+    found = searched_start(problem, initial)
     assert found is not None
     places = problem.unknowns.places
     moved = np.abs(np.log(found[places] / problem.unknowns.start[places]))

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from dpr_lab.dynamics.base import BASE, GAINS, base_parameters
+from dpr_lab.dynamics.base import BASE, base_parameters
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects.effect import ARM
 from dpr_lab.errors import RunError
@@ -32,6 +32,7 @@ from dpr_lab.exports.moving_arm.replay import follow_with_arm
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.simulator_models.chain import ChainArm, ModelChain
@@ -125,14 +126,13 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
     """Determined parameter -> relative difference up to which the number of the file is kept."""
-    gain, scale = GAINS.get(model.input, "").format(model.scale), model.absolute[model.scale]
+    scale = model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
     if model.input and scale.fixed_by == "data":  # the scale over the known torque per input
         tolerances["gain"] = max(CHANGE.same, CHANGE.stds * scale.std / scale.value)
     for name, ratio in model.ratios.items():
-        parameter = "gain" if name == gain else name.partition("/")[0]
         relative = ratio.std / abs(ratio.value) if ratio.value else np.inf
-        tolerances[parameter] = max(CHANGE.same, CHANGE.stds * relative)
+        tolerances[parameter_of(name, model.input, model.scale)] = max(CHANGE.same, CHANGE.stds * relative)
     return tolerances
 
 

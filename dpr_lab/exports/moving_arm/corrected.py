@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.base import GAINS
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import EFFECTS, effect_params, named_params
 from dpr_lab.effects.free_arm import FREE_ARM
@@ -16,7 +15,8 @@ from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.engine import OF_ARM, swing_of
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
-from dpr_lab.identification.moving_arm.scale import absolute_name
+from dpr_lab.identification.moving_arm.scale import absolute_name, estimated
+from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -51,8 +51,8 @@ def corrected_arm_model(
     assumed = diagnosis.scale or Scale(b=inertia, interval90=(inertia, inertia), fixed_by="bound", inertia=letter)
     scale = assumed.as_inertia(letter, inertia / assumed.b)
     kind = rig.motor.input if driven and rig.motor else ""
-    estimated = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}
-    ratios = _with_values(estimated, swing, kind, letter)
+    determined = {name: _estimated(interval) for name, interval in diagnosis.determined.items()}
+    ratios = _with_values(determined, swing, kind, letter)
     floor = diagnosis.gap.floor_rad
     rms = {joint: float(np.hypot(above, floor[joint])) for joint, above in diagnosis.gap.after_rad.items()}
     return MovingArmModel(
@@ -101,9 +101,8 @@ def _with_values(
     ratios: Mapping[str, EstimatedValue], swing: Sequence[float], kind: str, letter: str
 ) -> dict[str, EstimatedValue]:
     """The ratios with the values of `SWING_PARAMETERS`."""
-    places, gain = list[str](SWING_PARAMETERS), GAINS.get(kind, "").format(letter)
     new_values = {
-        name: swing[places.index("gain" if name == gain else name.partition("/")[0])] for name in ratios if name != "L0"
+        name: swing[SWING_PARAMETERS.index(parameter_of(name, kind, letter))] for name in ratios if name != "L0"
     }
     return {
         name: ratio.model_copy(update={"value": new_values.get(name, ratio.value)}) for name, ratio in ratios.items()
@@ -135,15 +134,12 @@ def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dic
     Their standard deviations include that of a known scale.
     """
     low, high = scale.interval90 if scale.known else (scale.b, scale.b)
-    of_scale, gain = (high - low) / (2 * NORMAL_Q90 * scale.b), GAINS.get(kind, "").format(scale.inertia)
+    of_scale = (high - low) / (2 * NORMAL_Q90 * scale.b)
     values = {scale.inertia: (1.0, 0.0)}
     for name, ratio in ratios.items():
-        parameter = "gain" if name == gain else name.partition("/")[0]
-        values[absolute_name(parameter, kind)] = (ratio.value, ratio.std)
+        values[absolute_name(parameter_of(name, kind, scale.inertia), kind)] = (ratio.value, ratio.std)
     absolute = {}
     for name, (ratio, error) in values.items():
         value, std = ratio * scale.b, scale.b * float(np.hypot(error, ratio * of_scale))
-        ends = (value - NORMAL_Q90 * std, value + NORMAL_Q90 * std)
-        fixed_by = "data" if scale.known else "bound"
-        absolute[name] = EstimatedValue(value=value, std=std, interval90=ends, fixed_by=fixed_by)
+        absolute[name] = estimated(value, std, "data" if scale.known else "bound")
     return absolute

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dpr_lab.dynamics.base import GAINS, RATIOS
+from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.effects import effect_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
@@ -21,6 +21,7 @@ from dpr_lab.exports.moving_arm.corrected import with_engine_values, with_swing
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.identification.moving_arm.engine import engine_values
 from dpr_lab.identification.moving_arm.model import MovingArmModel
+from dpr_lab.identification.moving_arm.unknowns import parameter_of
 from dpr_lab.rig import Rig
 
 KNOWN_TORQUE = ("torque", "current")
@@ -79,8 +80,7 @@ def _possible(model: MovingArmModel, rig: Rig) -> bool:
 
 def _of_covariance(model: MovingArmModel, rng: np.random.Generator) -> MovingArmModel:
     """A model drawn from the covariance of the ratios of an identification."""
-    gain = GAINS.get(model.input, "").format(model.scale)
-    names = ["gain" if name == gain else name.partition("/")[0] for name in model.unknowns]
+    names = [parameter_of(name, model.input, model.scale) for name in model.unknowns]
     places, swing = [SWING_PARAMETERS.index(name) for name in names], np.array(model.swing)
     size = len(places)
     swing[places] += square_root(np.reshape(model.covariance, (size, size))) @ rng.standard_normal(size)

@@ -21,7 +21,8 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import RodsWithEffects
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.shutter import Shutter
-from dpr_lab.identification.moving_arm.setup import arm_start, drive_gain
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.identification.moving_arm.unknowns import arm_start
 from dpr_lab.rig import MASSES, Rig
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.errors import DprError
 from dpr_lab.identification.misread.arm_energy import undescribed_drive
 from dpr_lab.identification.misread.moving_arm_balance import angles_are_right
@@ -50,29 +49,29 @@ class DoubtSettings:
 DOUBTS = DoubtSettings()
 
 
-def failures(
-    fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig, *, gain_seen: bool = True
-) -> list[str]:
+def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_seen: bool = True) -> list[str]:
     """Sentences on probable faults, the cause first; empty if the fit is reliable.
 
     Args:
         fit: fit of the recordings with the given description
-        misfit: reduced chi-square of the fit at the noise of the readings
         recordings: the fitted recordings
         rig: the recorded rig
         gain_seen: whether the recordings determine the gain of the drive; otherwise sign and unit of the input are not
             doubted
     """
-    if misfit > DESCRIPTION.doubted and (scaled := measured_scale(_moving(recordings), rig)):
+    poor = fit.misfit > DESCRIPTION.doubted
+    if poor and (scaled := measured_scale(_moving(recordings), rig)):
         return [scaled]
-    doubted = misfit > DESCRIPTION.doubted and not angles_are_right(_moving(recordings), rig)
-    if doubted and (mirrored := _mirrored_fit(fit, misfit, recordings, rig)):
+    doubted = poor and not angles_are_right(_moving(recordings), rig)
+    if doubted and (mirrored := _mirrored_fit(fit, recordings, rig)):
         return [mirrored]
-    stops = [sentence for recording in recordings if misfit > 1.5 and (sentence := stop_sentence(recording.run, rig))]
+    stops = [
+        sentence for recording in recordings if fit.misfit > 1.5 and (sentence := stop_sentence(recording.run, rig))
+    ]
     if doubted and not stops and (other := _other_angles(recordings, rig)):
         return [other]
     runs = [recording.run for recording in recordings]
-    if misfit > DESCRIPTION.doubted and not stops and (pushed := undescribed_drive(runs, rig)):
+    if poor and not stops and (pushed := undescribed_drive(runs, rig)):
         return [pushed]
     of_input = _of_input(fit, rig) if gain_seen else []
     return [*stops, *of_input, *([] if fit.converged else [_unconverged(recordings)])]
@@ -95,14 +94,13 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
     return "the fit did not converge: give [arm] A and c0 better nominal values"
 
 
-def _mirrored_fit(fit: ArmFit, misfit: float, recordings: Sequence[ArmRecording], rig: Rig) -> str:
+def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> str:
     """Sentence on recordings that fit much better with the opposite sign of theta0; otherwise empty."""
     other = fit_moving_arm([_reversed(recording) for recording in recordings], rig)
-    other_misfit = other.misfit or other.chi2_per_dof
-    if not DESCRIPTION.better * other_misfit < misfit:
+    if not DESCRIPTION.better * other.misfit < fit.misfit:
         return ""
-    of_rods = "gain" in fit.problem.unknowns.free and bool(other.p[SWING_PARAMETERS.index("gain")] > 0)
-    return wrong_sign(rig, misfit, other_misfit, of_rods=of_rods)
+    of_rods = "gain" in fit.problem.unknowns.free and other.value("gain") > 0
+    return wrong_sign(rig, fit.misfit, other.misfit, of_rods=of_rods)
 
 
 def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
@@ -120,7 +118,7 @@ def _misfit_of(recordings: Iterable[ArmRecording], rig: Rig) -> float:
     """Reduced chi-square of short segments at the beginning; infinite if they cannot be fitted."""
     with suppress(DprError, np.linalg.LinAlgError):
         fit = fit_moving_arm([_beginning(r) for r in recordings], rig, replace(ARM_FIT, ranges_rad=()))
-        return fit.misfit or fit.chi2_per_dof
+        return fit.misfit
     return np.inf
 
 
@@ -145,7 +143,7 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []
-    gain, expected = float(fit.p[SWING_PARAMETERS.index("gain")]), nominal_gain(rig) / unknowns.scale_value
+    gain, expected = fit.value("gain"), nominal_gain(rig) / unknowns.scale_value
     cause = wrong_input(motor.input, gain / expected if expected else np.sign(gain))
     return [cause] if cause else []
 

@@ -12,7 +12,7 @@ from dpr_lab.errors import IdentificationError
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.identification.moving_arm.merge import merged
-from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem, problem_of
+from dpr_lab.identification.moving_arm.problem import ArmProblem, ArmRecording, arm_problem
 from dpr_lab.identification.moving_arm.search import searched_start
 from dpr_lab.identification.ratio_fit import TO_THE_MINIMUM
 from dpr_lab.rig import Rig
@@ -52,26 +52,26 @@ class ArmFit:
     problem: ArmProblem
     """The fitted problem."""
     fit: Fit
-    """Fit of the common engine; the vector of its estimate contains `SWING_PARAMETERS` in units of the scale."""
-    misfit: float = 0.0
+    """Fit of the common engine."""
+    at_noise: float = 0.0
     """Reduced chi-square at the noise of the readings, if the joints are weighted by their residuals; otherwise 0."""
     merges: tuple[tuple[float, float], ...] = ()
     """Median segment length, s, and reduced chi-square, for the first segments and after each merge."""
 
     @property
+    def estimate(self) -> Estimate:
+        """Fitted `SWING_PARAMETERS` in units of the scale, and fitted initial states."""
+        return self.fit.estimate
+
+    @property
     def p(self) -> Array:
         """(12,) fitted `SWING_PARAMETERS` in units of the scale."""
-        return self.fit.estimate.vector
+        return self.estimate.vector
 
     @property
     def values(self) -> Array:
         """(free,) estimated unknowns."""
         return self.p[self.problem.unknowns.places]
-
-    @property
-    def initial(self) -> Array:
-        """(segments, 4 or 6) fitted initial states in the order of `Segments.states`."""
-        return self.fit.estimate.initial
 
     @property
     def information(self) -> Array:
@@ -90,10 +90,19 @@ class ArmFit:
         return self.fit.chi2 / max(self.problem.dof, 1)
 
     @property
+    def misfit(self) -> float:
+        """Reduced chi-square at the noise of the readings."""
+        return self.at_noise or self.chi2_per_dof
+
+    def value(self, parameter: str) -> float:
+        """Fitted value of one of `SWING_PARAMETERS` in units of the scale."""
+        return float(self.p[SWING_PARAMETERS.index(parameter)])
+
+    @property
     def rms(self) -> Array:
         """(3,) rms residual of the readings of each joint, rad; nan if a joint has no readings."""
         read = self.problem.read
-        residuals = self.problem.measured - self.problem.predict(self.fit.estimate)
+        residuals = self.problem.measured - self.problem.predict(self.estimate)
         squares = np.sum(residuals**2, axis=0, where=read)
         return np.sqrt(squares / np.where(read.any(axis=0), read.sum(axis=0), np.nan))
 
@@ -105,16 +114,16 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
         IdentificationError: the values of the rig file cannot be simulated.
     """
     problem, initial = arm_problem(recordings, rig, settings.first_s)
-    best = _short_fit(problem, initial, recordings, rig, settings)
+    best = _short_fit(problem, initial, settings)
     merges = [_length_and_misfit(best)]
     limit, ranges = settings.worse * max(1.0, best.chi2_per_dof), list(settings.ranges_rad)
     while ranges:
-        longer = merged(best.problem, best.p, best.initial, recordings, rig, ranges[0])
+        longer = merged(best.problem, best.estimate, ranges[0])
         if longer is None:
             break
         # Initial states are fitted first, so that the start of longer segments is not worse than that of short ones.
-        start = fit_segments(longer[0], best.p, longer[1], settings.iterations, states_only=True)
-        trial = fit_segments(longer[0], best.p, start.initial, settings.iterations)
+        start = fit_segments(*longer, states_only=True)
+        trial = fit_segments(start.problem, start.estimate)
         if trial.converged and trial.chi2_per_dof < limit:
             best = trial
             merges.append(_length_and_misfit(best))
@@ -124,8 +133,8 @@ def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFi
         # A residual above the noise is treated as noise: joints are weighted by their residuals.
         std = np.fmax(best.rms, np.max([recording.std for recording in recordings], axis=0))
         weighed = replace(best.problem, weight=np.where(best.problem.read, 1.0 / std, 0.0))
-        refitted = fit_segments(weighed, best.p, best.initial, settings.iterations)
-        return replace(refitted, misfit=best.chi2_per_dof, merges=tuple(merges))
+        refitted = fit_segments(weighed, best.estimate)
+        return replace(refitted, at_noise=best.chi2_per_dof, merges=tuple(merges))
     return replace(best, merges=tuple(merges))
 
 
@@ -133,31 +142,27 @@ def _length_and_misfit(fit: ArmFit) -> tuple[float, float]:
     return float(np.median(fit.problem.lengths_s)), fit.chi2_per_dof
 
 
-def _short_fit(
-    problem: ArmProblem, initial: Array, recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings
-) -> ArmFit:
+def _short_fit(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> ArmFit:
     """Fit of the first segments from the values of the rig file, or from a global search if this fails.
 
     Raises:
         IdentificationError: neither can be simulated.
     """
-    failed: IdentificationError | None = None
-    local: ArmFit | None = None
+    failed, fits = IdentificationError("no values within the bounds of the rig file can be simulated"), list[ArmFit]()
     try:
-        local = fit_segments(problem, _start(problem, initial), initial, settings.iterations)
+        fits.append(fit_segments(problem, _start(problem, initial)))
     except IdentificationError as error:
         failed = error
-    if local is not None and local.converged and local.chi2_per_dof < settings.searched:
-        return local
+    if fits and fits[0].converged and fits[0].chi2_per_dof < settings.searched:
+        return fits[0]
     spread = _spread(problem, settings.searched_segments)
-    thinned = problem_of(recordings, rig, [problem.cuts[s] for s in spread])
-    start = searched_start(thinned, initial[spread], rig)
-    fits = [local] if local is not None else []
+    thinned = problem.with_cuts([problem.cuts[s] for s in spread])
+    start = searched_start(thinned, initial[spread])
     if start is not None:
         with suppress(IdentificationError):
-            fits.append(fit_segments(problem, start, initial, settings.iterations))
+            fits.append(fit_segments(problem, Estimate(start, initial)))
     if not fits:
-        raise failed or IdentificationError("no values within the bounds of the rig file can be simulated")
+        raise failed
     return min(fits, key=lambda fit: fit.chi2_per_dof)
 
 
@@ -167,38 +172,32 @@ def _spread(problem: ArmProblem, most: int) -> list[int]:
     return sorted({*firsts, *range(0, count, -(-count // most))})
 
 
-def _start(problem: ArmProblem, initial: Array) -> Array:
-    """(12,) initial values from the rig file; the gain is zero if this fits better.
+def _start(problem: ArmProblem, initial: Array) -> Estimate:
+    """Initial values from the rig file; the gain is zero if this fits better.
 
     The unit or the sign of the input may be wrong.
     """
-    start = problem.unknowns.start
+    start = Estimate(problem.unknowns.start, initial)
     if "gain" not in problem.unknowns.free:
         return start
-    without = start.copy()
-    without[SWING_PARAMETERS.index("gain")] = 0.0
-    passive = fit_segments(problem, without, initial, 5, states_only=True)
+    without = Estimate(start.vector.copy(), initial)
+    without.vector[SWING_PARAMETERS.index("gain")] = 0.0
+    passive = fit_segments(problem, without, 5, states_only=True)
     try:
-        driven = fit_segments(problem, start, initial, 5, states_only=True)
+        driven = fit_segments(problem, start, 5, states_only=True)
     except IdentificationError:
         return without
     return start if driven.chi2_per_dof < passive.chi2_per_dof else without
 
 
 def fit_segments(
-    problem: ArmProblem,
-    p: Array,
-    initial: Array,
-    iterations: int = ARM_FIT.iterations,
-    *,
-    states_only: bool = False,
+    problem: ArmProblem, start: Estimate, iterations: int = ARM_FIT.iterations, *, states_only: bool = False
 ) -> ArmFit:
-    """Fit unknowns and initial states to given segments; arguments as in `ArmFit`.
+    """Fit unknowns and initial states to given segments, or the initial states only.
 
     Raises:
         IdentificationError: the initial values cannot be simulated.
     """
-    start = Estimate(p, initial)
     if not np.isfinite(problem.chi2(start)):
         raise IdentificationError(
             "the arm and rods of the rig file cannot be simulated over a quarter of a second: check [arm], [motor] and"
@@ -216,7 +215,7 @@ def covariance_of(fit: ArmFit) -> Array:
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
-    if not fit.misfit:
+    if not fit.at_noise:
         return inverse * max(1.0, fit.chi2_per_dof)
     linear = fit.fit.linear
     n = len(linear.e)

@@ -16,6 +16,7 @@ from dpr_lab.dynamics.arm import DRIVEN
 from dpr_lab.dynamics.moving_arm.followed import FOLLOW
 from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS, swing_segments
 from dpr_lab.errors import ConfigError
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.directions import SEEN, free_directions, simple_basis, spread
 from dpr_lab.identification.expected import RELEASES, information_root
 from dpr_lab.identification.identifiability import Advice, already_made, bench_advice, bench_sequence
@@ -178,7 +179,7 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     unknowns = fit.problem.unknowns
     sizes, rows = _physical(rig, unknowns)
     parameters, names = _of_rig_file(rig, sizes), tuple(sizes)
-    scatter = max(1.0, fit.misfit or fit.chi2_per_dof) if runs else 1.0
+    scatter = max(1.0, fit.misfit) if runs else 1.0
     root = information_root(fit.information / scatter, fit.values) * fit.values
     data = root @ rows
     known = np.vstack([data, _measured_rows(parameters, sizes)])
@@ -324,12 +325,12 @@ def _simulated(rig: Rig) -> ArmFit:
         for pose in poses
     ]  # fmt: skip
     recordings = [ArmRecording(run, mode, rig.reading_std, *np.zeros((2, len(t)))) for run in still]
-    problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
+    problem, _ = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     p, gain = problem.unknowns.start.copy(), SWING_PARAMETERS.index("gain")
     if driven:
         p[gain] = p[gain] or 1.0  # for a motor without constants
         recordings = [replace(recording, drive=_program(t, p, mode)) for recording in recordings]
-        problem, initial = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
+        problem, _ = arm_problem(recordings, rig, 2 * RELEASES.duration_s)
     initial = np.array([[*pose.theta, 0.0, 0.0, 0.0] for pose in poses])
     initial[:, [2, 5]] *= rig.rods.mounted == "both"
     states = swing_segments(p, (rig.L1, rig.g), problem.model.inputs, initial)
@@ -339,7 +340,7 @@ def _simulated(rig: Rig) -> ArmFit:
     ]
     problem, _ = arm_problem(recordings, rig, RELEASES.segment_s)
     initial = states[problem.segments.offsets[:-1]][:, np.argsort(FOLLOW.order)] * problem.model.free
-    return fit_segments(problem, p, initial, 0)
+    return fit_segments(problem, Estimate(p, initial), 0)
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:

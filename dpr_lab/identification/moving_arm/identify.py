@@ -7,14 +7,14 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import IdentificationError, RunError
-from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.model import EstimatedValue, RigFacts, RunUsed
 from dpr_lab.identification.moving_arm.doubts import failures, stop_sentence
 from dpr_lab.identification.moving_arm.fit import ArmFit, covariance_of, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.input_rows import other_input
 from dpr_lab.identification.moving_arm.model import ArmFitSummary, MovingArmModel
 from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
-from dpr_lab.identification.moving_arm.scale import absolute_values, motor_notes, scale_of_arm
+from dpr_lab.identification.moving_arm.scale import absolute_values, estimated, motor_notes, scale_of_arm
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import Row, Shown
@@ -94,26 +94,16 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
             noise_rad={name: float(noise[k]) for k, name in enumerate(JOINTS_READ) if read[k]},
             segments=len(fit.problem.segments),
             segment_s=float(np.median(fit.problem.lengths_s)),
-            chi2_per_dof=_misfit(fit),
+            chi2_per_dof=fit.misfit,
             converged=fit.converged,
             merges=list(fit.merges),
         ),
         runs=[_used(run, fit, k) for k, run in enumerate(runs)],
         notes=motor_notes(fit, scale, rig, determined),
-        warnings=[*_warnings(fit), *filter(None, [other_input(fit, _misfit(fit), runs, rig)])],
-        failures=failures(fit, _misfit(fit), recordings, rig, gain_seen="gain" in determined),
+        warnings=[*_warnings(fit), *filter(None, [other_input(fit, runs, rig)])],
+        failures=failures(fit, recordings, rig, gain_seen="gain" in determined),
         version=__version__,
     )
-
-
-def _misfit(fit: ArmFit) -> float:
-    return fit.misfit or fit.chi2_per_dof
-
-
-def estimated(value: float, std: float) -> EstimatedValue:
-    """Estimate with the 90 % interval of a normal distribution."""
-    reach = NORMAL_Q90 * std
-    return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach))
 
 
 def undetermined(name: str, estimate: EstimatedValue) -> str:
@@ -134,10 +124,10 @@ def _used(run: Run, fit: ArmFit, index: int) -> RunUsed:
 
 
 def _warnings(fit: ArmFit) -> list[str]:
-    if _misfit(fit) <= ARM_WARNINGS.gap:
+    if fit.misfit <= ARM_WARNINGS.gap:
         return []
     return [
-        f"the residual is {_misfit(fit) ** 0.5:.1f} times the noise: the model is incomplete, and `diagnose`"
+        f"the residual is {fit.misfit**0.5:.1f} times the noise: the model is incomplete, and `diagnose`"
         " looks for the missing effect. The standard deviations are computed for residuals clustered by segment; a"
         " systematic error may be larger"
     ]
@@ -154,9 +144,9 @@ class ArmComparison(Shown):
     t: Array
     """(n,) times since the release, s."""
     measured: Array
-    """(n, 3) readings of the joints, rad; the reading of joint 2 is given as its encoder reads it."""
+    """(n, 3) readings of the joints, rad, as the encoders read them; nan without an encoder."""
     simulated: Array
-    """(n, 3) readings predicted by the model, with an initial state fitted for each segment, rad."""
+    """(n, 3) readings predicted by the model, with an initial state fitted for each segment, rad; nan likewise."""
     segment_s: float
     """Length of a segment, s."""
     rms_rad: dict[str, float]
@@ -187,7 +177,7 @@ def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: flo
     if recordings[0].run.arm_mode == "driven" and model.input != (rig.motor.input if rig.motor else ""):
         raise RunError(f"{run.file or run.name}: its arm is driven, but the model has no input")
     try:
-        fit = fit_segments(problem, np.array(model.swing), initial, states_only=True)
+        fit = fit_segments(problem, Estimate(np.array(model.swing), initial), states_only=True)
     except IdentificationError as error:
         raise RunError(f"{run.file or run.name}: the model cannot follow these readings") from error
     read = {name: k for k, name in enumerate(JOINTS_READ) if problem.read[:, k].any()}
@@ -195,8 +185,8 @@ def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: flo
         run.name,
         not model.used(run.sha256),
         recordings[0].run.t,
-        problem.measured,
-        problem.predict(fit.fit.estimate),
+        np.where(problem.read, problem.measured, np.nan),
+        np.where(problem.read, problem.predict(fit.estimate), np.nan),
         segment_s,
         {name: float(fit.rms[k]) for name, k in read.items()},
         {name: float(recordings[0].std[k]) for name, k in read.items()},

@@ -75,7 +75,7 @@ class _Tested:
         """
         runs = [replace(run, input_delay_s=delay_s, continuous=continuous) for run in self.runs]
         problem = problem_of(recordings_of(runs, self.rig), self.rig, self.fit.problem.cuts, self.fit.problem.max_step)
-        fit = fit_segments(problem, self.fit.p, self.fit.initial)
+        fit = fit_segments(problem, self.fit.estimate)
         return _InputModel(delay_s, continuous, fit.chi2_per_dof)
 
     def near(self, centre: _InputModel, step_s: float) -> _InputModel:
@@ -89,17 +89,16 @@ class _Tested:
         return min(centre, best, key=lambda model: model.misfit)
 
 
-def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> str:
+def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
     """Sentence with import options that would describe the input better than the present options; may be empty.
 
     Args:
         fit: fit with the input as the runs state it
-        misfit: reduced chi-square of the fit at the noise of the readings
         runs: the fitted runs
         rig: rig of the runs
     """
     driven = [run for run in runs if run.arm_mode == "driven"]
-    if not driven or misfit < INPUT_ROWS.doubted:
+    if not driven or fit.misfit < INPUT_ROWS.doubted:
         return ""
     interval = float(np.median(np.concatenate([np.diff(run.t) for run in driven])))
     try:
@@ -113,9 +112,9 @@ def other_input(fit: ArmFit, misfit: float, runs: Sequence[Run], rig: Rig) -> st
     options = [f"--input-delay-s {best.delay_s:.3g}"] if best.delay_s else []
     if best.continuous or stated.continuous:
         options.insert(0, f"--intersample {'continuous' if best.continuous else 'held'}")
-    after, option = misfit * best.misfit / stated.misfit, " ".join(options) or "no input delay"
+    after, option = fit.misfit * best.misfit / stated.misfit, " ".join(options) or "no input delay"
     return (
-        f"{_cause(best, interval)}: with this input the reduced chi-square falls from {misfit:.3g} to {after:.3g}."
+        f"{_cause(best, interval)}: with this input the reduced chi-square falls from {fit.misfit:.3g} to {after:.3g}."
         f" Import a table with {option}, or record the input at the rate of the controller"
     )
 

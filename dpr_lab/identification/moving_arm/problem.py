@@ -96,12 +96,19 @@ class ArmProblem(Problem):
 
     model: ArmSwings
     """Model of rods, arm and drive."""
+    recordings: Sequence[ArmRecording]
+    rig: Rig
+    """The recorded rig."""
     unknowns: Unknowns
     """The fitted unknowns."""
     cuts: tuple[Cut, ...]
     """Recording and samples of each segment."""
     max_step: float
     """Longest Runge-Kutta step, s."""
+
+    def with_cuts(self, cuts: Sequence[Cut], max_step: float = MAX_STEP) -> "ArmProblem":
+        """Problem of the same recordings with other segments."""
+        return problem_of(self.recordings, self.rig, cuts, max_step)
 
     @property
     def dof(self) -> int:
@@ -204,6 +211,8 @@ def problem_of(
             np.column_stack([rods, rods, arm_moves, arm_moves]),
         ),
         prior=unknowns.prior,
+        recordings=recordings,
+        rig=rig,
         unknowns=unknowns,
         cuts=tuple(cuts),
         max_step=max_step,

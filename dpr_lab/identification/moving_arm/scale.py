@@ -2,11 +2,11 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.identification.model import EstimatedValue
 from dpr_lab.identification.moving_arm.fit import ArmFit
@@ -35,7 +35,7 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
     unknowns, motor = fit.problem.unknowns, rig.motor
     name = unknowns.scale
     if "gain" in unknowns.free and motor is not None:
-        gain = abs(fit.p[SWING_PARAMETERS.index("gain")])
+        gain = abs(fit.value("gain"))
         place = unknowns.free.index("gain")
         clear = covariance[place, place] ** 0.5 < 0.5 * gain
         if clear and motor.input == "torque":
@@ -105,14 +105,14 @@ def absolute_values(
     for name, ratio, row in rows:
         value = ratio * scale.value
         std = abs(value) * float(np.sqrt(max(row @ covariance @ row, 0.0) + scale.relative_std**2))
-        reach = NORMAL_Q90 * std
-        absolute[name] = EstimatedValue(
-            value=value,
-            std=std,
-            interval90=(value - reach, value + reach),
-            fixed_by="data" if scale.known else "bound",
-        )
+        absolute[name] = estimated(value, std, "data" if scale.known else "bound")
     return absolute
+
+
+def estimated(value: float, std: float, fixed_by: Literal["data", "bound"] = "data") -> EstimatedValue:
+    """Estimate with the 90 % interval of a normal distribution."""
+    reach = NORMAL_Q90 * std
+    return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach), fixed_by=fixed_by)
 
 
 def absolute_name(parameter: str, kind: str) -> str:
@@ -142,7 +142,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
     geared = [f"kt/{unknowns.scale} contains the gear ratio {motor.gear:g}."] if motor.gear != 1.0 else []
     if motor.input != "voltage":
         return geared if motor.input == "current" else []
-    gain = fit.p[SWING_PARAMETERS.index("gain")] * scale.value
+    gain = fit.value("gain") * scale.value
     missing = [name for name in ("kt", "ke", "R") if getattr(motor, name) is None]
     lumped = f"[motor] of the rig file does not give {', '.join(missing)}: only lumped constants are known."
     notes = [
@@ -161,7 +161,7 @@ def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[s
         )
     if motor.ke is not None and "c0" in determined:
         share = best(motor.ke, 0.0) * gain * motor.gear
-        total = fit.p[SWING_PARAMETERS.index("c0")] * scale.value
+        total = fit.value("c0") * scale.value
         notes.append(
             f"With ke of the rig file, the back-EMF contributes {share:.3g} N m s/rad to c0, and friction"
             f" {total - share:.3g}."

@@ -14,7 +14,6 @@ from dpr_lab.dynamics.moving_arm.swing import SWING_PARAMETERS
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.identification.moving_arm.problem import ArmProblem
 from dpr_lab.identification.moving_arm.unknowns import nominal_gain, rod_inertias
-from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import Parameter
 from dpr_lab.search import ALGORITHMS, load_search
 
@@ -36,46 +35,43 @@ class ArmSearchSettings:
 ARM_SEARCH = ArmSearchSettings()
 
 
-def searched_start(problem: ArmProblem, initial: Array, rig: Rig, seed: int = 0) -> Array | None:
+def searched_start(problem: ArmProblem, initial: Array, seed: int = 0) -> Array | None:
     """(12,) `SWING_PARAMETERS` of the best candidate; None if no candidate can be simulated.
 
     Args:
         problem: short segments of the recordings
         initial: (segments, 4 or 6) estimated initial states of the segments
-        rig: bounds of all parameters
         seed: seed of the search
     """
     rng, unknowns = np.random.default_rng(seed), problem.unknowns
-    box = np.array([_range(name, problem, rig, rng) for name in unknowns.free]).T
+    box = np.array([_range(name, problem, rng) for name in unknowns.free]).T
 
-    def errors(genes: Array) -> Array:
-        costs = []
-        for candidate in np.exp(genes):
-            p = unknowns.start.copy()
-            p[unknowns.places] = candidate
-            chi2 = problem.chi2_by_segment(problem.predict(Estimate(p, initial)))
-            costs.append(np.bincount(problem.segments.run, weights=chi2))
-        return np.array(costs)
+    def vector(genes: Array) -> Array:
+        p = unknowns.start.copy()
+        p[unknowns.places] = np.exp(genes)
+        return p
+
+    def errors(candidates: Array) -> Array:
+        readings = (problem.predict(Estimate(vector(genes), initial)) for genes in candidates)
+        costs = [np.bincount(problem.segments.run, problem.chi2_by_segment(angles)) for angles in readings]
+        return np.array(costs, dtype=np.float64)
 
     settings = load_search("segments").model_copy(
         update={"population": ARM_SEARCH.population, "generations": ARM_SEARCH.generations}
     )
     *_, last = ALGORITHMS[ARM_SEARCH.algorithm].run(errors, np.log(box), settings, rng)
-    if not np.isfinite(last.best_cost):
-        return None
-    p = unknowns.start.copy()
-    p[unknowns.places] = np.exp(last.best)
-    return p
+    return vector(last.best) if np.isfinite(last.best_cost) else None
 
 
-def _range(name: str, problem: ArmProblem, rig: Rig, rng: np.random.Generator) -> tuple[float, float]:
+def _range(name: str, problem: ArmProblem, rng: np.random.Generator) -> tuple[float, float]:
     """Lower and upper end of the search range of an unknown, in units of the scale."""
-    unknowns = problem.unknowns
+    unknowns, rig = problem.unknowns, problem.rig
     low, high = rig.bounds
     drawn = np.array([rod_inertias(rng.uniform(low, high), rig) for _ in range(ARM_SEARCH.draws)])
-    start = float(unknowns.start[SWING_PARAMETERS.index(name)])
-    if name in ("a", "d", "e1", "c1", "c2"):
-        ratios = drawn[:, ("a", "b", "d", "e1", "c1", "c2").index(name)] / drawn[:, 1]
+    place = SWING_PARAMETERS.index(name)
+    start = float(unknowns.start[place])
+    if place < drawn.shape[1]:
+        ratios = drawn[:, place] / drawn[:, 1]
         return _positive(float(ratios.min()), float(ratios.max()))
     if name == "gain":
         gain = start or nominal_gain(rig) / unknowns.scale_value or 1.0

@@ -7,8 +7,8 @@ import numpy as np
 
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import prescribed_arm
-from dpr_lab.identification.moving_arm.unknowns import best, nominal_gain, rod_inertias
-from dpr_lab.rig import MASSES, PARAMETERS, Rig
+from dpr_lab.identification.moving_arm.unknowns import nominal_gain, rod_inertias
+from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.setup import Setup, Torques
 
@@ -43,14 +43,6 @@ def rods_measured(rig: Rig) -> bool:
     """Whether all parameters that determine the inertia of the rods were measured."""
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
     return all(rig.parameters[name].measured is not None for name in names)
-
-
-def arm_start(rig: Rig) -> tuple[float, float]:
-    """Initial values of the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
-    masses = MASSES if rig.rods.mounted == "both" else ("m1",)
-    carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
-    total = best(rig.arm.A, 2.0 * carried)
-    return total, best(rig.arm.c0, total)
 
 
 def setup_of(run: Run, rig: Rig) -> Setup:

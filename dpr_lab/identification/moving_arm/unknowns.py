@@ -77,6 +77,17 @@ class Unknowns:
         return f"{parameter}/{self.scale}"
 
 
+def parameter_of(ratio: str, kind: str, scale: str) -> str:
+    """Entry of `SWING_PARAMETERS` to which the name of a ratio refers, the inverse of `Unknowns.name`.
+
+    Args:
+        ratio: name of the ratio, for example `A/b`
+        kind: kind of the input of the arm; empty without an input
+        scale: inertia by which ratios are divided
+    """
+    return "gain" if ratio == GAINS.get(kind, "").format(scale) else ratio.partition("/")[0]
+
+
 def mode_number(mode: ArmMode, kind: str) -> int:
     """Number that represents the mode of the arm in the equation of motion."""
     if mode == "driven" and kind == "acceleration":
@@ -98,6 +109,14 @@ def rod_inertias(Z: Array, rig: Rig) -> Array:
     return np.array([a, a, 0.0, m1 * l1 * rig.g, c1, 0.0])
 
 
+def arm_start(rig: Rig) -> tuple[float, float]:
+    """Initial values of the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
+    masses = MASSES if rig.rods.mounted == "both" else ("m1",)
+    carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
+    total = best(rig.arm.A, 2.0 * carried)
+    return total, best(rig.arm.c0, total)
+
+
 def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
     """Unknowns of recordings with given modes of the arm.
 
@@ -109,11 +128,8 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
     both_rods, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
     rods = rod_inertias(rig.nominal, rig)
     scale = float(rods[1])
-    masses = MASSES if both_rods else ("m1",)
-    carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
-    total = best(rig.arm.A, 2.0 * carried)
     start = np.array([
-        *rods, total, best(rig.arm.c0, total), best(rig.arm.k0, 0.0), best(rig.arm.f0, 0.0), nominal_gain(rig),
+        *rods, *arm_start(rig), best(rig.arm.k0, 0.0), best(rig.arm.f0, 0.0), nominal_gain(rig),
         rig.L0 * scale,
     ]) / scale  # fmt: skip
     free = ["a", "d", "e1", "c1", "c2"] if both_rods else ["e1", "c1"]
