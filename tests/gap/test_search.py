@@ -16,7 +16,8 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
-from dpr_lab.gap.which.fitted_sets import Effort, FittedSets
+from dpr_lab.gap.which.effort import Effort
+from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
 from dpr_lab.gap.which.moves import MOVES, START
 from dpr_lab.gap.which.replacements import fit_alternatives
@@ -111,6 +112,21 @@ def sets(bare: Callable[..., Any], screened: Callable[..., Any], recorded: Calla
     omitted = {"encoder_drift_joint1", "encoder_drift_joint2"}
     library = {name: EFFECTS[name] for name in LIBRARY if EFFECTS[name].stage != "load" and name not in omitted}
     return FittedSets(screened(runs), problem, library, base)
+
+
+@pytest.mark.slow
+def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
+    name = "coulomb_joint2"
+    alone, whole = (replace(sets.resumed(sets.fits, {}), expected=frozenset({name})) for _ in range(2))
+    score, of_whole = alone.score(sets.bare, name), whole.test(sets.bare).of(name)
+    assert score is not None
+    assert of_whole is not None
+    assert score.gain == pytest.approx(of_whole.gain, rel=1e-9)
+    assert alone.start().effects == (name,)
+    assert alone.tests[sets.bare.key].tested == {name}
+    assert alone.tests[frozenset({name})].tested == sets.library.keys() - {name}
+    ranked = [[other.effect.name for other in each.test(sets.bare).ranking] for each in (alone, whole)]
+    assert ranked[0] == ranked[1]
 
 
 @pytest.mark.slow

@@ -63,6 +63,8 @@ class ScoreTest:
     """Scores of all effects, best first; an effect with several shapes has the score of its best shape."""
     shaped: Mapping[str, tuple[Score, ...]] = field(default_factory=dict)
     """Scores of all shapes of each effect, the best shape first."""
+    tested: frozenset[str] = frozenset()
+    """Names of the tested effects; an effect that the recordings cannot show has no score."""
 
     @property
     def fitted_columns(self) -> tuple[int, ...]:
@@ -110,6 +112,7 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
         library: effects to test
         recorded: properties of the recordings from which shapes are proposed
     """
+    library = tuple(library)
     reference = trajectory(problem, fitted.estimate, spacing=TRAJECTORY.coarse_s)
     scan = ShapeScan(problem, fitted, reference, recorded)
     candidates = [
@@ -129,7 +132,8 @@ def score_test(problem: Problem, fitted: Fit, library: Iterable[Effect], recorde
         tested.setdefault(effect.name, []).append(_score(test, effect, shape, columns))
     shaped = {name: tuple(sorted(items, key=lambda score: -score.gain)) for name, items in tested.items()}
     ranking = tuple(sorted((items[0] for items in shaped.values()), key=lambda score: (-score.gain, score.effect.name)))
-    return replace(test, ranking=ranking, shaped=shaped)
+    names = frozenset(effect.name for effect in library)
+    return replace(test, ranking=ranking, shaped=shaped, tested=names)
 
 
 def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ...]) -> Score:

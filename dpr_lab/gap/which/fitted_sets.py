@@ -6,7 +6,7 @@ fewer. The best of these fits is used. Each move adds its fits and score tests t
 change an earlier state of the search. All copies share the results of functions that depend only on their arguments.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from types import MappingProxyType
@@ -36,43 +36,12 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
+from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.sizes import rises, significantly_oversized
 from dpr_lab.gap.which.softening import springs_like_scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
 Progress = Callable[[FitBegan | ScoreTestBegan], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Effort:
-    """Number of iterations and of initial shapes of the fits, and limits for further attempts."""
-
-    rough: int = 6
-    """Maximum number of iterations of a fit far from the noise."""
-    fine: int = 15
-    """Maximum number of iterations of a fit near the noise."""
-    preview: int = 3
-    """Number of iterations from each of several shapes. The best of these fits is continued."""
-    thorough: int = 30
-    """Maximum number of iterations from the best of several shapes."""
-    short: int = 12
-    """Maximum number of iterations from short segments."""
-    achieved: float = 0.5
-    """Minimum ratio of the achieved to the predicted reduction of chi2.
-
-    Below it a fit is repeated from shorter segments.
-    """
-    outstanding: float = 5.0
-    """Ratio of the chi2 of a segment to the median above which the segment may hold a fit in a local minimum."""
-    nowhere: float = 0.99
-    """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
-    starts: int = 4
-    """Maximum number of initial shapes for the fits of an effect with a high score."""
-    leading: float = 0.5
-    """Minimum score of an effect, relative to the best score, for which several of its shapes are fitted."""
-
-
-EFFORT = Effort()
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,20 +134,41 @@ class FittedSets:
     def start(self) -> Hypothesis:
         """Bare model with the known effects of the rig that are significant in these recordings, the largest first."""
         model = self.bare
-        while scores := [
-            score for score in self.test(model).ranking if score.effect.name in self.expected and score.gain > 0
-        ]:
-            model = self.with_one(model, scores[0])
+        while score := self._best_known(model):
+            model = self.with_one(model, score)
         return self.escaped(model) if model.effects else model
 
+    def _best_known(self, model: Hypothesis) -> Score | None:
+        """Largest positive score of the known effects that a set lacks; None if there is none."""
+        missing = self.expected - model.key
+        test = self._tested(model, missing) if missing else self.test(model)
+        return next((score for score in test.ranking if score.effect.name in missing and score.gain > 0), None)
+
     def test(self, model: Hypothesis) -> ScoreTest:
-        """Score test of further effects for a set."""
-        if model.key not in self._tests:
+        """Score test of all further effects for a set."""
+        return self._tested(model, self.library.keys() - model.key)
+
+    def score(self, model: Hypothesis, effect: str) -> Score | None:
+        """Best score of one further effect for a set; None if the recordings cannot show the effect.
+
+        An effect with several shapes is compared with all other effects (`_from_shapes`).
+        """
+        alone = effect in self.library and not self.library[effect].shapes
+        return (self._tested(model, {effect}) if alone else self.test(model)).of(effect)
+
+    def _tested(self, model: Hypothesis, effects: Set[str]) -> ScoreTest:
+        """Score test of at least some effects for a set.
+
+        A test that lacks some of the effects is repeated with them, for the same fit.
+        """
+        test = self._tests.get(model.key)
+        if test is None or not effects <= test.tested:
             self.on_progress(ScoreTestBegan(model.effects))
-            others = [effect for name, effect in self.library.items() if name not in model.effects]
-            known = recorded(self.recordings.records, self.problem, model.fit)
-            self._tests[model.key] = score_test(self.problem, model.fit, others, known)
-        return self._tests[model.key]
+            fitted, tested = (model.fit, effects) if test is None else (test.fit, effects | test.tested)
+            library = [effect for name, effect in self.library.items() if name in tested]
+            known = recorded(self.recordings.records, self.problem, fitted)
+            self._tests[model.key] = test = score_test(self.problem, fitted, library, known)
+        return test
 
     def with_one(self, model: Hypothesis, score: Score) -> Hypothesis:
         """Fit of a set with one additional effect.
@@ -197,8 +187,11 @@ class FittedSets:
         return self.keep(larger)
 
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """Fit of one additional effect from its best shape, or from its best few shapes."""
-        test = self.test(model)
+        """Fit of one additional effect from its best shape, or from its best few shapes.
+
+        The score belongs to the present test of the set.
+        """
+        test = self._tests[model.key]
         return self._once((model, test, score), lambda: self._from_shapes(model, test, score))
 
     def _from_shapes(self, model: Hypothesis, test: ScoreTest, score: Score) -> Hypothesis:
@@ -335,7 +328,7 @@ class FittedSets:
         the new effect gradually takes over the share of the other effect.
         """
         smaller = self.without(model, effect)
-        score = self.test(smaller).of(other)
+        score = self.score(smaller, other)
         if score is None:
             return None
         replaced = self.with_one(smaller, score)
@@ -374,7 +367,7 @@ class FittedSets:
         return refit(self.problem, start, names, EFFORT.fine)
 
     def _grown(self, model: Hypothesis, effect: str) -> Hypothesis | None:
-        score = self.test(model).of(effect)
+        score = self.score(model, effect)
         return None if score is None else self._best_shape(model, score)
 
     def reshaped(self, model: Hypothesis, effect: str) -> Hypothesis:

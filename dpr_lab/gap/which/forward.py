@@ -214,7 +214,7 @@ def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
     if gain < test.ranking[0].gain + THRESHOLDS.chance:
         return None
     with_larger = sets.with_one(model, larger)
-    score = sets.test(with_larger).of(smaller.effect.name)
+    score = sets.score(with_larger, smaller.effect.name)
     return None if score is None else sets.with_one(with_larger, score)
 
 

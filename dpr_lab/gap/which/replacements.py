@@ -15,7 +15,8 @@ from dpr_lab.gap.hypothesis.thresholds import (
     indifference,
     significance,
 )
-from dpr_lab.gap.which.fitted_sets import EFFORT, FittedSets
+from dpr_lab.gap.which.effort import EFFORT
+from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 REPLACEMENTS = 2
@@ -115,7 +116,7 @@ def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterato
     simple = next((score for score in sets.test(without_curve).ranking if len(score.columns) == 1), None)
     if simple is not None and simple.gain > 0.0:
         model = sets.with_one(without_curve, simple)
-        score = sets.test(model).of(curve)
+        score = sets.score(model, curve)
         if score is not None:
             yield Proposal(sets.with_one(model, score))
 
