@@ -282,8 +282,10 @@ def refit_without(
     step[remaining] = np.linalg.lstsq(A[:, remaining], e - A @ removed, rcond=1e-10)[0]
     without = estimate.changed(params=without_effect(estimate.params, effect))
     start = moved(without, [free[i] for i in remaining], step[remaining], linear.initial_steps(step))
-    if not problem.chi2(start) < REFITS.lost * problem.chi2(without):
-        start = without
-    if not scale_visible(names, problem):
-        start = start.changed(ratios=with_scale(start.ratios, bare.fit.estimate.ratios[SCALE]))
-    return refit(problem, start, names, iterations=iterations)
+    predicted, of_without = problem.predict(start), problem.predict(without)
+    if not problem.chi2_by_segment(predicted).sum() < REFITS.lost * problem.chi2_by_segment(of_without).sum():
+        start, predicted = without, of_without
+    b = bare.fit.estimate.ratios[SCALE]
+    if start.ratios[SCALE] != b and not scale_visible(names, problem):
+        return refit(problem, start.changed(ratios=with_scale(start.ratios, b)), names, iterations=iterations)
+    return refit(problem, start, names, iterations, predicted)
