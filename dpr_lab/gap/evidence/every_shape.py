@@ -12,7 +12,7 @@ between neighbouring tested values.
 Source: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,12 +24,13 @@ from dpr_lab.effects import effect_params, param_index
 from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.linearise import Linearisation, linearise
+from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import RIDGE, ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.detectable import SEEN
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.scan import FittedColumns, UnitSets
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +70,8 @@ class AllShapes:
         if not 0 < len(values) <= SHAPES.most:
             return None
         blocks: list[Array] = []
-        for spaces in swings.spaces(effect, values):
-            of_block = _union(spaces, self.model.residuals.inflation)
+        for sets in swings.sets(effect, values):
+            of_block = _union(sets, self.model.residuals.inflation)
             if of_block is None:
                 return None
             blocks.append(of_block)
@@ -80,13 +81,13 @@ class AllShapes:
     @cached_property
     def _whole(self) -> "_Swings":
         """Swings of the whole recordings."""
-        return _Swings.of(self.problem, self.model.fit.estimate, self.model.fit.linear)
+        return _Swings.of(self.problem, self.model.fit.estimate, FittedColumns.of(self.model.fit.linear))
 
     @cached_property
     def _beginnings(self) -> "_Swings":
         """Swings at the beginning of the recordings, in which frequencies are tested."""
         problem, estimate = _beginning(self.problem, self.model.fit.estimate)
-        return _Swings.of(problem, estimate, linearise(problem, estimate, self.model.fit.free))
+        return _Swings.of(problem, estimate, FittedColumns.of(linearise(problem, estimate, self.model.fit.free)))
 
 
 def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
@@ -96,23 +97,24 @@ def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, f
         given: columns of the amplitudes, with the model projected out
         inflation: variance inflation n / n_eff
     """
-    intervals = _union([given], inflation)
+    intervals = _union(UnitSets(given.scale[None], given.H[None], given.gradient[None]), inflation)
     return None if intervals is None else [(low, high) for low, high in intervals.tolist()]
 
 
-def _union(spaces: Sequence[ColumnSpace], inflation: float) -> Array | None:
+def _union(sets: UnitSets, inflation: float) -> Array | None:
     """(n, 2) smallest interval of each of n amplitudes that contains its 90 % intervals in all shapes.
 
-    None if the amplitudes are inseparable in one of the shapes. The arguments are those of `joint_intervals`, with one
-    column space for each shape.
+    None if the amplitudes are inseparable in one of the shapes.
+
+    Args:
+        sets: columns of the amplitudes in each shape, with the model projected out
+        inflation: variance inflation n / n_eff
     """
-    H = np.array([space.H for space in spaces])
-    if np.linalg.eigvalsh(H)[:, 0].min() < SEEN:
+    if np.linalg.eigvalsh(sets.H)[:, 0].min() < SEEN:
         return None
-    scale, gradient = np.array([space.scale for space in spaces]), np.array([space.gradient for space in spaces])
-    inverse = np.linalg.inv(H + RIDGE * np.eye(H.shape[1]))
-    x = scale * (inverse @ gradient[:, :, None])[:, :, 0]
-    reach = NORMAL_Q90 * scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
+    inverse = np.linalg.inv(sets.H + RIDGE * np.eye(sets.H.shape[1]))
+    x = sets.scale * (inverse @ sets.gradient[:, :, None])[:, :, 0]
+    reach = NORMAL_Q90 * sets.scale * np.sqrt(inflation * np.diagonal(inverse, axis1=1, axis2=2))
     return np.stack([(x - reach).min(axis=0), (x + reach).max(axis=0)], axis=1)
 
 
@@ -149,18 +151,15 @@ class _Swings:
     """Swings along which shapes are tested, with a fitted model."""
 
     problem: Problem
-    linear: Linearisation
     reference: Trajectory
-    fitted: ColumnSpace
-    """Columns of the fitted parameters."""
+    fitted: FittedColumns
 
     @classmethod
-    def of(cls, problem: Problem, estimate: Estimate, linear: Linearisation) -> "_Swings":
+    def of(cls, problem: Problem, estimate: Estimate, fitted: FittedColumns) -> "_Swings":
         """Swings of an estimate, at which the problem was linearised."""
-        reference = trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s)
-        return cls(problem, linear, reference, ColumnSpace.of(*linear.flat))
+        return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
 
-    def spaces(self, effect: Effect, values: Array) -> Iterator[list[ColumnSpace]]:
+    def sets(self, effect: Effect, values: Array) -> Iterator[UnitSets]:
         """Columns of the amplitudes in each shape, with the model projected out, in blocks of several shapes."""
         amplitudes = [param_index(effect.name, p.name) for p in effect.amplitudes]
         count, place = len(amplitudes), param_index(effect.name, effect.shapes[0].name)
@@ -172,17 +171,5 @@ class _Swings:
             params[:, :, place] = chosen[:, None]
             params = params.reshape(len(chosen) * count, -1)
             torques = self.reference.torques(effect.stage, self.problem.model.constants, params)
-            given = self._given(self.linear.projected(self.reference.response(self.problem, torques)))
-            yield [given.chosen(slice(start, start + count)) for start in range(0, len(given), count)]
-
-    def _given(self, columns: Array) -> ColumnSpace:
-        """Column space of columns (segments, m, k), with the fitted parameters projected out."""
-        A, e = self.linear.flat
-        added, flat, fitted = ColumnSpace.of(columns, e), columns.reshape(len(e), -1), len(self.fitted)
-        across = self.fitted.scale[:, None] * (A.T @ flat) * added.scale
-        space = ColumnSpace(
-            np.append(self.fitted.scale, added.scale),
-            np.block([[self.fitted.H, across], [across.T, added.H]]),
-            np.append(self.fitted.gradient, added.gradient),
-        )
-        return space.given(slice(0, fitted), slice(fitted, None))
+            columns = self.reference.response(self.problem, torques)
+            yield self.fitted.remaining(self.fitted.inner_products(columns, count))

@@ -1,11 +1,18 @@
 """Scan of shapes: orders and frequencies of torques, and instants at which a reading may have stepped.
 
-Hundreds of shapes are compared by one linearised fit. The score test and nonlinear fits examine the best few.
+Hundreds of shapes are compared by one linearised fit. The score test and nonlinear fits examine the best few. With Q
+the columns of the initial states, the inner products of the columns c and d of the amplitudes are
+
+    c^T (I - Q Q^T)^2 d = c^T d - (Q^T c)^T (2 Q^T d - Q^T Q Q^T d)
+
+and need only products with the few rows of Q, so that the columns are neither projected nor copied. Q^T Q differs from
+the unit matrix, because Q lacks the rows of the prior of the initial states.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +21,9 @@ from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
 from dpr_lab.effects import SLICES, effect_params, param_index, proposed_shapes
 from dpr_lab.effects.effect import Effect, Recorded, Shape
 from dpr_lab.fitting.gauss_newton import Fit
+from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.projection import ColumnSpace
+from dpr_lab.fitting.projection import RIDGE, TINY, ColumnSpace
 from dpr_lab.fitting.response import Trajectory
 
 
@@ -55,6 +63,66 @@ ORDER = "order"
 If the arc covers fewer periods than `SCAN.periods`, two harmonics act like a free polynomial in the angle. Such a
 polynomial fits any smooth force and any nonlinearity of the encoder, so it is evidence of neither.
 """
+
+
+class SmallSets(NamedTuple):
+    """Inner products of small sets of columns, with the initial states projected out of all columns."""
+
+    across: Array
+    """(k, sets, n) inner products of k fitted columns with the n columns of each set."""
+    within: Array
+    """(sets, n, n) inner products within each set."""
+    gradient: Array
+    """(sets, n) inner products with the residual."""
+
+
+class UnitSets(NamedTuple):
+    """Inner products of small sets of columns that had unit norm before the fitted columns were projected out."""
+
+    scale: Array
+    """(sets, n) reciprocal norm of each column."""
+    H: Array
+    """(sets, n, n) normal matrix of each set."""
+    gradient: Array
+    """(sets, n) inner products with the residual."""
+
+
+@dataclass(frozen=True, slots=True)
+class FittedColumns:
+    """Columns A of the fitted parameters, residual e, and columns Q of the initial states of one linearised fit."""
+
+    space: ColumnSpace
+    """Column space of A and e."""
+    rows: Array
+    """(segments, k + 1 + states, m) transposed A, e and Q."""
+    onto_initial: Array
+    """(segments, k + 1 + states, states) inner products of the rows with Q."""
+
+    @classmethod
+    def of(cls, linear: Linearisation) -> "FittedColumns":
+        """Columns of a linearised fit."""
+        rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
+        return cls(ColumnSpace.of(*linear.flat), rows, rows @ linear.Q)
+
+    def inner_products(self, columns: Array, count: int) -> SmallSets:
+        """Inner products of sets of `count` columns each, from whitened columns (segments, m, sets * count)."""
+        states, sets = self.onto_initial.shape[2], columns.shape[2] // count
+        products = self.rows @ columns
+        initial = products[:, -states:].copy()
+        products -= self.onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
+        across = products[:, :-states].sum(axis=0).reshape(-1, sets, count)
+        within = _within(columns, columns, count) - _within(initial, initial + products[:, -states:], count)
+        return SmallSets(across[:-1], within, across[-1])
+
+    def remaining(self, sets: SmallSets) -> UnitSets:
+        """Sets of columns with the fitted columns projected out."""
+        scale = 1 / np.maximum(np.sqrt(np.maximum(np.diagonal(sets.within, axis1=1, axis2=2), 0.0)), TINY)
+        across = sets.across * self.space.scale[:, None, None] * scale
+        of_all = np.column_stack([across.reshape(len(self.space), -1), self.space.gradient])
+        out = np.linalg.solve(self.space.H + RIDGE * np.eye(len(self.space)), of_all)
+        taken = np.einsum("ksi,ksj->sij", across, out[:, :-1].reshape(across.shape))
+        H = sets.within * scale[:, :, None] * scale[:, None] - taken
+        return UnitSets(scale, H, sets.gradient * scale - np.einsum("ksi,k->si", across, out[:, -1]))
 
 
 @dataclass(frozen=True)
@@ -99,37 +167,22 @@ class ShapeScan:
         return [finer[i] for i in np.argsort(-gains)[: SCAN.kept]]
 
     @cached_property
-    def _fitted(self) -> ColumnSpace:
+    def _fitted(self) -> FittedColumns:
         """Columns of the fitted parameters."""
-        return ColumnSpace.of(*self.fit.linear.flat)
-
-    @cached_property
-    def _rows(self) -> tuple[Array, Array]:
-        """Rows with which columns are multiplied: transposed A, e and Q, (segments, free + 1 + states, m).
-
-        The second array contains their inner products with Q, (segments, free + 1 + states, states).
-        """
-        linear = self.fit.linear
-        rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
-        return rows, rows @ linear.Q
+        return FittedColumns.of(self.fit.linear)
 
     def _gains(self, effect: Effect, candidates: list[Shape]) -> Array:
         """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model projected out."""
         amplitudes, problem = effect.amplitudes[: SCAN.amplitudes], self.problem
-        count, states, (rows, onto_initial) = len(amplitudes), problem.segments.states, self._rows
+        count = len(amplitudes)
         positive = [p.sign == "positive" for p in amplitudes] == [True]
         gains: list[Array] = []
         for first in range(0, len(candidates), SCAN.block // count):
             chosen = candidates[first : first + SCAN.block // count]
             params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
             torques = self.reference.torques(effect.stage, problem.model.constants, params)
-            columns = self.reference.response(problem, torques)
-            products = rows @ columns
-            initial = products[:, -states:].copy()
-            products -= onto_initial @ initial  # equivalent to projecting the columns, without one more pass over them
-            across = products[:, :-states].sum(axis=0).reshape(-1, len(chosen), count)
-            reduced = _within(columns, columns, count) - _within(initial, initial + products[:, -states:], count)
-            gains.append(self._fitted.gains_given(across[:-1], reduced, across[-1], positive))
+            sets = self._fitted.inner_products(self.reference.response(problem, torques), count)
+            gains.append(self._fitted.space.gains_given(*sets, positive))
         return np.concatenate(gains)
 
 
@@ -157,7 +210,7 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
 
 
 def _within(columns: Array, others: Array, count: int) -> Array:
-    """(shapes, many, many) inner products between the columns of each shape, from (segments, rows, shapes * many)."""
+    """(sets, n, n) inner products between the columns of each set, from (segments, rows, sets * n)."""
     diagonals = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)]
     blocks = np.empty((columns.shape[2] // count, count, count))
     for i, j in product(range(count), repeat=2):
