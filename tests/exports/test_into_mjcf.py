@@ -13,7 +13,7 @@ from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
-from dpr_lab.exports.into.mjcf import into_mjcf
+from dpr_lab.exports.into import into_file
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.workflows.rig_from import rig_from_model
 from tests.exports.models import X0, model_of
@@ -82,7 +82,7 @@ def test_the_changed_file_swings_as_the_corrected_model(start: tuple[Path, Rig])
     path, rig = start
     truth = identified(rig, {"l1": 1.07, "J2": 1.2, "l2": 0.93, "c1": 0.4, "m2": 1.1, "J1": 1.3})
     effects = {name: EFFECTS[name] for name in ("rotor_inertia_joint2", "spring_joint1")}
-    patched = into_mjcf(model_of(truth, effects, rig.name), rig, path)
+    patched = into_file(model_of(truth, effects, rig.name), rig, path)
     t = np.linspace(0, 1.5, 31)
     base = base_parameters(truth.nominal, truth.L1, truth.g)
     lab = simulate(base, truth.L1, truth.g, X0, t, 2.5e-4, effect_params(effects), rig_constants(rig))[:, :2]
@@ -94,7 +94,7 @@ def test_the_changed_file_swings_as_the_corrected_model(start: tuple[Path, Rig])
 
 def test_nothing_but_the_numbers_changes(start: tuple[Path, Rig]) -> None:
     path, rig = start
-    patched = into_mjcf(model_of(identified(rig, {"c2": 2.0, "J2": 1.1}), EFFECTS, rig.name), rig, path)
+    patched = into_file(model_of(identified(rig, {"c2": 2.0, "J2": 1.1}), EFFECTS, rig.name), rig, path)
     text = patched.text.decode()
     removed = [line[2:] for line in difflib.ndiff(ROBOT.splitlines(), text.splitlines()) if line.startswith("- ")]
     assert all("joint" in line or "frictionloss" in line or "inertial" in line for line in removed)
@@ -123,34 +123,34 @@ def test_nothing_but_the_numbers_changes(start: tuple[Path, Rig]) -> None:
 
 def test_what_was_read_comes_back_without_a_change(start: tuple[Path, Rig]) -> None:
     path, rig = start
-    patched = into_mjcf(model_of(rig, {}, rig.name), rig, path)
+    patched = into_file(model_of(rig, {}, rig.name), rig, path)
     assert [change for change in patched.changes if change.attribute != "pos"] == []
     assert patched.text == ROBOT.encode()
 
 
 def test_a_longer_rod_moves_the_elbow(start: tuple[Path, Rig]) -> None:
     path, rig = start
-    patched = into_mjcf(model_of(rig, {"wrong_length_L1": {"added_m": 0.01}}, rig.name), rig, path)
+    patched = into_file(model_of(rig, {"wrong_length_L1": {"added_m": 0.01}}, rig.name), rig, path)
     assert '<body name="lower" pos="0 0 -0.31"' in patched.text.decode()
 
 
 def test_effects_without_an_attribute_are_listed(start: tuple[Path, Rig]) -> None:
     path, rig = start
     effects = {"air_drag_both": {}, "latency_joint2": {}, "input_delay": {}}
-    patched = into_mjcf(model_of(rig, effects, rig.name), rig, path)
+    patched = into_file(model_of(rig, effects, rig.name), rig, path)
     assert (set(patched.lost), patched.passive.effects) == ({"input_delay"}, ("air_drag_both", "latency_joint2"))
 
 
 def test_a_model_of_another_rig_is_refused(start: tuple[Path, Rig], paper: Rig) -> None:
     path, _ = start
     with pytest.raises(ConfigError, match=r"its L1 is 0.3, but the model has 0.4: start from the rig file"):
-        into_mjcf(model_of(paper, {}), paper, path)
+        into_file(model_of(paper, {}), paper, path)
 
 
 def test_masses_that_cannot_be_kept_are_named(start: tuple[Path, Rig]) -> None:
     path, rig = start
     with pytest.raises(ConfigError, match=r"body 'upper' would need the inertia -.* kg m\^2: correct the masses"):
-        into_mjcf(model_of(identified(rig, {"l2": 1.8, "J2": 0.1, "m2": 1.8}), {}, rig.name), rig, path)
+        into_file(model_of(identified(rig, {"l2": 1.8, "J2": 0.1, "m2": 1.8}), {}, rig.name), rig, path)
 
 
 def test_joints_without_a_name_can_be_read_but_not_changed(tmp_path: Path) -> None:
@@ -161,13 +161,13 @@ def test_joints_without_a_name_can_be_read_but_not_changed(tmp_path: Path) -> No
     assert any("joints without a name: 1" in note for note in read.notes)
     rig = load_rig(tmp_path / "rig.toml")
     with pytest.raises(ConfigError, match="'joint 1' has no name in the file"):
-        into_mjcf(model_of(rig, {}), rig, file)
+        into_file(model_of(rig, {}), rig, file)
 
 
 def test_no_rounding_error_of_a_rotation_is_written(start: tuple[Path, Rig]) -> None:
     file, rig = start
     file.write_text(ROBOT.replace('name="upper" pos="0 0 1"', 'name="upper" pos="0 0 1" euler="0 0 1.3"'))
-    longer = into_mjcf(model_of(identified(rig, {"l1": 1.1, "l2": 1.1}), {}), rig, file)
+    longer = into_file(model_of(identified(rig, {"l1": 1.1, "l2": 1.1}), {}), rig, file)
     places = [change.after for change in longer.changes if change.attribute == "pos"]
     assert len(places) == 2
     assert all("e-" not in place for place in places)
@@ -179,5 +179,5 @@ def test_a_flag_that_switches_off_what_would_change_is_refused(tmp_path: Path) -
     rig_from_model(tmp_path / "robot.xml", tmp_path / "rig.toml")
     rig = load_rig(tmp_path / "rig.toml")
     with pytest.raises(ConfigError, match='<flag frictionloss="disable"> switches off'):
-        into_mjcf(model_of(rig, {"coulomb_joint2": EFFECTS["coulomb_joint2"]}, rig.name), rig, tmp_path / "robot.xml")
-    assert into_mjcf(model_of(rig, {}, rig.name), rig, tmp_path / "robot.xml").changes == ()
+        into_file(model_of(rig, {"coulomb_joint2": EFFECTS["coulomb_joint2"]}, rig.name), rig, tmp_path / "robot.xml")
+    assert into_file(model_of(rig, {}, rig.name), rig, tmp_path / "robot.xml").changes == ()

@@ -4,33 +4,22 @@ Only numbers of the rods and the arm are changed.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports.bodies import AnyModel
-from dpr_lab.exports.into.description import into_description
-from dpr_lab.exports.into.mjcf import WORDS as MJCF_WORDS
-from dpr_lab.exports.into.mjcf import into_mjcf
+from dpr_lab.exports.into.mjcf import MjcfEditor
+from dpr_lab.exports.into.model_file import Editor, changed_file
 from dpr_lab.exports.into.sdf import SdfEditor
 from dpr_lab.exports.into.target import PatchedModel
 from dpr_lab.exports.into.urdf import UrdfEditor
 from dpr_lab.rig import Rig
-from dpr_lab.simulator_models.sdf import read_sdf
-from dpr_lab.simulator_models.urdf import read_urdf
 from dpr_lab.simulator_models.xml_file import read_xml
 
-Writer = Callable[[AnyModel, Rig, Path, Sequence[str]], PatchedModel]
+EDITORS: dict[str, Callable[[Path], Editor]] = {"mujoco": MjcfEditor, "robot": UrdfEditor, "sdf": SdfEditor}
+"""Root element of a file -> editor of its format."""
 
-WRITERS: dict[str, Writer] = {
-    "mujoco": into_mjcf,
-    "robot": partial(into_description, name="URDF", read=read_urdf, editor=UrdfEditor()),
-    "sdf": partial(into_description, name="SDFormat", read=read_sdf, editor=SdfEditor()),
-}
-"""Root element of a file -> function that writes the corrected model into such a file."""
-
-
-WORDS: dict[str, frozenset[str]] = {"MJCF": MJCF_WORDS, "URDF": UrdfEditor.words, "SDFormat": SdfEditor.words}
+WORDS: dict[str, frozenset[str]] = {editor.name: editor.words for editor in (MjcfEditor, UrdfEditor, SdfEditor)}
 """Format -> elements of effects that its files can contain."""
 
 
@@ -50,6 +39,6 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
             rig.
     """
     tag = read_xml(path).tag
-    if tag not in WRITERS:
+    if tag not in EDITORS:
         raise ConfigError(f"{path}: its root element is <{tag[:50]}>; MJCF has <mujoco>, URDF <robot>, SDFormat <sdf>")
-    return WRITERS[tag](model, rig, path, joints)
+    return changed_file(model, rig, EDITORS[tag](path), joints)

@@ -3,14 +3,18 @@
 import numpy as np
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.exports.into.description import DescriptionEditor
 from dpr_lab.exports.into.target import numbers
-from dpr_lab.simulator_models.tree import Vector
+from dpr_lab.simulator_models.sdf import read_sdf
+from dpr_lab.simulator_models.tree import SimulatorModel, Vector
 from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 
-class SdfEditor:
+class SdfEditor(DescriptionEditor):
     """Editor of SDFormat files; see `Editor`."""
 
+    name = "SDFormat"
+    passive = False  # MuJoCo cannot read SDFormat
     words = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_length"})
     joint_names = {  # noqa: RUF012
         "damping": "damping",
@@ -19,12 +23,16 @@ class SdfEditor:
         "rest": "spring_reference",
     }
 
-    def place(self, edit: XmlEdit, owner: int) -> Vector:
+    def read(self, text: bytes) -> SimulatorModel:
         """See `Editor`."""
+        return read_sdf(self.path, text)
+
+    def place(self, edit: XmlEdit, owner: int) -> Vector:
+        """See `DescriptionEditor`."""
         return np.array(_pose(edit, owner)[:3], dtype=np.float64)
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """See `Editor`."""
+        """See `DescriptionEditor`."""
         pose, values = edit.child(owner, "pose"), _pose(edit, owner)
         text = " ".join([numbers(place), *values[3:]])
         if pose is None:
@@ -33,7 +41,7 @@ class SdfEditor:
             edit.set_text(pose, label, text)
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """See `Editor`.
+        """See `DescriptionEditor`.
 
         An element without inertia has the default of the format, 1 kg m^2 about each axis.
         """
@@ -46,8 +54,8 @@ class SdfEditor:
             if tag.parent == inertia and float(tag.text):
                 edit.set_text(index, f"{label}, inertia", numbers([factor * float(tag.text)]))
 
-    def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
-        """See `Editor`.
+    def set_values(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
+        """See `DescriptionEditor`.
 
         Raises:
             ConfigError: the joint has no axis.

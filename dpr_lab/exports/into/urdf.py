@@ -2,27 +2,35 @@
 
 import numpy as np
 
+from dpr_lab.exports.into.description import DescriptionEditor
 from dpr_lab.exports.into.target import numbers
-from dpr_lab.simulator_models.tree import Vector
+from dpr_lab.simulator_models.tree import SimulatorModel, Vector
+from dpr_lab.simulator_models.urdf import read_urdf
 from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
-class UrdfEditor:
+class UrdfEditor(DescriptionEditor):
     """Editor of URDF files; see `Editor`."""
 
+    name = "URDF"
+    passive = True
     words = frozenset({"friction", "offset", "added_length"})
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
 
-    def place(self, edit: XmlEdit, owner: int) -> Vector:
+    def read(self, text: bytes) -> SimulatorModel:
         """See `Editor`."""
+        return read_urdf(self.path, text)
+
+    def place(self, edit: XmlEdit, owner: int) -> Vector:
+        """See `DescriptionEditor`."""
         origin = edit.child(owner, "origin")
         text = "" if origin is None else edit.tags[origin].attributes.get("xyz", "")
         return np.array((text or "0 0 0").split(), dtype=np.float64)
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """See `Editor`."""
+        """See `DescriptionEditor`."""
         origin = edit.child(owner, "origin")
         if origin is None:
             edit.insert(owner, "origin", label, xyz=numbers(place))
@@ -30,15 +38,15 @@ class UrdfEditor:
             edit.set(origin, f"{label}, origin", xyz=numbers(place))
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """See `Editor`."""
+        """See `DescriptionEditor`."""
         inertia = edit.child(inertial, "inertia")
         if inertia is not None:
             tensor = {name: float(edit.tags[inertia].attributes.get(name, "0")) for name in INERTIA}
             scaled = {name: numbers([factor * value]) for name, value in tensor.items() if value}
             edit.set(inertia, f"{label}, inertia", **scaled)
 
-    def set_joint(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
-        """See `Editor`."""
+    def set_values(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
+        """See `DescriptionEditor`."""
         dynamics = edit.child(joint, "dynamics")
         if dynamics is None:
             edit.insert(joint, "dynamics", label, **values)

@@ -1,0 +1,155 @@
+"""Write the corrected model into a simulator's file: the steps that all formats share.
+
+`dpr_lab.exports.into.target` lists the changed quantities. An `Editor` reads and writes the numbers of one format.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from dpr_lab.effects import EFFECTS
+from dpr_lab.errors import ConfigError
+from dpr_lab.exports.bodies import AnyModel, bodies, in_words, left_out
+from dpr_lab.exports.into.in_file import hinge
+from dpr_lab.exports.into.passive import PassiveForces, passive_forces
+from dpr_lab.exports.into.target import (
+    PATCH,
+    ArmTarget,
+    BodyChange,
+    PatchedModel,
+    RodTarget,
+    arm_change,
+    arm_target,
+    arm_to_change,
+    body_change,
+    refuse_other_rig,
+    refuse_overridden,
+    rod_targets,
+)
+from dpr_lab.identification.model import Model
+from dpr_lab.identification.moving_arm.setup import drive_gain
+from dpr_lab.rig import Rig
+from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
+from dpr_lab.simulator_models.double_pendulum import double_pendulum
+from dpr_lab.simulator_models.tree import SimulatorModel, Vector
+from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
+
+
+class Editor(Protocol):
+    """A format of simulator files: functions that read and write its numbers."""
+
+    name: str
+    """Name of the format."""
+    words: frozenset[str]
+    """Elements of effects that its files can contain."""
+    passive: bool
+    """Whether MuJoCo reads its files, so that a module can apply further effects as passive forces."""
+    path: Path
+    """The user's file."""
+
+    def read(self, text: bytes) -> SimulatorModel:
+        """Model of the file if its content is replaced by `text`."""
+        ...
+
+    def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
+        """Shift the second joint relative to the part of the first by a vector (3,) in the world frame, m."""
+        ...
+
+    def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
+        """Move the centre of mass of the body of a joint and scale its inertia."""
+        ...
+
+    def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
+        """Set the quantities of a joint that differ from the target."""
+        ...
+
+    def overriding(self) -> str:
+        """Message on the reason why the changed file does not have the written numbers."""
+        ...
+
+
+def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str]) -> PatchedModel:
+    """The user's file with the numbers of the corrected model.
+
+    Args:
+        model: the corrected or identified model
+        rig: its rig, as `dpr-lab rig from` wrote it from this file
+        editor: the file
+        joints: joints of the rods and of an arm, as for `double_pendulum`; empty: detected
+
+    Raises:
+        ConfigError: the file cannot be read or changed; its L1, g or L0 differs from that of the rig; a rod has a rotor
+            that the format cannot change; it has other rods; or it has no arm although the arm of the model moves.
+    """
+    path, text, changes = editor.path, editor.path.read_bytes(), list[ChangedAttribute]()
+    read, chain = _read(editor, text, joints, model.rig.g)
+    arm = arm_to_change(model, chain, rig, path)
+    refuse_other_rig(chain, model.rig.L1, model.rig.g, path)
+    driven = [rod.joint.name for rod in chain.rods if rod.joint.armature]
+    if driven and "armature" not in editor.words:
+        raise ConfigError(
+            f"{path}: the rotor inertia of joint {driven[0]!r} (drake:rotor_inertia) cannot be changed in"
+            f" {editor.name}: use a copy of the file without it"
+        )
+    expressed = {
+        name: words
+        for name, words in in_words(model, rig, editor.words).items()
+        if "gear" not in words or hinge(chain, *EFFECTS[name].joints).gear is not None
+    }
+    made = bodies(model, rig, expressed)
+    of_arm = arm_target(chain, arm, made, drive_gain(rig).value) if arm else None
+    longer = sum(words.get("added_length", 0.0) for words in expressed.values())
+    for pair, shift in _moves(chain, longer, of_arm):
+        text = _edited(editor, text, changes, editor.move_joint, pair, shift)
+        read, chain = _read(editor, text, joints, model.rig.g)
+    added = PassiveForces()
+    if isinstance(model, Model) and editor.passive:
+        gravity = model.rig.g if read.gravity is None else None
+        added = passive_forces(model, rig, expressed, chain, path.name, gravity)
+    targets = rod_targets(chain, made, added.friction)
+    hinges: list[tuple[ChainRod | ChainArm, RodTarget | ArmTarget, BodyChange]] = [
+        (rod, target, body_change(read, chain, joints, number, target, path))
+        for number, (rod, target) in enumerate(zip(chain.rods, targets, strict=True))
+    ]
+    if chain.arm and of_arm:
+        hinges.append((chain.arm, of_arm, arm_change(read, chain.arm, of_arm, path)))
+    for part, target, change in hinges:
+        text = _edited(editor, text, changes, editor.set_body, part.joint.name, change)
+        text = _edited(editor, text, changes, editor.set_joint, part, target)
+    _, chain = _read(editor, text, joints, model.rig.g)
+    refuse_overridden(chain, targets, made.rods[0].length, editor.words, editor.overriding(), of_arm)
+    return PatchedModel(text, tuple(changes), left_out(model, {*expressed, *added.effects}, editor.name), added)
+
+
+def _read(editor: Editor, text: bytes, joints: Sequence[str], gravity: float) -> tuple[SimulatorModel, ModelChain]:
+    """Model of a file, and its double pendulum; `gravity`, m/s^2, is used if the format does not contain it."""
+    read = editor.read(text)
+    try:
+        return read, double_pendulum(read, joints, gravity if read.gravity is None else None)
+    except ConfigError as error:
+        raise ConfigError(f"{editor.path}: {error}") from error
+
+
+def _moves(chain: ModelChain, longer: float, of_arm: ArmTarget | None) -> list[tuple[tuple[str, str], Vector]]:
+    """Joints to move: names of a joint and of the next one, and the shift of the latter, m, in the world frame.
+
+    The inner rod becomes longer by `longer`, m, and the arm gets its target length.
+    """
+    moves = list[tuple[tuple[str, str], Vector]]()
+    if longer:
+        inner, outer = chain.rods
+        moves.append(((inner.joint.name, outer.joint.name), longer * inner.along))
+    if chain.arm and of_arm and abs(of_arm.length - chain.arm.length) > PATCH.negligible:
+        shift = (chain.arm.length - of_arm.length) * chain.axis
+        moves.append(((chain.arm.joint.name, chain.rods[0].joint.name), shift))
+    return moves
+
+
+def _edited(
+    editor: Editor, text: bytes, changes: list[ChangedAttribute], step: Callable[..., None], *arguments: object
+) -> bytes:
+    """Text of the file after one step of the editor, whose changes are appended to `changes`."""
+    edit = XmlEdit(text, str(editor.path))
+    step(edit, *arguments)
+    changes += edit.changes
+    return edit.text()
