@@ -141,3 +141,16 @@ def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():
     assert "whole numbers are usually counts of an encoder (--unit counts" in note
     (note,) = odd_notes(T, 1.01 * theta, upright=False, rods=1, in_radians=True)
     assert "are the units right" in note
+
+
+@pytest.mark.parametrize("appended", [True, False])
+def test_a_swing_that_is_appended_after_a_gap_is_named(tmp_path, one, appended):
+    """A log that was continued; rows that are lost in one swing are no other recording."""
+    t = np.delete(np.arange(0, 4, 0.04), [40, 71, 72])
+    angle = 1.2 * np.exp(-0.1 * t) * np.cos(6 * t + 1.5 * appended * (t > 71.5 * 0.04))
+    angle += np.random.default_rng(1).normal(0, 2e-3, len(t))
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, angle]), "%.5f", ",", header="t,theta", comments="")
+    sentences = [q.sentence for q in preview(tmp_path / "a.csv", one, ImportOptions(zero="hanging")).questions]
+    named = [sentence for sentence in sentences if "do not belong to one motion" in sentence]
+    assert len(named) == appended
+    assert all("(--duration-s 2.8; --start-s 2.92)" in sentence for sentence in named)

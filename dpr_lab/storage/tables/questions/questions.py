@@ -13,6 +13,7 @@ from dpr_lab.identification.misread.balance import periods
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.questions.accelerations import balance_questions, rig_questions, unit_questions
 from dpr_lab.storage.tables.questions.energy import energy_questions
+from dpr_lab.storage.tables.questions.joined import joined_questions
 from dpr_lab.storage.tables.questions.period import period_questions
 from dpr_lab.storage.tables.questions.pose import apart, pose_questions
 from dpr_lab.storage.tables.torques import coarse_torques, idle_torques
@@ -46,7 +47,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
         return [*of_unit, *_few(table, t)]
     doubts, other = energy_questions(table)
     arm = _arm_questions(table, theta[:, 0])
-    few_rows = [*_few(table, t), *_torque_doubts(table)]
+    few_rows = [*joined_questions(table), *_few(table, t), *_torque_doubts(table)]
     posed = [] if other else pose_questions(table)
     certain = other or posed or arm or any(doubt.mend for doubt in doubts)
     if not certain:

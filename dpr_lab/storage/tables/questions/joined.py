@@ -1,0 +1,82 @@
+"""Doubt about gaps: whether the readings on both sides belong to one motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array, Flags
+from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
+from dpr_lab.storage.tables.plausible import PLAUSIBLE
+
+
+@dataclass(frozen=True, slots=True)
+class JoinSettings:
+    """Limits beyond which the readings on both sides of a gap do not belong to one motion."""
+
+    rows: int = 4
+    """Number of rows on each side of a gap that are compared with one polynomial."""
+    degree: int = 4
+    """Degree of the polynomial."""
+    lost: int = 3
+    """Maximum number of missing rows in a gap. The motion in a longer gap cannot be predicted."""
+    times: float = 5.0
+    """Minimum ratio of the residual to the usual one at other places with as many rows left out."""
+    usual: float = 0.95
+    """Quantile of the residuals at other places that is the usual one."""
+    share: float = 0.02
+    """Minimum residual relative to the range of the angle."""
+    places: tuple[int, int] = (20, 300)
+    """Minimum and maximum number of other places."""
+
+
+JOIN = JoinSettings()
+
+
+def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
+    """Doubt about the first gap at which another recording seems to begin, as in a log that was continued."""
+    t, theta = table.t[table.swing], table.theta[table.swing, 1:]
+    steps = np.diff(t)
+    lost = np.rint(steps / np.median(steps)).astype(np.intp) - 1
+    for rows in range(1, JOIN.lost + 1):
+        gaps = np.flatnonzero((steps > PLAUSIBLE.gap_steps * np.median(steps)) & (lost == rows)) + 1
+        gaps = gaps[(gaps >= JOIN.rows) & (gaps <= len(t) - JOIN.rows)][: JOIN.places[1]]
+        most = _usual(t, theta, lost == 0, rows) if len(gaps) else np.inf
+        for after in gaps:
+            part = slice(after - JOIN.rows, after + JOIN.rows)
+            if (_residual(t[part], theta[part]) > most).any():
+                begin, end = (table.options.start_s + t[row] - table.t[0] for row in (after - 1, after))
+                sentence = (
+                    f"the readings before and after the gap at {t[after - 1]:.5g} s do not belong to one motion: if"
+                    f" another swing begins there, import both separately (--duration-s {begin:.6g};"
+                    f" --start-s {end:.6g})"
+                )
+                return [TableQuestion(sentence)]
+    return []
+
+
+def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:
+    """Largest residual at a gap within one motion, rad; infinite if the table has too few places to estimate it.
+
+    Args:
+        t: (n,) s
+        theta: (n, rods) rad
+        whole: (n - 1,) mask of the steps without a missing row
+        lost: number of rows that are left out at each place
+    """
+    length = 2 * JOIN.rows + lost
+    if len(whole) < length:
+        return np.inf
+    begins = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(whole, length - 1).all(axis=1))
+    fewest, most = JOIN.places
+    if len(begins) < fewest:
+        return np.inf
+    kept = np.delete(np.arange(length), np.arange(JOIN.rows, JOIN.rows + lost))
+    begins = begins[np.linspace(0, len(begins) - 1, min(len(begins), most)).astype(np.intp)]
+    residuals = [_residual(t[begin + kept], theta[begin + kept]).max() for begin in begins]
+    return float(max(JOIN.times * np.quantile(residuals, JOIN.usual), JOIN.share * np.ptp(theta, axis=0).max()))
+
+
+def _residual(t: Array, theta: Array) -> Array:
+    """(rods,) largest residuals of a polynomial through the rows, rad."""
+    powers = np.vander((t - t.mean()) / np.ptp(t), JOIN.degree + 1)
+    return np.abs(theta - powers @ np.linalg.lstsq(powers, theta, rcond=None)[0]).max(axis=0)
