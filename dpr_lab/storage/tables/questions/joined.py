@@ -70,9 +70,9 @@ def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:
     fewest, most = JOIN.places
     if len(begins) < fewest:
         return np.inf
-    kept = np.delete(np.arange(length), np.arange(JOIN.rows, JOIN.rows + lost))
+    near = np.delete(np.arange(length), np.arange(JOIN.rows, JOIN.rows + lost))
     begins = begins[np.linspace(0, len(begins) - 1, min(len(begins), most)).astype(np.intp)]
-    residuals = [_residual(t[begin + kept], theta[begin + kept]).max() for begin in begins]
+    residuals = [_residual(t[begin + near], theta[begin + near]).max() for begin in begins]
     return float(max(JOIN.times * np.quantile(residuals, JOIN.usual), JOIN.share * np.ptp(theta, axis=0).max()))
 
 
