@@ -66,7 +66,7 @@ def unknown_name(
 ) -> str:
     """Message for an unknown name.
 
-    It lists all known names if they are few, otherwise the most similar ones.
+    It lists all known names if there are few of them, otherwise the most similar names.
 
     Args:
         problem: the error, for example `no effect named dust`

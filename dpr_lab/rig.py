@@ -106,7 +106,7 @@ class Rig(Shown, RigTable):
     poses: dict[Name, Pose] = Field(default_factory=dict)
     """Name of a pose -> angles at which the rods are held before a release, rad."""
     added_mass: AddedMass | None = None
-    """Known mass that is attached to a rod, kg and m; None without one."""
+    """Known mass that is attached to a rod, kg and m; None if no mass is attached."""
     rods: Rods = Rods()
     """Mounted rods, and mode of the elbow."""
     joints: Joints = Joints()

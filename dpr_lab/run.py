@@ -50,7 +50,7 @@ class Run(Shown):
     counts: Integers | None
     """(n, 3) unwrapped position counts; None for an imported table of angles."""
     pose: str | None
-    """Name of the requested pose; None without one."""
+    """Name of the requested pose; None if no pose was requested."""
     rig_name: str
     """Name of the rig."""
     rig_sha256: str
@@ -58,7 +58,7 @@ class Run(Shown):
     rate_hz: float
     """Nominal sample rate, Hz. The real instants are in `t`."""
     added_mass: AddedMass | None = None
-    """Known mass that was attached; None without one."""
+    """Known mass that was attached; None if no mass was attached."""
     mounting: Mounting = "both"
     """Mounted rods; for a single rod theta2 equals theta1."""
     torques: Array | None = None

@@ -141,7 +141,7 @@ class ArmMotion:
 
 
 def _since_before(instants: Array, first: Flags | None) -> Array:
-    """Time (m,) since the previous instant, s; infinite without one."""
+    """Time (m,) since the previous instant, s; infinite if there is none."""
     passed = np.diff(instants, prepend=-np.inf)
     return passed if first is None else np.where(first, np.inf, passed)
 
@@ -173,7 +173,7 @@ class Setup:
     mounting: Mounting = "both"
     """Moving parts: both rods, the inner or outer rod alone, or both rods with a clamped elbow."""
     added: AddedMass | None = None
-    """Known mass that is attached; None without one."""
+    """Known mass that is attached; None if no mass is attached."""
     elbow: float = 0.0
     """Angle theta2 - theta1 of a clamped elbow, rad. It is rounded to 0.1 rad, because smaller differences add no
     information about the ratios. The simulation uses the exact angle of the initial state."""

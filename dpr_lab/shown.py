@@ -28,7 +28,7 @@ class Shown(ABC):
         """Heading, one line."""
 
     def _rows(self) -> Sequence[Row]:
-        """Rows of the table, of which the first contains the column names; empty without a table."""
+        """Rows of the table; the first row contains the column names. Empty if there is no table."""
         return []
 
     def __repr__(self) -> str:
@@ -153,7 +153,7 @@ def plain_type(annotation: Any) -> str:
 
 
 def field_docs(cls: type) -> dict[str, str]:
-    """Docstring of each field of a dataclass, from its source; empty without a source."""
+    """Docstring of each field of a dataclass, from its source; empty if the source is missing."""
     try:
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
     except (OSError, SyntaxError):

@@ -249,7 +249,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Named effect that may be present in place of this effect, as a reason; empty without one."""
+    """Reason that another named effect may be present in place of this effect; empty if there is none."""
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:

@@ -128,7 +128,7 @@ def _say_skipped_plugins() -> None:
 
 
 def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """Interrupt that caused an exception; None without one.
+    """Interrupt that caused an exception; None if no interrupt caused it.
 
     It is in the chain of the exception, or was suppressed by a library before.
     """

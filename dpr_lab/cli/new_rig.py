@@ -54,7 +54,7 @@ class RodOptions:
         return (self.l1, self.m1) if self.single else (self.l1, self.m1, self.l2, self.m2)
 
     def completed(self, ask: bool) -> "RodOptions":
-        """Copy with all values; the user is prompted for missing ones."""
+        """Copy with all values; the user is prompted for each missing value."""
         distance, rod = (
             ("Length of the rod, m", "rod") if self.single else ("Distance between the two joints, m", "inner rod")
         )
@@ -84,7 +84,7 @@ class EncoderOptions:
     ] = False
 
     def prompted(self, *, two_rods: bool) -> "EncoderOptions":
-        """Copy with all values; the user is prompted for missing ones."""
+        """Copy with all values; the user is prompted for each missing value."""
         joint2 = self.joint2
         if two_rods and joint2 is None:
             question = "Encoder of the outer rod (relative to the inner rod, or absolute)"

@@ -77,7 +77,7 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 
 
 def _centre(name: str | None, arm: TrialArm | None) -> str:
-    """Name of the rig or plant; without one, the default for the mode of the arm."""
+    """Name of the rig or plant; if none is given, the default for the mode of the arm."""
     return name or ("paper" if arm is None else "driven_double")
 
 

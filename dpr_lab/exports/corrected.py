@@ -141,7 +141,7 @@ def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str,
 
 
 def _posterior(diagnosis: Diagnosis) -> PosteriorComponent | None:
-    """Component of the posterior with the effects of the corrected model; None without one."""
+    """Component of the posterior with the effects of the corrected model; None if there is no such component."""
     return next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
 
 

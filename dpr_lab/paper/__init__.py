@@ -1,1 +1,1 @@
-"""Reproduction of the published experiment: comparison of tables, search and figures with the published ones."""
+"""Reproduction of the published experiment, and comparison of tables, search and figures with the publication."""

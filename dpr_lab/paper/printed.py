@@ -53,7 +53,7 @@ TABLE_2 = _numbers(_TABLE_2)
 """(3, 4) rows of Table 2: number of the group in Table 1, and E(Z) from X1, X2 and X3."""
 
 TABLE_3 = _numbers(_TABLE_3)
-"""(10, 10) rows of Table 3: nine parameters and H(Z), the best one last."""
+"""(10, 10) rows of Table 3: nine parameters and H(Z); the best solution is the last row."""
 
 PERCENT_ERRORS = np.array([0.15, 0.0, 1.0, 0.5, 0.0, 1.0, 1.0, 0.74, 0.14])
 """(9,) relative errors of the last row of Table 3, %, as printed in section 4.2."""

@@ -105,11 +105,11 @@ class Workspace:
         self.out = out
 
     def used(self, rig: str) -> None:
-        """Add a rig file to the recent ones."""
+        """Add a rig file to the list of recent rig files."""
         self.recent_rigs = [rig, *(other for other in self.recent_rigs if other != rig)][:RECENT]
 
     def looked_at(self, folder: Path) -> None:
-        """Add a folder to the recent ones."""
+        """Add a folder to the list of recent folders."""
         self.recent_folders = [folder, *(other for other in self.recent_folders if other != folder)][:RECENT]
 
     def save(self, folder: Path) -> None:

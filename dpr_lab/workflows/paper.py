@@ -1,4 +1,4 @@
-"""Reproduction of the published experiment: tables, searches and figures, compared with the published ones."""
+"""Reproduction of the published experiment, and comparison of tables, searches and figures with the publication."""
 
 from dataclasses import dataclass
 from itertools import count

@@ -87,7 +87,7 @@ class Thresholds:
     The limit applies even if only noise remains.
     """
     still_open: float = 0.5
-    """Maximum fraction of the gap that remains without an effect for the test of `own_share` to apply."""
+    """Maximum fraction of the gap that remains if an effect is omitted, for the test of `own_share` to apply."""
     escaped: float = 10.0
     """Minimum factor by which a repeated fit reduces chi2 for the first fit to count as a local minimum."""
     likelier: float = 10.0

@@ -13,7 +13,7 @@ class RecordingUsed(Saved):
     name: str
     file: str
     sha256: str
-    """SHA-256 of the file of the recording; empty without a file."""
+    """SHA-256 of the file of the recording; empty if the recording was not read from a file."""
     recorded_utc: str
     """Start of the recording, ISO 8601; empty if unknown."""
     pose: str

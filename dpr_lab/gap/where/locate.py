@@ -178,7 +178,7 @@ def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int
 
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
-    """Description of a residual map in words."""
+    """Text that describes a residual map."""
     cause = {"torque": f"A torque in {site}", "friction": f"Friction of {site}", "error": f"An error of {site}"}[kind]
     dependence = "load or on the direction of motion alone" if coordinate == "load" else coordinate
     parts = [f"{cause} that depends on {dependence}"]

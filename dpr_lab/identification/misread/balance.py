@@ -170,7 +170,7 @@ def _residual_near(terms: Array, rig: Rig) -> float:
 
 
 def other_pace(t: Array, rods: Array, rig: Rig) -> float:
-    """Factor by which a free swing is faster than its times state, if its energy then balances far better; else 1.
+    """Factor by which a free swing is faster than its times state, if it makes the energy balance far better; else 1.
 
     A camera in slow motion takes more frames per second than its video shows.
 

@@ -53,7 +53,7 @@ class TorqueBalance:
     rig: Rig
 
     def residual(self, added: Array | tuple[float, float] = (0.0, 0.0)) -> float:
-        """Rms error of both equations, relative to the gravity torques; infinite without motion.
+        """Rms error of both equations, relative to the gravity torques; infinite if the rods do not move.
 
         Args:
             added: (2,) angles added to both rods, rad
@@ -87,7 +87,7 @@ class TorqueBalance:
         return float(np.median(self.moving.rods[:, 1] - self.moving.rods[:, 0]))
 
     def _solution(self, columns: Array, target: Array, least: Array, most: Array) -> tuple[float, Array]:
-        """Residual and coefficients of a fit within bounds; the residual is infinite without motion."""
+        """Residual and coefficients of a fit within bounds; the residual is infinite if the rods do not move."""
         if not np.std(target) > 0:
             return np.inf, np.ones(len(least))
         H = columns.T @ columns

@@ -103,7 +103,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
-    """Results of the limits, and the releases that are expected to decide the undecided ones."""
+    """Result of each limit, and the number of releases that are expected to decide the undecided limits."""
     yield f"{answer_sentence(acceptance)}."
     yield PageTable(LIMIT_COLUMNS, limit_rows(acceptance), RULE, "prose")
     if sentence := deciding_sentence(acceptance):

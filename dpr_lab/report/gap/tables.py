@@ -221,7 +221,7 @@ def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative
 
 
 def _next_step(diagnosis: Diagnosis, *names: str) -> str:
-    """Number of the first next step that mentions all given effects; empty without one."""
+    """Number of the first next step that mentions all given effects; empty if there is no such step."""
     numbers = (i for i, text in enumerate(diagnosis.advice, 1) if {*names} <= {*re.findall(r"\w+", text)})
     return next((f"next step {i}" for i in numbers), "")
 
@@ -292,7 +292,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """Checks in an advice, such as ` [check 1-47d7, expected information 0.98 bits]`; empty without a check."""
+    """Names of the checks in an advice, such as ` [check 1-47d7, expected information 0.98 bits]`; else empty."""
     checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
     ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
     most = max((check.expected_bits for check in checks), default=0.0)

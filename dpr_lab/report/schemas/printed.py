@@ -42,7 +42,7 @@ class PrintedSimulator(BaseModel):
     """Effects that the file cannot contain, but the module of passive forces (MuJoCo) contains. This module has its own
     model file."""
     replays: list[FileReplay]
-    """Errors on held-out recordings, or on the fitted ones if none are held out; empty without MuJoCo."""
+    """Errors on held-out recordings, or on the fitted recordings if none are held out; empty if MuJoCo is missing."""
     refused: str
     """Reason why the file cannot be changed; empty if it can."""
 

@@ -66,7 +66,7 @@ _UNIT = r"([\W_]*(px|pixels?|mm|cm|m)\W*)?"
 _BY_NAME = re.compile(rf"{_COORDINATE}{_UNIT}", re.I)
 _WORDS = r"[\W_]*(?:coordinate|coord|position|pos)[\W_]*(?:(?:for|of)\b[\W_]*)?(?:the\b[\W_]*)?"
 _IN_WORDS = re.compile(rf"(?P<axis>[xy]){_WORDS}(?P<point>.+?){_UNIT}", re.I)
-"""Pattern of a column name in words, such as "x coordinate of the elbow"."""
+"""Description of a column name, such as "x coordinate of the elbow"."""
 _ANGLE = re.compile(r"theta|(?<![a-z])th(?![a-z])|phi|angle|^q\d|joint")
 _ALONE = re.compile(rf"([xy]){_UNIT}", re.I)
 

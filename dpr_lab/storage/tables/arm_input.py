@@ -206,7 +206,7 @@ def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _other_input(names: Sequence[str], motor: MotorTable) -> str:
-    """Advice for a table whose kind of input differs from that of the rig file; empty without such a column."""
+    """Advice for a table that has another kind of input than the rig file; empty if there is no such column."""
     for kind, constant in (("torque", ""), ("current", ", with kt if it is known"), ("voltage", ", with kt and R")):
         columns = _columns_of(kind, names) if kind != motor.input else {}
         for name in columns:

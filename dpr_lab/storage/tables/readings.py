@@ -1,4 +1,4 @@
-"""Conversion of a table's values to angles, and alternative interpretations if the given one is implausible."""
+"""Conversion of a table's values to angles, and other interpretations if the given interpretation is implausible."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

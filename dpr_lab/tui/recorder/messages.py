@@ -125,7 +125,7 @@ class RecorderFailed:
     """Report: an error."""
 
     attempt: int | None
-    """Number of the attempt; None without an attempt."""
+    """Number of the attempt; None if there is no attempt."""
     message: str
     """What happened and what to do."""
     alive: bool

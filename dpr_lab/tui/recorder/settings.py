@@ -19,8 +19,8 @@ class RecorderSettings:
     trace_hz: int = 100
     """Maximum number of points of a swing that are sent per second; a screen cannot show more."""
     unread: int = 30
-    """Maximum number of waiting progress reports, about three seconds. Further ones are dropped while the screen does
-    not read."""
+    """Maximum number of waiting progress reports, about three seconds. Further messages are dropped while the screen
+    does not read."""
 
 
 SETTINGS = RecorderSettings()

@@ -41,7 +41,7 @@ class CaptureChoices:
     """Choices for a capture that the screen offers."""
 
     durations: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 60.0)
-    """Durations of a recording, s. The choice after the last one is "until rest"."""
+    """Durations of a recording, s. The choice after the last duration is "until rest"."""
     most_repeats: int = 5
     """Maximum number of recordings per pose. Further swings from one pose add little information."""
     pose_timeout: float = 1800.0
@@ -121,7 +121,7 @@ Grey values are old: no message has arrived from the device since then, and the 
             self._rig = load_rig(self.workspace.rig)
 
     def outcome(self) -> str:
-        """Number of runs, in words."""
+        """Text that states the number of runs."""
         count = len(self.workspace.runs)
         return counted_runs(count) if count else ""
 

@@ -107,7 +107,7 @@ workspace, as by `dpr-lab compare`.
         return super().missing() or ("" if known else no_model)
 
     def outcome(self) -> str:
-        """Number of compared runs, in words."""
+        """Text that states the number of compared runs."""
         return counted_runs(self._compared) if self._compared and self._compared_subject is not None else ""
 
     @property
@@ -143,7 +143,7 @@ workspace, as by `dpr-lab compare`.
         return "" if self._saved else super().work
 
     def pace(self, now: float) -> str:
-        """Remaining time in words, estimated from the number of finished runs."""
+        """Text that states the remaining time, estimated from the number of finished runs."""
         done, net = self._compared, now - self._started - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 

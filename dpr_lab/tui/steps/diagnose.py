@@ -169,7 +169,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.begin(jobs.diagnose, request=request)
 
     def pace(self, now: float) -> str:
-        """Remaining time in words, from the durations of the stages."""
+        """Text that states the remaining time, from the durations of the stages."""
         left = self._pace.left(now) if self._pace is not None else None
         return f"about {left:.0f} s left" if left is not None else ""
 
@@ -269,7 +269,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, diagnosis: "Diagnosis") -> str:
-        """Note that the diagnosis belongs to other runs than the selected ones; empty otherwise."""
+        """Note that the diagnosis does not belong to the selected runs; empty otherwise."""
         from dpr_lab.gap.screen.pieces import whole
 
         closed = diagnosis.gap.closed_held_out

@@ -105,7 +105,7 @@ folder of the workspace.
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """Number of fitted runs, in words."""
+        """Text that states the number of fitted runs."""
         if self.workspace.model is None:
             return ""
         return f"model of {counted_runs(len(self.model.runs))}" if self.model is not None else "model"
@@ -140,7 +140,7 @@ folder of the workspace.
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """Generations and remaining time in words.
+        """Text that states the generations and the remaining time.
 
         The time is an upper limit, because the search may end earlier.
         """
@@ -238,7 +238,7 @@ folder of the workspace.
         self.query_one("#seen-text", Static).update(_identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
-        """Note that the model belongs to other runs than the selected ones; empty otherwise."""
+        """Note that the model does not belong to the selected runs; empty otherwise."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
         return "" if used == selected or not selected else " This model was fitted to other runs than those selected."
 

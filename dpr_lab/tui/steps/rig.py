@@ -152,7 +152,7 @@ the selected rig.
         self.query_one(Input).value = self._named = rig
 
     def _offer(self) -> None:
-        """List the recently used rigs, then the built-in ones."""
+        """List the recently used rigs, then the built-in rigs."""
         built_in = sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
         before = [name for name in self.workspace.recent_rigs if name not in built_in]
         options = [Option(Content(f"{name}  (used before)"), id=name) for name in before]

@@ -31,7 +31,7 @@ class Display:
     """Output of Textual to a terminal, at the rate at which the terminal confirms it.
 
     Args:
-        driver: driver of the terminal; None without one
+        driver: driver of the terminal; None if there is no terminal
         colours: colours of the terminal
         allow_release: whether display in a browser counts as seen by the operator
     """

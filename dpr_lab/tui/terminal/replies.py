@@ -17,7 +17,7 @@ class ReplySettings:
     """Format of replies of the terminal."""
 
     longest: int = 64
-    """Maximum length of a version in a reply. Known ones have 8 to 30 characters."""
+    """Maximum length of a version in a reply. Known replies have 8 to 30 characters."""
 
 
 SETTINGS = ReplySettings()
