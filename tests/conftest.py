@@ -106,6 +106,12 @@ def signals_as_they_were() -> Iterator[None]:
 
 
 @pytest.fixture
+def few_readings(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """(pattern) -> from now on, `make test` compares with these interpretations of a recording and some others."""
+    return partial(import_module("tests.few_readings").compare_few, monkeypatch)
+
+
+@pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20261121)
 

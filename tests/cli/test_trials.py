@@ -2,12 +2,18 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from dpr_lab.acquisition.capture import CaptureOptions
+from dpr_lab.cli import main
 from dpr_lab.report.words import named
 from dpr_lab.trials.score import read_outcome
+from tests.blank_figures import save_blank
+from tests.thinned import FULL
 
 
 def opens_and_stays_open(folder: Path, hidden: str, cli) -> None:
@@ -80,18 +86,35 @@ def test_a_failed_trial_is_reported_and_the_others_count(tmp_path: Path, cli) ->
     assert "neither a file nor the name" in (tmp_path / "trials.html").read_text()
 
 
+@pytest.fixture
+def demo(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> tuple[dict[str, Any], str]:
+    """What the demo prints as JSON, and its messages; `make test` records 3 s of each swing instead of 10 s."""
+    seconds = 10.0 if FULL else 3.0
+    monkeypatch.setattr("dpr_lab.acquisition.capture.CaptureOptions", partial(CaptureOptions, duration=seconds))
+    monkeypatch.setattr("dpr_lab.report.figures.save_png", save_blank)
+    monkeypatch.setattr("sys.argv", ["dpr-lab", "demo", "--seed", "5", "--out", str(tmp_path), "--json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    shown = capsys.readouterr()
+    assert not ended.value.code, shown.err
+    return json.loads(shown.out), shown.err
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_the_demo_ends_near_the_plant_and_with_a_hidden_effect_opened_and_scored(tmp_path: Path, cli) -> None:
-    done = cli("demo", "--seed", 5, "--out", tmp_path, "--json")
-    assert done.code == 0, done.err
-    assert max(abs(z) for z in done.json["deviations_std"].values()) < 3
-    (seal,) = re.findall("sealed as ([0-9a-f]{64})", done.err)
-    trial = done.json["trial"]
+def test_the_demo_ends_near_the_plant_and_with_a_hidden_effect_opened_and_scored(
+    demo: tuple[dict[str, Any], str], cli
+) -> None:
+    printed, messages = demo
+    assert max(abs(z) for z in printed["deviations_std"].values()) < 3
+    (seal,) = re.findall("sealed as ([0-9a-f]{64})", messages)
+    trial = printed["trial"]
     assert trial["seal"] == seal
     (hidden,) = trial["truth"]["effects"]
     assert trial["score"]["first"]
-    reports = [Path(done.json["report"]), Path(trial["report"])]
+    reports = [Path(printed["report"]), Path(trial["report"])]
     assert [report.name for report in reports] == ["report.html", "diagnosis.html"]
     assert all(report.is_file() for report in reports)
     folder = reports[1].parents[1]

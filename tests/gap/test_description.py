@@ -55,6 +55,7 @@ def with_signs(runs: list[Run], signs: tuple[int, int]) -> list[Run]:
 
 @pytest.fixture(scope="module")
 def without_torques(driven: list[Run], paper: Rig) -> Diagnosis:
+    driven = driven[:1]
     runs = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
     return diagnose(runs, paper, library=SOME)
 
@@ -94,8 +95,11 @@ def test_halved_angles_of_a_small_swing_are_a_hint_and_no_cause_is_named(tmp_pat
 
 
 @pytest.mark.slow
-def test_a_single_rod_at_half_its_scale_is_asked_for_the_scale_and_given_no_spring(tmp_path: Path) -> None:
+def test_a_single_rod_at_half_its_scale_is_asked_for_the_scale_and_given_no_spring(
+    tmp_path: Path, few_readings: Callable[[str], None]
+) -> None:
     """Gravity at half the angle is gravity and cogging of order two; friction does not change that."""
+    few_readings("turns? by")
     rig, runs = one_rod.recorded(one_rod.Rod(offset=0.0, noise=1e-3, duration=5.0), 1, tmp_path)
     some = {name: EFFECTS[name] for name in ("coulomb_joint1", "spring_joint1", "detent_joint1")}
     right = diagnose(runs, rig, library=some)
@@ -136,7 +140,10 @@ def test_no_scale_is_asked_for_that_does_not_close_the_gap_either(tmp_path: Path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.5])
-def test_rods_with_a_clamped_elbow_at_half_their_scale_are_asked_for_the_scale(paper: Rig, scale: float) -> None:
+def test_rods_with_a_clamped_elbow_at_half_their_scale_are_asked_for_the_scale(
+    paper: Rig, scale: float, few_readings: Callable[[str], None]
+) -> None:
+    few_readings("turns? by")
     pose = next(iter(paper.poses.values())).model_copy(update={"theta1": np.pi - 1.0, "theta2": np.pi - 0.2})
     rig = paper.model_copy(update={"poses": {"X1": pose}}).with_rods(elbow="clamped")
     (run,) = record(load_plant("paper", 1), rig, 4.0, 200)
@@ -150,8 +157,9 @@ def test_rods_with_a_clamped_elbow_at_half_their_scale_are_asked_for_the_scale(p
 @pytest.mark.slow
 @pytest.mark.parametrize(("logged_late_s", "verdict"), [(0.0, "no_gap"), (-0.04, "unexplained")])
 def test_a_delay_that_is_shorter_than_coarse_rows_of_torques_is_no_cause(
-    paper: Rig, tmp_path: Path, logged_late_s: float, verdict: str
+    paper: Rig, tmp_path: Path, logged_late_s: float, verdict: str, few_readings: Callable[[str], None]
 ) -> None:
+    few_readings("torque")
     table = next(table for table in mutated_tables(rig=paper) if table.name == "driven/every_tenth")
     run = import_csv(table.write(tmp_path), paper, replace(table.options, input_delay_s=logged_late_s))
     result = diagnose([run], paper, library={"input_delay": EFFECTS["input_delay"]})
@@ -161,9 +169,10 @@ def test_a_delay_that_is_shorter_than_coarse_rows_of_torques_is_no_cause(
 
 @pytest.mark.slow
 def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_hint_at_the_sign(
-    driven: list[Run], paper: Rig
+    driven: list[Run], paper: Rig, few_readings: Callable[[str], None]
 ) -> None:
-    runs = with_signs(driven, (1, -1))
+    few_readings("torque")
+    runs = with_signs(driven[:1], (1, -1))
     diagnosis = diagnose(runs, paper, library={name: SOME[name] for name in ("coulomb_joint1", "spring_joint2")})
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])
     assert "sign of torque 2" in diagnosis.hints[0]

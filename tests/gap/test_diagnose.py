@@ -105,7 +105,8 @@ def test_indistinguishable_effects_form_one_class_with_a_bench_check(recorded, p
 
 
 @pytest.mark.slow
-def test_a_cause_outside_the_library_is_not_given_a_name(recorded, paper: Rig):
+def test_a_cause_outside_the_library_is_not_given_a_name(recorded, paper: Rig, few_readings):
+    few_readings("no interpretation is expected")
     effects = {"detent_joint2": {"cos1_Nm": 2e-3, "order": 9.0}}
     library = {name: effect for name, effect in candidates(*LIKELY).items() if not name.startswith("detent")}
     found = diagnose(recorded(effects, duration=2.0), paper, library=library)

@@ -84,7 +84,7 @@ def trial_of(step: SearchStep) -> tuple[str, list[str], bool]:
 def test_the_order_of_runs_and_of_the_library_does_not_change_the_answer(
     paper: Rig, recorded: Callable[..., list[Run]], truth: str
 ) -> None:
-    assert_order_does_not_matter(recorded(TRUTHS[truth], duration=2.0), paper, 1, tuple(candidates(*LIKELY)))
+    assert_order_does_not_matter(recorded(TRUTHS[truth], duration=2.0)[:2], paper, 1, tuple(candidates(*LIKELY)))
 
 
 @pytest.mark.long

@@ -1,5 +1,6 @@
 """Recordings that determine little: the rig file's nominal values and bounds fill in, with intervals as wide."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,7 +165,8 @@ def test_friction_unequal_in_both_directions_does_not_stand_for_a_zero_offset(tm
 
 
 @pytest.mark.slow
-def test_a_swing_without_information_names_no_cause(tmp_path: Path) -> None:
+def test_a_swing_without_information_names_no_cause(tmp_path: Path, few_readings: Callable[[str], None]) -> None:
+    few_readings("radians|degrees")
     rows = np.loadtxt(TABLES / "low.csv", delimiter=",", skiprows=1)
     rows[:, 1:] *= np.pi / 180  # radians under a header of degrees: a swing of 6 mrad
     np.savetxt(tmp_path / "low.csv", rows, "%.10g", ",", header="time_s,angle1_deg,angle2_deg", comments="")

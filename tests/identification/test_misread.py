@@ -146,8 +146,9 @@ def test_the_torques_of_a_thinned_run_have_the_same_impulse(driven, paper: Rig) 
         each=4,
     ),
 )
-def test_a_wrong_counts_per_rev_is_named_with_its_value(swings, paper: Rig, case) -> None:
+def test_a_wrong_counts_per_rev_is_named_with_its_value(swings, paper: Rig, case, few_readings) -> None:
     scales, cause = case
+    few_readings("turns? by")
 
     def read(inner: np.ndarray, outer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         first = PI + scales[0] * (inner - PI)
@@ -164,8 +165,9 @@ def test_a_wrong_counts_per_rev_is_named_with_its_value(swings, paper: Rig, case
         [((1, -1), "sign of torque 2"), ((-1, 1), "sign of torque 1"), ((-1, -1), "signs of both torques")], each=3
     ),
 )
-def test_a_reversed_torque_is_named(driven, paper: Rig, case) -> None:
+def test_a_reversed_torque_is_named(driven, paper: Rig, case, few_readings) -> None:
     signs, cause = case
+    few_readings("torque")
     reversed_ = [replace(run, torques=run.torques * signs, commanded=None) for run in driven]
     with pytest.raises(IdentificationError, match=cause):
         refuse_misread(reversed_, paper)
@@ -173,7 +175,8 @@ def test_a_reversed_torque_is_named(driven, paper: Rig, case) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("unit", "to_Nm"), [("mN m", "0.001"), pytest.param("kN m", "1000", marks=pytest.mark.long)])
-def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm: str) -> None:
+def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm: str, few_readings) -> None:
+    few_readings("torque")
     in_unit = [replace(run, torques=run.torques / float(to_Nm), commanded=None) for run in driven]
     with pytest.raises(
         IdentificationError, match=re.escape(f"in {unit} (import with --scale tau1={to_Nm},tau2={to_Nm}")
@@ -183,8 +186,9 @@ def test_torques_in_another_unit_are_named(driven, paper: Rig, unit: str, to_Nm:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", thinned([(25.0, 65.0), (0.0, 90.0), (0.0, -37.0)], each=3))
-def test_wrong_zeros_are_named_with_their_offset(swings, paper: Rig, case: tuple[float, float]) -> None:
+def test_wrong_zeros_are_named_with_their_offset(swings, paper: Rig, case: tuple[float, float], few_readings) -> None:
     inner, outer = case
+    few_readings("zero")
     moved = read_as(swings, lambda a, b: (a + np.radians(inner), b + np.radians(outer)))
     with pytest.raises(IdentificationError, match="the angles have other zeros") as refused:
         refuse_misread(moved, paper)
@@ -194,7 +198,8 @@ def test_wrong_zeros_are_named_with_their_offset(swings, paper: Rig, case: tuple
 
 
 @pytest.mark.slow
-def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, paper: Rig) -> None:
+def test_an_arm_that_moves_but_is_given_as_clamped_is_named(on_a_moving_arm, paper: Rig, few_readings) -> None:
+    few_readings("the arm moves")
     with pytest.raises(IdentificationError, match=r"the arm moves .*--arm prescribed"):
         refuse_misread(on_a_moving_arm, paper)
 
@@ -276,8 +281,9 @@ def test_ratios_of_positive_masses_are_possible_and_others_not(paper: Rig, rng: 
 
 
 @pytest.mark.slow
-def test_a_noisy_film_in_slow_motion_is_named(paper: Rig, tmp_path: Path) -> None:
+def test_a_noisy_film_in_slow_motion_is_named(paper: Rig, tmp_path: Path, few_readings) -> None:
     """Its segments contain so little of the swing that unlikely masses fit them nearly as well."""
+    few_readings("time stamps")
     noise, t = 5e-3, np.arange(0.0, 1.1, 1 / 240)
     rods = {"a": 2.4, "b": 1.0, "d": 1.0, "e1": 170.0, "e2": 70.0, "c1": 0.0, "c2": 0.0, "f1": 0.0, "f2": 0.0}
     rods |= {"drag": 0.0, "drag2": 0.0, "rotor": 0.0}
@@ -361,7 +367,8 @@ def test_a_fall_in_one_direction_shows_no_pace(paper: Rig) -> None:
 
 
 @pytest.mark.slow
-def test_a_rod_whose_zero_is_opposite_is_not_called_slow(tmp_path: Path) -> None:
+def test_a_rod_whose_zero_is_opposite_is_not_called_slow(tmp_path: Path, few_readings) -> None:
+    few_readings("zero of the angles|time stamps")
     measures = RigMeasures("one rod", 0.3, 0.3, Measure(0.1), Measure(0.1), counts_per_rev=2400)
     rig = parse_rig(draft_rig(measures)).with_rods("inner")
     t = np.arange(0, 6, 0.01)
