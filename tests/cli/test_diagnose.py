@@ -138,7 +138,7 @@ def test_the_readable_form_starts_with_the_verdict(worn: list[Path], cli) -> Non
 
 
 def test_a_run_held_out_only_measures(worn: list[Path], cli) -> None:
-    words = ("--held-out", worn[2], "--library", "coulomb_joint1,coulomb_joint2,detent_joint1", "--json")
+    words = ("--held-out", worn[2], "--library", "coulomb_joint1,coulomb_joint2", "--json")
     closed = cli("diagnose", *worn[:2], "--rig", "paper", *words).json["gap"]["closed_held_out"]
     assert set(closed["per_run"]) == {run.stem for run in worn[:2]}
     assert set(closed["held_out"]) == {worn[2].stem}

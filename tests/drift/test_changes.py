@@ -13,6 +13,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant
 from sim_device.trials.offline_recorder import record
+from tests.thinned import thinned
 
 FEW = DriftSettings(draws=1000)
 
@@ -30,7 +31,9 @@ def drift_of(estimates, group, settings=FEW):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("plan", [{}, {"groups": 4, "repeats": 2}, {"repeats": 6, "poses": ("X1",)}], ids=str)
+@pytest.mark.parametrize(
+    "plan", thinned([{}, {"groups": 4, "repeats": 2}, {"repeats": 6, "poses": ("X1",)}], 2), ids=str
+)
 def test_false_alarms_are_rare_and_three_standard_deviations_are_found(plan) -> None:
     rng = np.random.default_rng(4)
     alarms = [bool(drift_of(*drawn(rng, **plan)).moved) for _ in range(300)]

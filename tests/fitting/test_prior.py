@@ -11,7 +11,7 @@ from dpr_lab.effects import EFFECTS, SLICES
 from dpr_lab.effects.detent import DETENT_JOINT1
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.fitting.estimate import FRICTION, effect_parameters, ratio_parameters
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
@@ -82,10 +82,16 @@ def test_no_fitted_size_exceeds_its_limit(wrong_rig: tuple, name: str) -> None:
     assert (np.abs(sizes) <= problem.limits[SLICES[name]] * (1 + 1e-12)).all()
 
 
-@pytest.mark.parametrize("name", EFFECTS)
-def test_the_score_test_predicts_no_size_beyond_the_limit(wrong_rig: tuple, name: str) -> None:
+@pytest.fixture(scope="module")
+def bare(wrong_rig: tuple) -> Fit:
+    """The ratios alone after two iterations."""
     problem, at = wrong_rig
-    bare = fit(problem, at, ratio_parameters(at), iterations=2)
+    return fit(problem, at, ratio_parameters(at), iterations=2)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_score_test_predicts_no_size_beyond_the_limit(wrong_rig: tuple, bare: Fit, name: str) -> None:
+    problem, _ = wrong_rig
     test = score_test(problem, bare, [EFFECTS[name]], NOTHING)
     for score in test.shaped.get(name, ()):
         limits = dict(zip((p.name for p in EFFECTS[name].parameters), problem.limits[SLICES[name]], strict=True))

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.thinned import FULL
+
 FUZZ = Path(__file__).parents[2] / "fuzz"
 TARGETS = runpy.run_path(str(FUZZ / "targets.py"))["TARGETS"]
 CORPUS = {name: sorted((FUZZ / "corpus" / name).iterdir()) for name in TARGETS}
@@ -19,7 +21,7 @@ def test_inputs_that_once_failed_are_handled(path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", TARGETS)
-@settings(max_examples=40)
+@settings(max_examples=40 if FULL else 20)
 @given(data=st.binary(max_size=600))
 def test_random_bytes_are_refused_with_the_expected_error(name: str, data: bytes) -> None:
     TARGETS[name](data)
@@ -32,7 +34,7 @@ edits = st.lists(st.tuples(st.floats(0, 1), st.integers(0, 40), instead), min_si
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
-@settings(max_examples=60)
+@settings(max_examples=60 if FULL else 30)
 @given(data=st.data())
 def test_damaged_files_are_refused_with_the_expected_error(name: str, data: st.DataObject) -> None:
     content = data.draw(st.sampled_from(CORPUS[name])).read_bytes()

@@ -1,5 +1,6 @@
 """Stamps of a logger that pauses or writes few digits, and headers of other separators."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from dpr_lab.storage.tables.time_stamps import carried_times, even_times, stamps
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 from tests.one_rod import Rod, swing
+from tests.thinned import thinned
 
 COUNT = 2 * np.pi / 2400
 LOST = 9
@@ -23,6 +25,7 @@ def one() -> Rig:
     return parse_rig(draft_rig(RigMeasures("one rod", 0.4, 0.4, mass, mass, counts_per_rev=2400))).with_rods("inner")
 
 
+@cache
 def paused(seed: int, rate_hz: float = 200.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Instants and counted angles of a rod whose logger loses rows once a second, and the rows before the gaps."""
     rng = np.random.default_rng(seed)
@@ -33,7 +36,7 @@ def paused(seed: int, rate_hz: float = 200.0) -> tuple[np.ndarray, np.ndarray, n
     return t, counts, np.flatnonzero(np.diff(t) > 2 / rate_hz)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", thinned(range(10), 2))
 @pytest.mark.parametrize("side", ["early", "late"])
 def test_stamps_on_the_wrong_side_of_a_gap_are_moved(seed: int, side: str) -> None:
     t, counts, before = paused(seed)
@@ -48,7 +51,7 @@ def test_stamps_on_the_wrong_side_of_a_gap_are_moved(seed: int, side: str) -> No
     assert note.startswith(f"time stamps on the wrong side of a gap: {moved.sum()}.")
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", thinned(range(20), 2))
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0])
 def test_right_stamps_next_to_gaps_are_kept(seed: int, rate_hz: float) -> None:
     t, counts, before = paused(seed, rate_hz)
