@@ -55,7 +55,6 @@ def with_signs(runs: list[Run], signs: tuple[int, int]) -> list[Run]:
 
 @pytest.fixture(scope="module")
 def without_torques(driven: list[Run], paper: Rig) -> Diagnosis:
-    driven = driven[:1]
     runs = [replace(run, torques=None, commanded=None, torque_kind="") for run in driven]
     return diagnose(runs, paper, library=SOME)
 
@@ -169,10 +168,9 @@ def test_a_delay_that_is_shorter_than_coarse_rows_of_torques_is_no_cause(
 
 @pytest.mark.slow
 def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_hint_at_the_sign(
-    driven: list[Run], paper: Rig, few_readings: Callable[[str], None]
+    driven: list[Run], paper: Rig
 ) -> None:
-    few_readings("torque")
-    runs = with_signs(driven[:1], (1, -1))
+    runs = with_signs(driven, (1, -1))
     diagnosis = diagnose(runs, paper, library={name: SOME[name] for name in ("coulomb_joint1", "spring_joint2")})
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", [])
     assert "sign of torque 2" in diagnosis.hints[0]

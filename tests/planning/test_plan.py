@@ -17,6 +17,7 @@ from dpr_lab.planning.knowledge import known_after, known_before
 from dpr_lab.planning.limits import PlanLimits, load_plan_limits
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.result import Plan
 from dpr_lab.planning.signals import driven_releases, write_signal
 from dpr_lab.planning.stopping import decided
 from dpr_lab.planning.worth.criteria import OpenPairs
@@ -33,9 +34,15 @@ def limits(**tables: object) -> PlanLimits:
     return PlanLimits.model_validate({**SHORT, **tables})
 
 
+@pytest.fixture(scope="module")
+def first_plan(paper: Rig) -> Plan:
+    """Three releases of 5 s, planned without any recording."""
+    return plan(paper, limits=limits())
+
+
 @pytest.mark.slow
-def test_a_first_plan_shows_more_than_the_poses_of_the_rig_file(paper: Rig) -> None:
-    made = plan(paper, limits=limits())
+def test_a_first_plan_shows_more_than_the_poses_of_the_rig_file(paper: Rig, first_plan: Plan) -> None:
+    made = first_plan
     assert made.state == "first"
     assert [one.number for one in made.releases] == [1, 2, 3]
     known = known_before(paper)
@@ -193,13 +200,13 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
 
 
 @pytest.mark.slow
-def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(paper: Rig) -> None:
+def test_a_repeated_release_is_worth_less_and_a_plan_does_not_repeat_itself(first_plan: Plan) -> None:
     release, turned = CandidateRelease(0.3, 0.4, 5.0), CandidateRelease(0.3 + 2 * np.pi, 0.4, 5.0)
     assert novelty(release, ()) == 1.0
     assert novelty(turned, [release]) == pytest.approx(0.5)
     assert novelty(replace(release, theta1=1.8), [release]) > 0.99
     assert novelty(replace(release, mounting="inner"), [release]) == 1.0
-    poses = np.array([[one.theta1_rad, one.theta2_rad] for one in plan(paper, limits=limits()).releases])
+    poses = np.array([[one.theta1_rad, one.theta2_rad] for one in first_plan.releases])
     apart = (poses[:, None] - poses + np.pi) % (2 * np.pi) - np.pi
     assert np.linalg.norm(apart, axis=2)[np.triu_indices(3, 1)].min() > 0.5
 

@@ -35,10 +35,11 @@ def drawn(wanted: EffectRequest, seed: int, rig):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "level"),
+    "case",
     thinned(product(["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"], LEVELS), 5),
 )
-def test_one_effect_opens_a_gap_of_its_level(paper, name, level):
+def test_one_effect_opens_a_gap_of_its_level(paper, case):
+    name, level = case
     plant = drawn(EffectRequest("single", level, (name,)), 4, paper)
     lower, upper = LEVELS[level]
     assert list(plant.effects) == [name]
