@@ -1,7 +1,5 @@
 """Drawn plants: kind, visibility, and equal recordings with and without the protocol."""
 
-from itertools import product
-
 import numpy as np
 import pytest
 
@@ -34,12 +32,11 @@ def drawn(wanted: EffectRequest, seed: int, rig):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("level", thinned(LEVELS, 2))
 @pytest.mark.parametrize(
-    "case",
-    thinned(product(["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"], LEVELS), 5),
+    "name", thinned(["coulomb_joint1", "latency_joint2", "missed_counts", "encoder_eccentricity_joint2"], 3)
 )
-def test_one_effect_opens_a_gap_of_its_level(paper, case):
-    name, level = case
+def test_one_effect_opens_a_gap_of_its_level(paper, name, level):
     plant = drawn(EffectRequest("single", level, (name,)), 4, paper)
     lower, upper = LEVELS[level]
     assert list(plant.effects) == [name]
