@@ -26,7 +26,7 @@ Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_shown
 
 def _in_metres(value: Any) -> Any:
     if isinstance(value, int | float) and value > 10:
-        raise ValueError(f"is too long for a length in m; {value:g} mm are {value / 1000:g} m")
+        raise ValueError(f"is too large for a length in m; {value:g} mm is {value / 1000:g} m")
     return value
 
 

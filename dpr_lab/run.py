@@ -138,8 +138,8 @@ class Run(Shown):
         if kind == "commanded" and self.commanded_input is not None:
             return replace(self, arm_input=self.commanded_input, **alone)
         if kind != self.torque_kind:
-            known = self.torque_kind or "unnamed"
-            which = f"torques, only {known} ones" if self.arm_input is None else f"input of the arm, only a {known} one"
+            known = self.torque_kind or "unspecified"
+            which = f"torques, only {known} ones" if self.arm_input is None else f"arm input, only the {known} one"
             raise RunError(f"{self.file or self.name}: contains no {kind} {which}: remove the option --torque")
         return replace(self, **alone)
 

@@ -17,7 +17,7 @@ def changed(old: str, new: str) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("L1 = 0.4", "L1 = 172.7", "rig.L1 = 172.7: is too long for a length in m; 172.7 mm are 0.1727 m"),
+        ("L1 = 0.4", "L1 = 172.7", "rig.L1 = 172.7: is too large for a length in m; 172.7 mm is 0.1727 m"),
         ("L1 = 0.4", "L1 = 0,4", "(at line 6, column 7): L1 = 0,4; write numbers with a decimal point"),
         ("theta1 = 0.1", "theta1 = 160", "is too large for an angle in rad; 160 degrees are 2.793 rad"),
         ("g = 9.81", "g = true", "rig.g = True"),

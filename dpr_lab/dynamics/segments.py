@@ -37,7 +37,7 @@ class Segments:
 
     @property
     def arm_moves(self) -> bool:
-        """Whether the arm of any run moves by itself or by a drive."""
+        """Whether the arm of any run is free or driven."""
         return any(setup.arm_moves for setup in self.setups)
 
     @property

@@ -67,7 +67,7 @@ class Contribution(NamedTuple):
     """Index in `STEPPED` of the internal state that the call updates; used in the stage `transition` only."""
 
     def guard(self) -> str:
-        """Line of source that encloses the statements: a condition that the effect is active."""
+        """Source line of the `if` around the statements; its condition is that the effect is active."""
         return f"if active[{_ALL.index(self.effect)}]:"
 
     def statements(self, stage: str, notation: Mapping[str, str]) -> list[str]:

@@ -168,10 +168,10 @@ def free_part_of(run: Run) -> FreePart:
 
 
 def refuse_held(runs: Sequence[Run]) -> None:
-    """Check that no imported table contains rods that are held within its swing.
+    """Check that the rods are not held during the swing of an imported table.
 
     Raises:
-        RunError: in a table the rods are at rest throughout, or are held between several swings.
+        RunError: the rods of a table are at rest throughout, or are held between several swings.
     """
     for run in runs:
         if run.keep_rest is False:

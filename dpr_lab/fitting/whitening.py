@@ -21,7 +21,7 @@ from dpr_lab.kernels import njit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disturbance:
-    """Noise of the inputs in terms of the readings of segments."""
+    """Effect of the noise of the inputs on the readings of segments."""
 
     walk: Array
     """(samples, 4, 4) D: covariance added since the previous sample, in the coordinates of the initial state."""

@@ -1,10 +1,10 @@
 r"""Input signals of drives at the joints and the arm: multi-sines and chirps within limits of torque, speed and angle.
 
-A multi-sine is a sum of harmonics of one over its length, with the phases of Schroeder, which keep its peak low:
+A multi-sine of duration T is a sum of harmonics of 1/T. The phases of Schroeder keep its peak low:
 
     tau(t) = A sum over k of cos(2 pi k t / T + phi_k),    phi_k = -pi k (k - 1) / K.
 
-A chirp sweeps its frequency evenly from the lowest to the highest. Each signal acts on joint 1, on joint 2, on both
+A chirp sweeps its frequency linearly from the lowest to the highest. Each signal acts on joint 1, on joint 2, on both
 joints, or on the motor of the arm, whose input is the torque over the gain of the drive. The amplitude is the largest
 at which the simulated swing respects the limits of speed and angle, and at most the limit of torque or input.
 

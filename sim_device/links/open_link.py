@@ -24,10 +24,10 @@ def open_link(
 
     Args:
         name: `pty`, `slcan`, `tcp:PORT` or `virtual:CHANNEL`
-        baud: bit rate of the serial port or the bus, bit/s; None for the usual 921600 and 1000000
+        baud: bit rate, bit/s; None: 921600 for a serial port, 1000000 for a CAN bus
         faults: transmission faults
-        lossless: whether data that cannot be sent at once are never dropped, for a device that waits while the link is
-            blocked
+        lossless: whether the transmit queue is unlimited, so that no data are dropped; for a device that waits while
+            the link is blocked
         framing: function that creates the converter between frames and the bytes of a serial line
 
     Raises:

@@ -236,7 +236,10 @@ class Plant:
         return model_with(model.base, model.constants, model.arm, pushed)._replace(params=still), mode
 
     def at_encoders(self, states: Theta) -> Theta:
-        """States (n, ...) in which the arm's motor, which its encoder reads, replaces the arm."""
+        """States (n, ...) at the encoders.
+
+        The arm's encoder is on its motor. If backlash separates motor and arm, angle and speed are those of the motor.
+        """
         if not self._moving[0].required.play0 or self._moving[1] == CLAMPED:
             return states
         angle, speed, _ = motors_of(states).T

@@ -160,7 +160,7 @@ def test_joints_without_a_name_can_be_read_but_not_changed(tmp_path: Path) -> No
     assert read.joints == ("shoulder", "joint 1")
     assert any("joints without a name: 1" in note for note in read.notes)
     rig = load_rig(tmp_path / "rig.toml")
-    with pytest.raises(ConfigError, match="'joint 1' has no name in the file"):
+    with pytest.raises(ConfigError, match="the joint listed as 'joint 1' has no name in the file"):
         into_file(model_of(rig, {}), rig, file)
 
 

@@ -150,7 +150,7 @@ def _hand_over(
 ) -> None:
     """Store the internal states for the next segment if it starts in this step.
 
-    Backlash is stored as at the end of the step.
+    The backlash of joints 1 and 2 is stored at the end of the step.
     """
     if not shares(w, w.handed, 1.0):
         return

@@ -247,7 +247,10 @@ def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
 
 
 def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
-    """Differences in centre of mass and inertia of the body on a joint, with the masses of the file."""
+    """Differences between file and corrected model in centre of mass and inertia of a body, if its mass is kept.
+
+    `longer` is the increase of the length of the inner rod, m.
+    """
     before, after = (_bodies(chain, values, longer)[number] for values in (of_file, base))
     names = (
         ("centre of mass of the body along the rod", "m"),

@@ -96,10 +96,12 @@ class MjcfEditor:
             if (name, value) == ("inertiafromgeom", "true") or name == "settotalmass"
         ]
         remedy = "save the compiled model with mj_saveLastXML, and change that"
-        if off or global_values:
-            remedy = f"remove it, or {remedy}" if global_values else "remove it, and repeat the command"
-            settings = " and ".join([*off, *global_values])
-            return f"{self.path}: {settings} switches off or overrides the numbers to be changed: {remedy}"
+        if settings := [*off, *global_values]:
+            single = len(settings) == 1
+            remove = "remove it" if single else "remove them"
+            remedy = f"{remove}, or {remedy}" if global_values else f"{remove}, and repeat the command"
+            verbs = "switches off or overrides" if single else "switch off or override"
+            return f"{self.path}: {' and '.join(settings)} {verbs} the numbers to be changed: {remedy}"
         return f"{self.path}: a default class or compiler option overrides the changed numbers: {remedy}"
 
     def _tags(self, edit: XmlEdit, name: str) -> tuple[int, int]:
@@ -109,7 +111,9 @@ class MjcfEditor:
             ConfigError: the joint has no name, or is not in the file itself.
         """
         if name in self._compiled.unnamed:
-            raise ConfigError(f"{self.path}: {name!r} has no name in the file: give its <joint> a name")
+            raise ConfigError(
+                f"{self.path}: the joint listed as {name!r} has no name in the file: add one to its <joint>"
+            )
         index = edit.find("joint", name=name)
         if index is None:
             raise ConfigError(

@@ -1,6 +1,6 @@
 """Models with a moving arm, sampled from the posterior of a diagnosis or the covariance of an identification.
 
-As for a clamped arm (`dpr_lab.exports.ensemble.sampled`), a draw from a posterior with impossible values is repeated. A
+As for a clamped arm (`dpr_lab.exports.ensemble.sampled`), impossible values drawn from a posterior are drawn again. A
 negative friction drawn from a covariance is set to zero. If torque or current determine the scale, the gain of the
 drive is known, and the scale is drawn together with the other values. An error of a measured kt changes this scale, but
 not the swing. Otherwise the scale is drawn log-normally within its interval.

@@ -288,7 +288,7 @@ def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
 def _class(posterior: EffectPosterior) -> str:
     """Members of a class in words; a class of three or more is named by its first member and the number of others."""
     if len(posterior.members) > 2:
-        return f"{posterior.name} or {len(posterior.members) - 1} indistinguishable effects"
+        return f"{posterior.name} or one of {len(posterior.members) - 1} effects indistinguishable from it"
     return " or ".join(posterior.members)
 
 

@@ -49,7 +49,7 @@ def transfer(
     Args:
         state: state with the selected set of effects
         runs_by_model: free runs of the models before and after correction along all recordings
-        expected: error of the free runs of the bare model that the noise of their first readings causes
+        expected: free-run error of the bare model caused by the noise of the first readings
     """
     recordings, problem, selection = state.recordings, state.problem, state.selection
     held_out, rng = state.held_out_prediction, np.random.default_rng(state.request.seed)
@@ -95,7 +95,7 @@ def transfer(
 
 @dataclass(frozen=True, slots=True)
 class _Test:
-    """chi2 above the noise of data that were not fitted, by any model."""
+    """Test of models on data that were not fitted: chi2 above the noise, and share of the gap that closes."""
 
     data: OutOfSample
     level: float
@@ -189,7 +189,7 @@ def _of_fitted(closed: GapReduction, selection: Selection) -> float:
 
 
 def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
-    """Share of the gap of a smaller set that the chosen set closes in the fitted recordings."""
+    """Gap reduction by the chosen set in the fitted recordings, as a share of the smaller set's gap."""
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 

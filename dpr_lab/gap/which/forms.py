@@ -39,7 +39,7 @@ READINGS_PER_FORM = 8
 
 
 def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
-    """Own share: the fraction of the reduction by an effect that no other form of a set's effects explains, 0 to 1.
+    """Own share: share of an effect's reduction that other forms of the smaller set's effects cannot explain, 0 to 1.
 
     The share is 1 if the recordings are too short to determine the other forms. It is None if the effect was not
     tested.

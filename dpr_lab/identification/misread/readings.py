@@ -138,12 +138,12 @@ _ANGLES = (
     _of_two_rods(_ABSOLUTE, lambda inner, outer: (inner, outer - inner + np.pi)),
     _of_two_rods(_ABSOLUTE, lambda inner, outer: (inner, outer - inner)),
     _of_two_rods(
-        "the angles are zero where the rods hang, and those of the outer rod relative to the inner rod"
+        "the angles are zero where the rods hang, and the outer angle is relative to the inner rod"
         " (import with --zero hanging --angles relative)",
         lambda inner, outer: (inner + np.pi, inner + outer + np.pi),
     ),
     _of_two_rods(
-        "the angles are zero upright, and those of the outer rod relative to the vertical"
+        "the angles are zero upright, and the outer angle is relative to the vertical"
         " (import with --zero upright --angles absolute)",
         lambda inner, outer: (inner - np.pi, outer - inner),
     ),

@@ -30,9 +30,8 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
     """Check that the rig can have produced the recordings.
 
     Raises:
-        IdentificationError: the rig cannot have produced the recordings; the message names the probable cause, which
-            was
-            tested.
+        IdentificationError: the rig cannot have produced the recordings; the message names the interpretation that
+            fits, or the contradiction.
         RunError: a run has too few samples or too little motion in every interpretation.
     """
     if moves(runs):

@@ -1,7 +1,8 @@
 """Conversion between a model with a moving arm and the unknowns of the common fitting engine with every effect.
 
-The engine has the ratios to b of a whole rig, b and p/b. With an inner rod alone, only a - p, e1 - p g/L1 and c1 act
-(`dpr_lab.dynamics.base`). The other parameters then have the values of the rig file.
+The unknowns of the engine are the ratios to b of a rig with both rods, b itself, and p/b. If only the inner rod is
+mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). The other parameters then have
+the values of the rig file.
 """
 
 import numpy as np

@@ -79,7 +79,7 @@ class _Tested:
         return _InputModel(delay_s, continuous, fit.chi2_per_dof)
 
     def near(self, centre: _InputModel, step_s: float) -> _InputModel:
-        """Model with the best delay according to the parabola through one model and its two neighbours."""
+        """Model with a refined delay: minimum of a parabola through the misfits at three neighbouring delays."""
         before, after = (self.model(centre.delay_s + sign * step_s, centre.continuous).misfit for sign in (-1, 1))
         curvature = before - 2 * centre.misfit + after
         if curvature <= 0:
@@ -148,5 +148,5 @@ def _cause(model: _InputModel, interval: float) -> str:
     if model.continuous:
         return f"the input of the arm changes between its rows, as a continuous signal{late and f', and acts {late}'}"
     if model.delay_s < 0:
-        return f"the input of the arm acts before its rows, by {-model.delay_s / interval:.2g} of the row interval"
+        return f"the input of the arm acts {-model.delay_s / interval:.2g} of a row interval before its rows"
     return f"the input of the arm acts {late}" if late else "the input of the arm is held from row to row"

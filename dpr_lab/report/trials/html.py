@@ -65,9 +65,9 @@ def sentence(summary: Summary) -> str:
         return f"{trials} {false_alarms}"
     low, high = summary["interval90"]["first"]
     return (
-        f"{trials} If the cause is in the library, the first name is right in {tables.percent(summary['first'])}"
-        f" (90 % interval {tables.percent(low)} to {tables.percent(high)}), and exactly the causes are named in"
-        f" {tables.percent(summary['exact'])}. {false_alarms}"
+        f"{trials} If the cause is in the library, the first named effect is correct in"
+        f" {tables.percent(summary['first'])} (90 % interval {tables.percent(low)} to {tables.percent(high)}), and the"
+        f" named effects are exactly the causes in {tables.percent(summary['exact'])}. {false_alarms}"
     )
 
 

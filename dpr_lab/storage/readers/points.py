@@ -321,8 +321,8 @@ def _falling(points: Array, lag: int) -> float:
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
     """Pivot and ends of the rods, in this order.
 
-    They are the named points; without names, all points by number, or in the order of the table. A missing pivot is
-    estimated.
+    The points named in `take` are used. If `take` is empty, all points are used, sorted by number if their names end in
+    one, otherwise in the order of the table. A missing pivot is estimated.
     """
     by_name = {point.name.lower(): point for point in points}
     available = ", ".join(point.name for point in points)

@@ -130,8 +130,8 @@ def known_inputs(
     Args:
         recorded: names of the columns with numbers
         others: names of columns of another length
-        rig: the recorded rig
-        options: with the mode of the arm
+        rig: rig of the recording
+        options: import options; `options.arm` is the mode of the arm
         path: path of the table
 
     Raises:

@@ -123,7 +123,7 @@ def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tupl
 
 
 def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
-    """Values of a table without counts, rad."""
+    """Convert the angles of a table to rad; their unit must not be counts."""
     assert options.unit is not None
     return {axis: column * TO_RADIANS[options.unit] for axis, column in values.items()}
 

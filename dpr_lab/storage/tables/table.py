@@ -302,14 +302,14 @@ def _delimiter(lines: list[str]) -> str | None:
 
 
 def _joined(line: str) -> str:
-    """A line in which the numbers of a vector are not separated by a delimiter."""
+    """Line in which each vector is one field: `_NEXT` replaces the delimiters between its numbers."""
     if "(" not in line and "[" not in line:
         return line
     return _VECTOR.sub(lambda match: match[1] + _NEXT.join(re.split(r"[\s,;]+", match[2])), line)
 
 
 def _numbers_of(cells: Sequence[str]) -> list[str]:
-    """Fields of a row, where a vector is replaced by its numbers."""
+    """Fields of a row, with a separate field for each number of a vector."""
     return [part for cell in cells for part in (cell.strip()[1:].split(_NEXT) if _NEXT in cell else (cell,))]
 
 

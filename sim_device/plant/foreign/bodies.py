@@ -28,7 +28,7 @@ def bending_rod(body: Body, values: Values) -> EquationOfMotion:
 
         T = T_rods + p w2 q' + r cos(t1-t2) w1 q' + i q'^2/2,    V = V_rods - h q sin t2 + q^2 / (2 C)
 
-    The equation of motion is of first order in q. For a uniform rod p = 5b/16, i = b/8, r = d/4, h = e2/4. The encoder
+    The equation of motion is linearised in q. For a uniform rod p = 5b/16, i = b/8, r = d/4, h = e2/4. The encoder
     is at the inner half.
     """
     compliance, damping = values["compliance_rad_per_Nm"], values["damping_ratio"]
