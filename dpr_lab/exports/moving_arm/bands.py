@@ -29,8 +29,6 @@ from dpr_lab.run import Run
 class ArmBandSettings:
     """Settings of the predictive bands, in addition to those for a clamped arm."""
 
-    start_s: float = 0.5
-    """Length of the first part of a window, to which the initial states are fitted, s."""
     window_s: float = 1.5
     """Duration of a window, s."""
 
@@ -54,7 +52,7 @@ def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, s
     problem, initial = run_problem(run, rig, members[0], ARM_BANDS.window_s)
     segments = problem.segments
     first = segments.t[segments.offsets[:-1]][problem.owner]
-    head = segments.t < first + ARM_BANDS.start_s
+    head = segments.t < first + BANDS.start_s
     stride = max(1, round(1.0 / max(float(np.median(np.diff(segments.t))) * BANDS.rate_hz, 1e-9)))
     compared = ~head & (segments.t <= segments.t[0] + BANDS.length_s) & (np.arange(len(head)) % stride == 0)
     started = replace(problem, weight=np.where(head[:, None], problem.weight, 0.0))
