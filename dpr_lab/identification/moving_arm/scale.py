@@ -69,17 +69,15 @@ def _relative_std(rig: Rig) -> float | None:
     None if a measured value is missing.
     """
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
-    parameters = [rig.parameters[name] for name in names]
-    stds = [parameter.std for parameter in parameters]
+    stds = [rig.parameters[name].std for name in names]
     if any(std is None for std in stds):
         return None
-    Z, variance = rig.nominal, 0.0
-    value = rod_inertias(Z, rig)[1]
-    for name, std in zip(names, stds, strict=True):
-        shifted = Z.copy()
-        shifted[PARAMETERS.index(name)] += std or 0.0
-        variance += (rod_inertias(shifted, rig)[1] / value - 1.0) ** 2
-    return float(variance**0.5)
+    units, value = (
+        np.eye(len(PARAMETERS))[[PARAMETERS.index(name) for name in names]],
+        rod_inertias(rig.nominal, rig)[1],
+    )
+    shifted = [rod_inertias(rig.nominal + (std or 0.0) * unit, rig)[1] for unit, std in zip(units, stds, strict=True)]
+    return float(np.linalg.norm(np.array(shifted) / value - 1.0))
 
 
 def absolute_values(
@@ -87,22 +85,15 @@ def absolute_values(
 ) -> dict[str, EstimatedValue]:
     """Absolute values of the determined unknowns and of the scale, by name."""
     unknowns, values = fit.problem.unknowns, fit.values
+    unit, by_gain = np.eye(len(values)), np.zeros(len(values))
+    if scale.by_gain:
+        by_gain[unknowns.free.index("gain")] = -1.0 / fit.value("gain")
+    rows = {unknowns.scale: (1.0, by_gain)}
+    for k, parameter in enumerate(unknowns.free):
+        if determined[k] and parameter != "L0" and not (scale.by_gain and parameter == "gain"):
+            rows[absolute_name(parameter, unknowns.input)] = float(values[k]), by_gain + unit[k] / values[k]
     absolute = {}
-    gain_index = unknowns.free.index("gain") if scale.by_gain else None
-    by_gain = np.zeros(len(values))
-    if gain_index is not None:
-        by_gain[gain_index] = -1.0 / values[gain_index]
-    places = [
-        (parameter, k)
-        for k, parameter in enumerate(unknowns.free)
-        if determined[k] and parameter != "L0" and k != gain_index
-    ]
-    rows = [(unknowns.scale, 1.0, by_gain)]
-    for parameter, k in places:
-        row = by_gain.copy()
-        row[k] += 1.0 / values[k]
-        rows.append((absolute_name(parameter, unknowns.input), float(values[k]), row))
-    for name, ratio, row in rows:
+    for name, (ratio, row) in rows.items():
         value = ratio * scale.value
         std = abs(value) * float(np.sqrt(max(row @ covariance @ row, 0.0) + scale.relative_std**2))
         absolute[name] = estimated(value, std, "data" if scale.known else "bound")
