@@ -198,7 +198,7 @@ class Joints(RigTable):
 
     inner: InnerMode = "free"
     """`prescribed`: the encoder of joint 1 gives its motion, and its torque need not be known; the outer rod alone is
-    identified. A run keeps it; `import table --inner` overrides it for one recording."""
+    identified. A run stores this mode; `import table --inner` overrides the mode for one recording."""
 
     geared: tuple[Literal[1, 2], ...] = ()
     """Joints with a geared motor, driven or not: a diagnosis then expects the inertia of its rotor and its friction."""

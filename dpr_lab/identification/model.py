@@ -152,7 +152,7 @@ class RunUsed(_Record):
 
     @classmethod
     def of(cls, run: Run, **figures: Any) -> "RunUsed":
-        """A run with the figures of its fit, by the names of the fields."""
+        """Entry of a run, with the figures of its fit by the names of the fields."""
         return cls(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, **figures)
 
 

@@ -61,7 +61,7 @@ def import_table(request: ImportRequest, on_event: OnEvent = ignore) -> ImportRe
 
     Raises:
         ConfigError: the rig is not valid.
-        RunError: the table contains no such angles.
+        RunError: the table contains no angles that can be interpreted.
     """
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.csv_import import table_name, write_run
@@ -83,7 +83,7 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Previe
 
     Raises:
         ConfigError: the rig is not valid.
-        RunError: the table contains no such angles.
+        RunError: the table contains no angles that can be interpreted.
     """
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.tables.preview import preview

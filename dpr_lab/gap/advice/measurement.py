@@ -79,7 +79,7 @@ class CheckSettings:
     largest_power: float = 6.0
     """Power of ten beyond which only a bound of a Bayes factor is stated.
 
-    The normal distribution is not valid so far in its tail.
+    The tail of the normal distribution does not describe such improbable results.
     """
     dropped: float = 0.01
     """Minimum probability of a member to stay in its class, relative to the probability of the class."""
