@@ -17,6 +17,8 @@ from dpr_lab.run import Run
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
     """Run -> root mean square error of a free run of the corrected model from the start of the swing, rad.
 
+    The error is not finite if the simulation fails before the horizon.
+
     Args:
         runs: the runs; runs that are shorter than the horizon are left out
         rig: the rig
@@ -28,4 +30,5 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
         return {}
     estimate = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
     recordings = Recordings(tuple(record(run, rig) for run in long), rig)
-    return free_runs(recordings, estimate, horizon_s).errors_rad
+    errors = free_runs(recordings, estimate, horizon_s).errors
+    return {name: error.rms_rad for name, error in errors.items()}

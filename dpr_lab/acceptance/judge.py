@@ -92,7 +92,8 @@ def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float
     Args:
         diagnosis: the diagnosis of the recordings, with its evidence
         limits: the limits of the rig
-        free_run_rad: run -> error of a free run over the horizon of the limit, rad; None if free runs have no limit
+        free_run_rad: run -> error of a free run over the horizon of the limit, rad, not finite if the simulation
+            fails; None if free runs have no limit
     """
     free = _free_run(diagnosis, limits, free_run_rad or {})
     judged = (*_effects(diagnosis, limits), *_frictions(diagnosis, limits), *_ratios(diagnosis, limits), *free)
@@ -176,7 +177,10 @@ def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float])
         return
     reason = f"the description of the recordings is probably wrong: {diagnosis.hints[0]}" if diagnosis.hints else ""
     interval = None
-    if len(errors) < 2:
+    failed = [name for name, error in errors.items() if not np.isfinite(error)]
+    if failed:
+        reason = reason or f"the simulation of {listed(failed)} fails before {limit.horizon_s:g} s"
+    elif len(errors) < 2:
         reason = reason or f"fewer than two recordings are longer than {limit.horizon_s:g} s"
     else:
         logs = np.log(np.maximum(list(errors.values()), np.finfo(float).tiny))

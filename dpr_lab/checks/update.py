@@ -195,7 +195,9 @@ def _standing(
     members = [name for name in named.members if after[name] > CHECK.dropped * total]
     members = members if about in members else [about]
     split = [name for name in named.members if name not in members]
-    standing = named.model_copy(update={"members": members, "probability": sum(after[name] for name in members)})
+    probability = sum(after[name] for name in members)
+    odds = {name: after[name] / probability for name in members} if probability > 0 else {}
+    standing = named.model_copy(update={"members": members, "odds": odds, "probability": probability})
     effects = [standing if effect.name == about else effect for effect in diagnosis.effects]
     rivals = [
         rival.model_copy(update={"probability": after[rival.name]}) if rival.instead_of == about else rival

@@ -15,11 +15,12 @@ from dpr_lab.trials.summary import brier, calibration_error, error_if_exact, wil
 Outcome = Mapping[str, Any]
 
 
-def read_strategies(folder: Path) -> list[dict[str, Outcome]]:
-    """Results of the trials in the folder of a campaign; each result is a dict by strategy."""
+def read_strategies(folder: Path, n: int) -> list[dict[str, Outcome]]:
+    """Results of the first `n` trials in the folder of a campaign; each result is a dict by strategy."""
     file = folder / TRIALS
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # no results if every trial failed
-    return [json.loads(line)["strategies"] for line in lines if line]
+    trials = [json.loads(line) for line in lines if line]
+    return [trial["strategies"] for trial in trials if trial["number"] < n]
 
 
 def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dict[str, Any]]:

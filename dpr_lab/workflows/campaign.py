@@ -58,7 +58,7 @@ def run_campaign(request: CampaignRequest, on_event: OnEvent = ignore) -> Campai
         scheduler=request.scheduler,
         on_trial=lambda done, last: on_event(TrialDone(done, request.n, last)),
     )
-    summary, files = _saved(tried, request.campaign, request.out)
+    summary, files = _saved(tried, request)
     return CampaignResult(summary, tried.failures, files)
 
 
@@ -71,7 +71,7 @@ def _refuse_other_kinds(campaign: "Campaign") -> None:
         raise ConfigError(f"kind {others[0]}: a plant whose arm moves is {', '.join(ON_ARM[:-1])} or {ON_ARM[-1]}")
 
 
-def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, Any], dict[str, str]]:
+def _saved(tried: "Tried", request: CampaignRequest) -> tuple[dict[str, Any], dict[str, str]]:
     """Write summary, figures and page, and return the summary, and the paths by name."""
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
@@ -79,9 +79,10 @@ def _saved(tried: "Tried", campaign: "Campaign", out: Path) -> tuple[dict[str, A
     from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
     from dpr_lab.trials.summary import summary
 
+    campaign, out = request.campaign, request.out
     counted = summary(tried.outcomes)
     if campaign.strategies:
-        counted |= {"strategies": sequential_summary(read_strategies(out))}
+        counted |= {"strategies": sequential_summary(read_strategies(out, request.n))}
     figures = save_trial_figures(counted, out)
     setting = (
         f"Kinds of hidden effects, in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig"

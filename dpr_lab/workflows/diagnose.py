@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dpr_lab.errors import ConfigError, DprError, unknown_name
+from dpr_lab.errors import ConfigError, DprError, RunError, unknown_name
 from dpr_lab.gap.result import RECORD
 from dpr_lab.shown import percent
 from dpr_lab.workflows.checks import refuse_file
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from dpr_lab.effects.effect import Effect
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,7 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
 
     Raises:
         ConfigError: the rig is not valid, an effect is unknown, or no candidate effect remains.
-        RunError: a run or the model cannot be used, or there are no runs.
+        RunError: a run or the model cannot be used, there are no runs, or trials are requested for a moving arm.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
         KeyboardInterrupt: re-raised with the name of the complete file, if report and models were being written.
@@ -89,6 +90,8 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
     if request.out:
         refuse_file(request.out)
     refuse_misread(runs, rig)
+    if request.trust:
+        _refuse_trials(runs)
     stages = len(STAGES) + bool(request.out)
     library = chosen_library(request.library, request.without)
     diagnosis = diagnose_runs(
@@ -134,6 +137,16 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
             ) from None
         result = _kept(DiagnoseResult(diagnosis, files), request.out)
     return result
+
+
+def _refuse_trials(runs: "Sequence[Run]") -> None:
+    """Refuse blind trials on plants with a moving arm before the diagnosis is fitted."""
+    for run in runs:
+        if run.arm_mode in ("free", "driven"):
+            raise RunError(
+                f"{run.file or run.name}: its arm was {run.arm_mode}, and --trust supports only an arm that is clamped"
+                f" or prescribed. Omit --trust, or run `dpr-lab trials campaign --arm {run.arm_mode}`"
+            )
 
 
 def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:

@@ -15,6 +15,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
+from dpr_lab.planning.stopping import causes_of
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
@@ -24,7 +25,7 @@ from dpr_lab.workflows.check import CheckRequest, take_check
 from sim_device.plant.config import load_plant
 from sim_device.plant.drives import JointDrives
 from sim_device.trials.offline_recorder import record
-from tests.a_diagnosis import made
+from tests.a_diagnosis import CLOCK, LENGTH, SIZES, made, measurement
 from tests.blank_figures import save_blank
 
 FEW = ("base_tilt", "encoder_offset_joint1", "com_offset_link1", "coulomb_joint2")
@@ -88,6 +89,19 @@ def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
     said = diagnosis.to_json() | {"rivals": [rival], "checks": [asked.model_dump()]}
     said["effects"][0]["probability"] = 0.49
     return Diagnosis.model_validate(said)
+
+
+@pytest.mark.parametrize("std", [3e-3, 3e-4])  # both members remain in the class, or one
+def test_the_odds_of_a_class_are_those_after_the_check(std: float) -> None:
+    before = made(checks=[measurement(CLOCK, CLOCK, 1)])
+    named = before.effects[0].model_copy(update={"odds": {CLOCK: 0.5, LENGTH: 0.5}})
+    found = update(
+        before.model_copy(update={"effects": [named]}), before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=std)
+    )
+    after = {name: p for name, p in found.checks_done[0].after.items() if name != NONE_OF_THEM}
+    assert after[CLOCK] > 0.7
+    (causes,) = causes_of(found)
+    assert causes.probabilities == pytest.approx(after)
 
 
 @pytest.mark.timeout(900)

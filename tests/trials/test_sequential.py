@@ -1,5 +1,6 @@
 """Sequential trials: releases that are asked for one by one, strategies, and their summary."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from dpr_lab.errors import ConfigError, DprError
 from dpr_lab.rig import Rig, load_rig, parse_rig
-from dpr_lab.trials.campaign import Campaign, run_campaign
+from dpr_lab.trials.campaign import TRIALS, Campaign, run_campaign
 from dpr_lab.trials.next_release import SEQUENTIAL, STRATEGIES, Situation, limits_of
 from dpr_lab.trials.sealing import Kind, PlantRequest, sealed_in_memory
 from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
@@ -120,7 +121,13 @@ def test_a_forecast_of_several_releases_is_judged_by_all_of_them(
 
 
 def test_a_campaign_whose_trials_all_failed_has_no_strategies(tmp_path: Path) -> None:
-    assert sequential_summary(read_strategies(tmp_path)) == {}
+    assert sequential_summary(read_strategies(tmp_path, 2)) == {}
+
+
+def test_strategies_are_scored_on_the_first_n_trials(tmp_path: Path) -> None:
+    lines = [json.dumps({"number": number, "strategies": {"plan": {"trial": number}}}) for number in (2, 0, 1)]
+    (tmp_path / TRIALS).write_text("\n".join(lines), encoding="utf-8")
+    assert read_strategies(tmp_path, 2) == [{"plan": {"trial": 0}}, {"plan": {"trial": 1}}]
 
 
 def test_only_the_plan_that_may_choose_them_records_for_other_durations(paper: Rig) -> None:
@@ -144,7 +151,7 @@ def test_every_strategy_records_for_a_permitted_duration(paper: Rig) -> None:
 def test_a_plant_is_played_by_every_strategy(tmp_path: Path) -> None:
     campaign = Campaign((Kind.SINGLE,), seed=1, strategies=tuple(STRATEGIES))
     (outcome,) = run_campaign(campaign, 1, tmp_path).outcomes
-    (strategies,) = read_strategies(tmp_path)
+    (strategies,) = read_strategies(tmp_path, 1)
     assert list(strategies) == ["plan", "free", "menu", "random"]
     assert strategies["plan"]["score"]["named"] == list(outcome.named)
     looks = strategies["plan"]["looks"]

@@ -143,6 +143,19 @@ def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monke
         diagnose(DiagnoseRequest(files, "paper", out=tmp_path))
 
 
+def test_blind_trials_of_a_moving_arm_are_refused_before_the_diagnosis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = SimpleNamespace(file="X1.csv", arm_mode="driven")
+    fitted = Mock()
+    monkeypatch.setattr("dpr_lab.workflows.diagnose.read_runs", lambda *arguments, **options: [run])
+    monkeypatch.setattr("dpr_lab.identification.misread.refuse.refuse_misread", lambda *arguments: None)
+    monkeypatch.setattr("dpr_lab.gap.diagnose.diagnose", fitted)
+    with pytest.raises(RunError, match=r"X1.csv: its arm was driven, and --trust supports only"):
+        diagnose(DiagnoseRequest((tmp_path / "X1.csv",), "furuta", trust=4))
+    fitted.assert_not_called()
+
+
 def test_effects_are_chosen_by_name() -> None:
     assert list(chosen_library(("base_tilt", "air_drag_both"), ("base_tilt",))) == ["air_drag_both"]
     with pytest.raises(ConfigError, match="no effect named gremlin"):
