@@ -174,7 +174,11 @@ class HostSession:
     def _greeted(self) -> None:
         """Finish HELLO if the answer and all pages have arrived, or if page 0 shows an incompatible version."""
         error: RemoteProtocolError | None = mismatch(self._pages[0].fields) if 0 in self._pages else None
-        info = assemble(self._pages.values())
+        info: DeviceInfo | None = None
+        try:
+            info = assemble(self._pages.values())
+        except RemoteProtocolError as invalid:
+            error = error or invalid
         if error is None and (info is None or self._hello_answer is None):
             return
         if error is None and isinstance(self._hello_answer, Nak):

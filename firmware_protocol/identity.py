@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from firmware_protocol.definition import PROTOCOL_VERSION, SCHEMA_HASH
-from firmware_protocol.errors import VersionMismatch
+from firmware_protocol.errors import RemoteProtocolError, VersionMismatch
 from firmware_protocol.messages import ArmQuantity, Info, TorqueKind
 
 PAGES = 8
@@ -78,7 +78,11 @@ def info_pages(info: DeviceInfo) -> list[Info]:
 
 
 def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
-    """Identity from INFO pages in any order; None while a page is missing."""
+    """Identity from INFO pages in any order; None while a page is missing.
+
+    Raises:
+        RemoteProtocolError: page 9 declares an input of the arm without its quantity.
+    """
     known = {page.page: page.fields for page in pages if page.page <= ARM_PAGE}
     if len(known.keys() - {PAGES, ARM_PAGE}) < PAGES:
         return None
@@ -95,11 +99,21 @@ def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
         torque_unit_uNm=unit,
         input_kinds=tuple(kind for flag, kind in _INPUT_FLAGS.items() if input_unit and values[flag]),
         input_unit=input_unit,
-        input_quantity=ArmQuantity(values["input_quantity"]) if input_unit else None,
+        input_quantity=_quantity(values["input_quantity"]) if input_unit else None,
         major=values["major"],
         minor=values["minor"],
         schema_hash=values["schema_hash"],
     )
+
+
+def _quantity(number: int) -> ArmQuantity:
+    if number not in list(ArmQuantity):
+        kinds = ", ".join(f"{kind.value} ({kind.name.lower()})" for kind in ArmQuantity)
+        raise RemoteProtocolError(
+            f"INFO page {ARM_PAGE} of the device has the input_quantity {number}, but an input of the arm is one of"
+            f" {kinds}: correct the firmware"
+        )
+    return ArmQuantity(number)
 
 
 def same_major(major: int) -> bool:

@@ -86,8 +86,7 @@ class Device:
         """Losses up to the newest batch, by cause."""
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
-        """The newest sample. It is delayed until the next sample arrives, and discarded if the next sample contradicts
-        it."""
+        """The newest sample, delayed until the next sample arrives; discarded if the next sample contradicts it."""
         self._overruns = Counter()
         self._dropped = Counter()
         self._heard_at = time.monotonic()
@@ -185,11 +184,12 @@ class Device:
         """
         self.check_rate(rate_hz)
         with self._lock:
-            self._held = None
+            self._held, self._rate_hz = None, rate_hz
             kinds = self.info.torque_kinds or self.info.input_kinds
-            self._torques = TorquePairs(kinds) if kinds else None
+            self._torques = self._torques or (TorquePairs(kinds) if kinds else None)
+            if self._torques is not None:
+                self._torques.restart()
             self._stream.restart(blind_ticks(rate_hz, self.info.counts_per_rev))
-            self._rate_hz = rate_hz
         self._command(Stream(rate_hz=rate_hz))
 
     def release(self) -> None:
@@ -198,6 +198,7 @@ class Device:
 
     def stop(self) -> None:
         """Stop sampling; the state of the latch does not change."""
+        self._clock.stop()
         self._command(Stop())
 
     def poll(self, timeout: float) -> list[Batch]:

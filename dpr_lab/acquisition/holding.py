@@ -89,6 +89,10 @@ class RestWindow:
         while len(self.batches) > 1 and _last_tick(self.batches[0]) < newest - self._ticks:
             self.batches.popleft()
 
+    def silent_s(self, now: float) -> float:
+        """Time from the arrival of the newest sample to the host time `now`, s; infinite if there is no sample."""
+        return now - max((batch.host_time for batch in self.batches if batch.rows), default=-np.inf)
+
     def motion(self, rig: Rig) -> tuple[Array, Array] | None:
         """Times (n,), s, and angles (n, 3), rad, in the window; None until the window is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
@@ -263,6 +267,9 @@ class HeldPose:
         motion = self.window.motion(self._rig)
         if motion is None:
             return "the device has not streamed a full second of samples yet"
+        silent_s, limit_s = self.window.silent_s(time.monotonic()), self._device.silence_s
+        if silent_s > limit_s:
+            return f"the device has sent no samples for {silent_s:.1f} s (limit {limit_s:g} s)"
         reading = self._reading(*motion)
         if time.monotonic() >= self._report_at:
             self._report_at = time.monotonic() + self._settings.report_s

@@ -20,11 +20,17 @@ class PingClock:
         self._pinger = Pinger()
         self._exchanges: deque[Exchange] = deque(maxlen=timing.exchanges)
         self._quick, self._sent, self._due_at = 0, 0, now
+        self._streaming = False
 
     def restart(self, now: float) -> None:
         """Start a new stream with new ticks."""
         self._exchanges.clear()
+        self._streaming = True
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
+
+    def stop(self) -> None:
+        """End the stream: later answers do not belong to its ticks, which a device may restart."""
+        self._streaming = False
 
     def due(self, now: float) -> Ping | None:
         """PING to send at the host time `now`, s; None if no PING is due."""
@@ -36,9 +42,9 @@ class PingClock:
         return self._pinger.ping(now)
 
     def note(self, pong: Pong, host_time: float) -> None:
-        """Add a PONG that arrived at the host time `host_time`, s."""
+        """Add a PONG that arrived at the host time `host_time`, s; without effect if no stream is in progress."""
         exchange = self._pinger.exchange(pong, host_time)
-        if exchange is not None:
+        if exchange is not None and self._streaming:
             self._exchanges.append(exchange)
 
     def fit(self, rate_hz: float) -> tuple[ClockFit | None, str]:

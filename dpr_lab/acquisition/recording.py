@@ -146,10 +146,12 @@ class Recording:
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
-        """Write the newest clock fit, or store the reason why it is `missing`.
+        """Write the newest clock fit, or store the reason why it is `missing`; a finished file is not changed.
 
         The next fit is due after `next_in_s`.
         """
+        if self._finished:
+            return
         now = time.monotonic()
         self._clock_at, self._no_clock_fit = now + next_in_s, missing
         arrivals = self._arrivals.fit() if self._in_real_time else None

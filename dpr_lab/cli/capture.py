@@ -2,6 +2,7 @@
 
 import select
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -65,7 +66,7 @@ def capture(
     request = CaptureRequest(rig, out, options, tuple(pose or ()), repeat, link, rods, elbow, arm, inner)
     try:
         with Listener() as listener:
-            captured = capture_runs(request, _operator(ask=not yes and sys.stdin.isatty()), listener)
+            captured = capture_runs(request, release_question(ask=not yes and sys.stdin.isatty()), listener)
     except KeyboardInterrupt as stopped:
         reason = str(stopped) or "stopped by the operator: the rods were not released"
         raise KeyboardInterrupt(reason) from stopped
@@ -79,10 +80,11 @@ def capture(
         raise typer.Exit(DEGRADED)
 
 
-def _operator(*, ask: bool) -> "Confirm":
+def release_question(*, ask: bool) -> "Confirm":
     """Function that asks the operator for the release command: Enter on the terminal, polled without blocking.
 
-    Without `ask` it always permits the release.
+    Only an empty line that was typed after the question permits the release. After any other line the question is
+    repeated. Without `ask` the release is always permitted.
     """
     if not ask:
         return lambda: True
@@ -92,13 +94,22 @@ def _operator(*, ask: bool) -> "Confirm":
         nonlocal asked
         if not asked:
             asked = True
+            _discard_typed()
             say("at the pose and at rest: press Enter to RELEASE, Ctrl-C to stop")
         if not select.select([sys.stdin], [], [], 0)[0]:
             return None
         asked = False
-        return sys.stdin.readline() != ""
+        return {"": False, "\n": True}.get(sys.stdin.readline())
 
     return confirm
+
+
+def _discard_typed() -> None:
+    """Discard keys that were typed before the question; they are no answer to it."""
+    with suppress(ImportError):  # termios does not exist on Windows
+        import termios
+
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
 def _record(captured: "Captured") -> dict[str, Any]:

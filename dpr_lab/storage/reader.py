@@ -60,7 +60,8 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
     if mode == "driven":
         if torques is None:
             raise RunError(
-                f"{path}: its arm is driven, but the run contains no input of the arm: import the table again"
+                f"{path}: its arm is driven, but the run contains no input of the arm: start the motor's program and"
+                " record again, or import the table with its input"
             )
         arm_input, commanded_input = torques[:, 0], None if commanded is None else commanded[:, 0]
         torques = commanded = None

@@ -30,12 +30,15 @@ def write_sidecar(path: Path, content: Path | None = None) -> None:
 
 
 def read_sidecar(path: Path) -> str | None:
-    """Hash that was written when the run was finished, lower-case hex; None if there is no hash file."""
+    """Hash that was written when the run was finished, lower-case hex.
+
+    None if there is no hash file, or an empty one, because the computer lost power while the file was written.
+    """
     try:
         words = regular(sidecar_of(path), RunError).read_text(encoding="utf-8", errors="replace").split()
     except OSError:
         return None
-    return words[0].lower() if words else ""
+    return words[0].lower() if words else None
 
 
 def note_of(path: Path) -> Path:

@@ -1,5 +1,6 @@
 """A device that reports impossible values: no RELEASE is sent, and no such sample enters a good run."""
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -100,6 +101,25 @@ def test_no_release_is_sent_if_the_device_reports_a_reason_against_it(
     with lying(lie) as (device, liar):
         with pytest.raises(error, match=said):
             capture(device, paper, "X1", replace(SHORT, rest_timeout=1.5), tmp_path, confirm=agree)
+        assert not liar.released
+
+
+def test_rods_whose_samples_ceased_while_the_operator_thinks_are_not_released(
+    lying, paper: Rig, tmp_path: Path
+) -> None:
+    """The last second of samples shows rods at rest, but it is old: only reports still arrive."""
+    thinking: list[float] = []
+
+    def without_samples(m: Message) -> list[Message]:
+        return [] if thinking and isinstance(m, Sample) else [m]
+
+    def confirm() -> bool | None:
+        thinking.append(time.monotonic())
+        return True if time.monotonic() - thinking[0] > liar_device.silence_s + 0.3 else None
+
+    with lying(without_samples) as (liar_device, liar):
+        with pytest.raises(SafetyStop, match=r"permitted, but the device has sent no samples for \d"):
+            capture(liar_device, paper, "X1", SHORT, tmp_path, confirm=confirm)
         assert not liar.released
 
 

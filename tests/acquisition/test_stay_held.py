@@ -1,5 +1,7 @@
 """Rods that are not at their pose, not at rest, or not ordered to go stay held."""
 
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +52,7 @@ class Script:
 
     url = "script://"
     status = Status(State.STREAMING, Fault.NONE, latched=True, overruns=0, dropped=0, sent=0)
+    silence_s = 1.0
 
     def __init__(self, rig: Rig, pose: str, offsets: list[float], shaking: float = 0.0) -> None:
         self._batches: list[Batch] = []
@@ -61,7 +64,8 @@ class Script:
             self._batches.append(Batch(float(second), b"", rows, ()))
 
     def poll(self, timeout: float) -> list[Batch]:
-        return [self._batches.pop(0) if len(self._batches) > 1 else self._batches[0]]
+        batch = self._batches.pop(0) if len(self._batches) > 1 else self._batches[0]
+        return [replace(batch, host_time=time.monotonic())]
 
 
 def test_only_the_newest_second_of_the_wait_is_kept(paper: Rig) -> None:

@@ -3,10 +3,13 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
+import pytest
+
 from firmware_protocol.device_role import DeviceSession
+from firmware_protocol.errors import RemoteProtocolError
 from firmware_protocol.host_role import HostSession
-from firmware_protocol.identity import DeviceInfo, assemble, info_pages
-from firmware_protocol.messages import ArmInput, ArmQuantity, Hello, Sample, Torque, TorqueKind, decode, encode
+from firmware_protocol.identity import ARM_PAGE, DeviceInfo, assemble, info_pages
+from firmware_protocol.messages import ArmInput, ArmQuantity, Hello, Info, Sample, Torque, TorqueKind, decode, encode
 from firmware_protocol.stream import Row
 from firmware_protocol.torques import DrivenRow, TorquePairs
 
@@ -96,3 +99,12 @@ def test_the_device_clips_torques_beyond_its_range_and_accepts_no_torque_command
 def test_codes_of_kinds_and_quantities_in_the_protocol_do_not_change() -> None:
     assert {kind.name: kind.value for kind in TorqueKind} == {"MEASURED": 1, "COMMANDED": 2}
     assert {quantity.name: quantity.value for quantity in ArmQuantity} == {"TORQUE": 1, "CURRENT": 2, "VOLTAGE": 3}
+
+
+def test_an_input_of_the_arm_without_its_quantity_ends_the_handshake_with_the_reason():
+    pages = [
+        Info(page.page, {**page.fields, "input_quantity": 0}) if page.page == ARM_PAGE else page
+        for page in info_pages(WITH_ARM)
+    ]
+    with pytest.raises(RemoteProtocolError, match=r"input_quantity 0, but .* 1 \(torque\), 2 \(current\)"):
+        assemble(pages)

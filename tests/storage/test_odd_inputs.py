@@ -47,6 +47,11 @@ def test_sockets_and_devices_are_refused_too(tmp_path: Path) -> None:
         read_any(Path("/dev/zero"))
 
 
+def test_an_empty_hash_file_after_a_loss_of_power_is_no_hash(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap.sha256").touch()
+    assert read_sidecar(tmp_path / "a.mcap") is None
+
+
 @pytest.mark.timeout(60)
 def test_a_pipe_next_to_a_run_or_in_a_bag_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.mcap.sha256")

@@ -2,6 +2,7 @@
 
 import random
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -235,15 +236,14 @@ Grey values are old: no message has arrived from the device since then, and the 
 
     def action_keep(self) -> None:
         """Add the recording to the workspace."""
-        self.workspace.runs.append(self._decided("keep"))
+        self._decided("keep", self.workspace.runs.append)
         self._pose = next_pose(self._done(), self._repeats, self._pose)
         self.post_message(self.Done())
         self._draw()
 
     def action_again(self) -> None:
         """Set the recording aside and repeat the pose."""
-        moved = set_aside(self._decided("repeat"))
-        self.notify(f"set aside: {moved}", markup=False)
+        self._decided("repeat", lambda run: self.notify(f"set aside: {set_aside(run)}", markup=False))
         self.post_message(self.Done())
         if self.missing():
             self._draw()
@@ -357,17 +357,16 @@ Grey values are old: no message has arrived from the device since then, and the 
                 self._ended, self.attempt = self.attempt, None
         self.post_message(self.Done())
 
-    def _decided(self, what: str) -> Path:
-        """Take the run that waits for a decision; the caller keeps it or sets it aside.
+    def _decided(self, what: str, take: Callable[[Path], None]) -> None:
+        """Pass the run that waits for a decision to `take`, which keeps it or sets it aside.
 
         Raises:
             DprError: no recording is finished; the message contains the verb `what`.
         """
-        run, self.workspace.undecided = self.workspace.undecided, None
-        if run is None:
+        if self.workspace.undecided is None:
             raise DprError(f"Nothing to {what} yet: no recording is finished")
-        self.attempt = None
-        return run
+        take(self.workspace.undecided)
+        self.workspace.undecided = self.attempt = None
 
     def _done(self) -> dict[str, int]:
         return kept(self.workspace.runs, self._rig.poses if self._rig is not None else ())

@@ -6,6 +6,7 @@ from pathlib import Path
 from textual.content import Content
 
 from dpr_lab.acquisition.capture import in_file_name
+from dpr_lab.errors import RunError
 from dpr_lab.storage.sidecar import note_of, sidecar_of
 
 ASIDE = "aside"
@@ -36,11 +37,17 @@ def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
 
 
 def set_aside(run: Path) -> Path:
-    """Move a run with its hash and note to the folder of set-aside runs, and return the new path."""
-    folder = run.parent / ASIDE
-    folder.mkdir(exist_ok=True)
-    moved = folder / run.name
-    for file, target in ((sidecar_of(run), sidecar_of(moved)), (note_of(run), note_of(moved)), (run, moved)):
-        if file.exists():
-            file.replace(target)
+    """Move a run with its hash and note to the folder of set-aside runs, and return the new path.
+
+    Raises:
+        RunError: a file cannot be moved.
+    """
+    moved = run.parent / ASIDE / run.name
+    try:
+        moved.parent.mkdir(exist_ok=True)
+        for file, target in ((sidecar_of(run), sidecar_of(moved)), (note_of(run), note_of(moved)), (run, moved)):
+            if file.exists():
+                file.replace(target)
+    except OSError as error:
+        raise RunError(f"{run}: cannot be moved to {moved.parent}: {error.strerror}; the run is not lost") from error
     return moved

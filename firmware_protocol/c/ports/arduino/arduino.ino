@@ -90,6 +90,11 @@ static void sample(void)
     next_tick++;
 }
 
+/* --- bytes to send: the answer to HELLO has 120, more than the 64 of the transmit buffer of many boards --- */
+
+static uint8_t outgoing[1024];
+static uint16_t oldest, unsent;
+
 /* --- what the core asks of a board --- */
 
 uint32_t hal_millis(void *)
@@ -140,11 +145,25 @@ bool hal_send(void *, const dpr_frame_t *frame)
 {
     uint8_t line[DPR_MAX_ENCODED];
     size_t length = dpr_frame_encode(frame, line);
-    if (Serial.availableForWrite() < (int)length) {
+    if (sizeof outgoing - unsent < length) {
         return false;
     }
-    Serial.write(line, length);
+    for (size_t i = 0; i < length; i++) {
+        outgoing[(oldest + unsent++) % sizeof outgoing] = line[i];
+    }
     return true;
+}
+
+static void transmit(void)
+{
+    size_t contiguous = sizeof outgoing - oldest < unsent ? sizeof outgoing - oldest : unsent;
+    int room = Serial.availableForWrite();
+    size_t count = room > 0 && (size_t)room < contiguous ? (size_t)room : room > 0 ? contiguous : 0;
+    if (count > 0) {
+        Serial.write(&outgoing[oldest], count);
+        oldest = (uint16_t)((oldest + count) % sizeof outgoing);
+        unsent = (uint16_t)(unsent - count);
+    }
 }
 
 uint8_t hal_fault(void *)
@@ -177,4 +196,5 @@ void loop()
     }
     sample();
     dpr_device_poll(&device);
+    transmit();
 }

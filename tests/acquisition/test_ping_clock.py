@@ -1,0 +1,27 @@
+"""Clock of the device from pings: which answers belong to the ticks of a stream."""
+
+import pytest
+
+from dpr_lab.acquisition.ping_clock import PingClock
+from dpr_lab.acquisition.settings import DEVICE_TIMING
+from firmware_protocol.messages import Pong
+
+
+def ask(clock: PingClock, now: float, tick: int) -> None:
+    """One exchange, answered after a millisecond."""
+    ping = clock.due(now)
+    assert ping is not None
+    clock.note(Pong(token=ping.token, tick=tick, fraction=0), now + 1e-3)
+
+
+def test_an_answer_after_the_stop_does_not_belong_to_the_stream() -> None:
+    """A device restarts its ticks when it stops, but pings continue."""
+    clock = PingClock(DEVICE_TIMING, 0.0)
+    clock.restart(0.0)
+    for second in range(1, 11):
+        ask(clock, float(second), 1000 * second)
+    clock.stop()
+    ask(clock, 11.0, 3)
+    fit, _ = clock.fit(1000.0)
+    assert fit is not None
+    assert fit.rate_ppm == pytest.approx(0.0, abs=1.0)
