@@ -2,11 +2,13 @@ import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
-from dpr_lab.gap.result.evidence import Evidence, JointFriction
+from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction, ResidualLook, RunBudget, Whiteness
 from dpr_lab.report.gap import tables as gap_tables
 from dpr_lab.report.gap.figures import save_gap_figures, where_figure
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.gap.sections.friction import friction_figure, friction_rows, friction_words
+from dpr_lab.report.gap.sections.metric import metric_figure
+from dpr_lab.report.gap.sections.residuals import RESIDUALS
 from dpr_lab.report.gap.summary import basis_words, budget_bar, summary_note
 from dpr_lab.report.words import in_words, named
 
@@ -265,3 +267,31 @@ def test_the_friction_torque_of_each_joint_is_shown_with_its_interval(diagnosis)
     (axes,) = friction_figure(made).axes
     (band,) = axes.collections
     assert band.get_paths()[0].vertices[:, 1].min() == pytest.approx(-3.0 - 1.645e-2, abs=1e-5)
+
+
+@pytest.mark.parametrize("joints", [("joint1",), ("joint1", "joint0"), ("joint1", "joint2", "joint0")])
+def test_tables_of_residuals_have_the_joints_of_the_rig(diagnosis, joints: tuple[str, ...]) -> None:
+    white = Whiteness(autocorrelation=[1.0, 0.0], quantiles=[-1.0, 1.0], beyond3=0.003)
+    models = {"before": white, "after": white}
+    look = ResidualLook(spacing_s=5e-3, readings=100, normal=[-1.0, 1.0], joints=dict.fromkeys(joints, models))
+    made = diagnosis().model_copy(update={"evidence": Evidence.model_construct(residuals=look)})
+    for table in RESIDUALS.tables:
+        rows = table.rows(made)
+        assert {len(row) for row in rows} == {len(table.columns)}
+        assert list(dict.fromkeys(row[0] for row in rows)) == [in_words(joint) for joint in joints]
+
+
+@pytest.mark.parametrize("rods", [1, 2])
+def test_the_area_metric_has_one_panel_for_each_rod(diagnosis, rods: int) -> None:
+    t = np.linspace(0.0, 1.0, 11)
+    angles = np.stack([np.sin(t), t], axis=1)
+    measured, before, after = (factor * angles for factor in (1.0, 1.1, 1.01))
+    curves = Curves(
+        run="first", held_out=False, settled_s=0.0, until_s=1.0, t_s=t.tolist(), measured_rad=measured.tolist(),
+        before_rad=before.tolist(), after_rad=after.tolist(), rods=rods,
+    )  # fmt: skip
+    budget = Budget.model_construct(runs=[RunBudget.model_construct(run="first", area_before_rad=0.1)])
+    evidence = Evidence.model_construct(budget=budget, curves=[curves])
+    figure = metric_figure(diagnosis().model_copy(update={"evidence": evidence}))
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == ["inner rod, first", "outer rod, first"][:rods]

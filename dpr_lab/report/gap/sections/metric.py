@@ -24,7 +24,7 @@ def metric_figure(diagnosis: Diagnosis) -> Figure:
         worst = max(evidence.budget.runs, key=lambda run: run.area_before_rad).run
         curves = next(curves for curves in evidence.curves if curves.run == worst)
         figure = new_figure(3.2)
-        for column, axes in enumerate(figure.subplots(1, 2)):
+        for column, axes in enumerate(figure.subplots(1, curves.rods, squeeze=False)[0]):
             _draw_quantiles(axes, curves, column)
         legend_above(figure)
         return figure
@@ -94,7 +94,7 @@ METRIC = EvidenceSection(
     title="Validation metric and predictability",
     words=metric_words,
     figure=metric_figure,
-    alternative="Differences of the quantiles of simulated and measured angles of both rods, for both models.",
+    alternative="Differences of the quantiles of simulated and measured angles of the rods, for both models.",
     caption="Differences of the quantiles of simulated and measured angles within the horizon, for the recording in"
     " which the bare model has the largest area. The shaded areas are the metric.",
     tables=(

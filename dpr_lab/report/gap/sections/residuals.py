@@ -93,10 +93,13 @@ def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def quantile_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with every fifth point of the quantile plots."""
+    """Rows with every fifth point of the quantile plots, by joint."""
     look = evidence_of(diagnosis).residuals
-    columns = [whiteness.quantiles for models in look.joints.values() for whiteness in models.values()]
-    return [(three(look.normal[i]), *(three(column[i]) for column in columns)) for i in range(0, len(look.normal), 5)]
+    return [
+        (in_words(joint), three(look.normal[i]), *(three(models[name].quantiles[i]) for name in LINES))
+        for joint, models in look.joints.items()
+        for i in range(0, len(look.normal), 5)
+    ]
 
 
 RESIDUALS = EvidenceSection(
@@ -117,10 +120,7 @@ RESIDUALS = EvidenceSection(
         ),
         FoldedTable(
             "Quantiles, values",
-            (
-                "normal (σ)",
-                *(f"joint {joint}, {label}" for joint in (1, 2) for label in ("bare model", "corrected model")),
-            ),
+            ("joint", "normal (σ)", *(label for label, _ in LINES.values())),
             quantile_rows,
             "Residuals in standard deviations of the noise.",
         ),
