@@ -39,7 +39,7 @@ class Replayed:
     closed: float
     """Share of the gap above the noise floor by which the error falls relative to the bare model."""
     by_run: dict[str, float]
-    """Run -> rms error, rad."""
+    """Run -> rms error over all its swings, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +83,10 @@ class Yardstick:
         squares = [swing.lab for swing in swings] if squares is None else squares
         floor = np.array([float(np.nanmean(swing.noise_rad**2)) for swing in swings])
         closed = share(np.array([[swing.lab for swing in self.before], squares]) - floor)
-        by_run = {swing.run: square**0.5 for swing, square in zip(swings, squares, strict=True)}
-        return Replayed(_rms(squares), closed, by_run)
+        by_run: dict[str, list[float]] = {}
+        for swing, square in zip(swings, squares, strict=True):
+            by_run.setdefault(swing.run, []).append(square)
+        return Replayed(_rms(squares), closed, {run: _rms(of_run) for run, of_run in by_run.items()})
 
 
 def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:

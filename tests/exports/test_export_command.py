@@ -10,6 +10,8 @@ from dpr_lab.dynamics.base import BASE, RATIOS
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports import refit
+from dpr_lab.exports.cost import Yardstick
+from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.refit import fitted_for, moving
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
@@ -29,6 +31,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
 from dpr_lab.workflows.export import ExportRequest, export
+from tests.exports.models import model_of
 
 FRICTION: dict[str, dict[str, float]] = {
     f"friction_curve_joint{j}": dict(
@@ -171,3 +174,16 @@ def test_without_runs_a_loss_is_a_warning(saved, tmp_path: Path):
     assert set(done.lost["urdf"]) == set(FRICTION | OFFSET)
     with pytest.raises(ConfigError, match="no format named step; available: python, mjcf"):
         export(ExportRequest(saved[0], "paper", ("step",), tmp_path / "out"))
+
+
+def test_the_error_of_a_run_is_that_of_all_its_swings(paper: Rig) -> None:
+    measured = np.zeros((5, 3))
+    of_runs = {0.3: "first", 0.4: "first", 0.1: "second"}
+    swings = [
+        Replay(run, np.arange(5.0), measured, measured + error, 0.0, np.zeros(6), np.full(3, 1e-3), np.zeros((5, 1)))
+        for error, run in of_runs.items()
+    ]
+    model = model_of(paper, {})
+    reference = Yardstick(paper, (), model, model, tuple(swings), tuple(swings))
+    by_run = reference.replayed(swings).by_run
+    assert by_run == pytest.approx({"first": (0.5 * (0.3**2 + 0.4**2)) ** 0.5, "second": 0.1})
