@@ -60,7 +60,9 @@ def export(
             " increased until the bands of the models cover the run.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="With --ensemble: seed of the random numbers.")] = 0,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="With --ensemble: seed of the random numbers. Default: 0.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("export"),
     as_json: Json = False,
 ) -> None:
@@ -78,17 +80,22 @@ def export(
     """
     if into is not None and ensemble is not None:
         raise typer.BadParameter("--into writes one file: remove the option --ensemble")
+    if into is not None and to is not None:
+        raise typer.BadParameter("--into keeps the format of your file: remove the option --to")
+    if joints is not None and into is None:
+        raise typer.BadParameter("--joints requires --into")
+    if seed is not None and ensemble is None:
+        raise typer.BadParameter("--seed requires --ensemble")
     if ensemble is not None:
         from dpr_lab.workflows.export_ensemble import EnsembleRequest
 
         formats = names_in(to or "mjcf") or ()
-        _ensemble(EnsembleRequest(model, rig, ensemble, seed, formats, out, tuple(check or ())), as_json)
+        request = EnsembleRequest(model, rig, ensemble, seed or 0, formats, out, tuple(check or ()), torque)
+        _ensemble(request, as_json)
         return
     if into is not None:
-        _into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), as_json)
+        _into(model, rig, into, out, names_in(joints) or (), tuple(check or ()), torque, as_json)
         return
-    if joints:
-        raise typer.BadParameter("--joints requires --into")
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.export import ExportRequest
     from dpr_lab.workflows.export import export as export_model
@@ -176,7 +183,7 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
         needs = "which requires a clamped arm and the recordings at their stored paths"
         scatter = "" if done.scatter else f" and not the scatter between recordings, {needs}"
         yield (
-            "No diagnosis is stored next to the model. Therefore the ensemble does not contain other possible"
+            "No diagnosis of this model is stored next to it. Therefore the ensemble does not contain other possible"
             f" causes{scatter}, and its bands may be too narrow. Give the folder of a diagnosis, or --check RUN to"
             " widen"
             " the bands."
@@ -184,14 +191,21 @@ def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
 
 
 def _into(
-    model: Path, rig: str, into: Path, out: Path, joints: tuple[str, ...], check: tuple[Path, ...], as_json: bool
+    model: Path,
+    rig: str,
+    into: Path,
+    out: Path,
+    joints: tuple[str, ...],
+    check: tuple[Path, ...],
+    torque: str | None,
+    as_json: bool,
 ) -> None:
     from dpr_lab.cli.listener import Listener
     from dpr_lab.report.words import in_words
     from dpr_lab.workflows.export_into import export_into
 
     with Listener() as listener:
-        done = export_into(model, rig, into, out, joints, check, listener)
+        done = export_into(model, rig, into, out, joints, check, torque, listener)
     if as_json:
         emit(done.to_json())
         return

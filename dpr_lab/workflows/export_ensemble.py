@@ -41,6 +41,8 @@ class EnsembleRequest:
     out: Path
     check: tuple[Path, ...] = ()
     """Runs that calibrate the width of the ensemble: the predictive bands must cover their readings."""
+    torque: str | None = None
+    """`measured` or `commanded`: torques to use for runs that contain both; None: measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +111,6 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     from dpr_lab.exports.ensemble.left_out import factor_without
     from dpr_lab.exports.ensemble.sampled import posterior_of
     from dpr_lab.exports.ensemble.scatter import scatter_of_ratios
-    from dpr_lab.gap.result.diagnosis import load_diagnosis
     from dpr_lab.identification.moving_arm.model import MovingArmModel
     from dpr_lab.report.saving import write_export
     from dpr_lab.rig import load_rig
@@ -120,9 +121,10 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
     refuse_file(request.out)
     rig = load_rig(request.rig)
     file = request.model / "model.json" if request.model.is_dir() else request.model
-    model, record = model_to_export(file, rig), file.with_name(RECORD)
-    diagnosis = load_diagnosis(record) if record.is_file() else None
-    runs = read_runs(request.check, rig, on_event, moving=isinstance(model, MovingArmModel))
+    model = model_to_export(file, rig)
+    diagnosis = _diagnosis_of(model, file.with_name(RECORD))
+    moving = isinstance(model, MovingArmModel)
+    runs = read_runs(request.check, rig, on_event, torque=request.torque, moving=moving)
     scatter, factor_of_fit = None, 1.0
     if isinstance(model, MovingArmModel):
         ensemble = _of_arm(model, diagnosis, rig, request.seed)
@@ -156,6 +158,19 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
         from_diagnosis=diagnosis is not None,
         scatter=diagnosis is not None or scatter is not None,
     )
+
+
+def _diagnosis_of(model: "AnyModel", record: Path) -> "Diagnosis | None":
+    """The diagnosis that wrote the model; None if there is no file, or if the model is from another fit.
+
+    The corrected model has the number of segments and the chi-square of its diagnosis.
+    """
+    from dpr_lab.gap.result.diagnosis import load_diagnosis
+
+    diagnosis = load_diagnosis(record) if record.is_file() else None
+    if diagnosis and (diagnosis.segments, diagnosis.chi2_per_dof) != (model.fit.segments, model.fit.chi2_per_dof):
+        return None
+    return diagnosis
 
 
 @dataclass(frozen=True, slots=True)

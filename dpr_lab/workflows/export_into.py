@@ -45,6 +45,7 @@ def export_into(
     out: Path,
     joints: Sequence[str] = (),
     check: Sequence[Path] = (),
+    torque: str | None = None,
     on_event: OnEvent = ignore,
 ) -> ExportedInto:
     """Write a copy of a simulator's file with the numbers of a model; the original file is not changed.
@@ -56,6 +57,7 @@ def export_into(
         out: folder of the copy and of its diff
         joints: joints of inner rod, outer rod and optionally the arm; empty: detected
         check: runs that are replayed with the numbers of both files
+        torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
         on_event: called with each run that was read
 
     Raises:
@@ -83,6 +85,6 @@ def export_into(
     module = out / CALLBACK if added.module else None
     if module is not None:
         write_text(module, added.module)
-    runs = read_runs(check, loaded_rig, on_event, moving=isinstance(loaded, MovingArmModel))
+    runs = read_runs(check, loaded_rig, on_event, torque=torque, moving=isinstance(loaded, MovingArmModel))
     replays = replay_files(into, patched, joints, loaded, loaded_rig, runs) if runs else []
     return ExportedInto(file, diff_file, diff, patched.changes, patched.lost, added.effects, module, tuple(replays))
