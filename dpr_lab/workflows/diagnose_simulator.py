@@ -93,6 +93,7 @@ def diagnose_simulator(
     from dpr_lab.exports.into import WORDS, into_file
     from dpr_lab.exports.into.target import arm_to_change
     from dpr_lab.exports.refit import fitted_in_words, unchanged
+    from dpr_lab.report.files import write_json
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
     from dpr_lab.workflows.reading import read_runs
@@ -118,7 +119,10 @@ def diagnose_simulator(
     try:
         patched = into_file(least.model, rig, simulator, joints)
     except ConfigError as error:  # the diagnosis is still valid
-        return replace(done, refused=str(error))
+        done = replace(done, refused=str(error))
+        if request.out:
+            write_json(done.to_json(), request.out / RECORD)
+        return done
     unseen = read_runs(request.held_out, rig, ignore, request.any_clock, request.torque, moving=moving) or runs
     forced = _forced(model, rig, simulator, joints) if lost else None
     done = replace(

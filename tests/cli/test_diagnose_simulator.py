@@ -1,15 +1,21 @@
 """`dpr-lab diagnose --simulator`: recordings of MuJoCo, the model that misses a term, and what to change in it."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dpr_lab.errors import ConfigError
 from dpr_lab.exports import FORMATS
+from dpr_lab.exports.into.least_change import LeastChange
 from dpr_lab.gap.result.diagnosis import load_diagnosis
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.storage.csv_import import import_csv
+from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult
+from dpr_lab.workflows.diagnose_simulator import diagnose_simulator
 from dpr_lab.workflows.rig_from import rig_from_model
+from tests.a_diagnosis import made
 from tests.exports.models import model_of
 
 pytest.importorskip("mujoco")
@@ -94,6 +100,26 @@ def test_a_urdf_is_compared_and_changed(cli, bench: tuple[Path, Rig]) -> None:
     assert [cause["quantity"] for cause in said["causes"]] == ["damping"]
     assert [change["attribute"] for change in said["changes"]] == ["damping"]
     assert all(replay["after_rad"] < 0.1 * replay["before_rad"] for replay in said["replays"])
+
+
+def test_the_diagnosis_of_a_file_that_cannot_be_changed_is_complete(
+    monkeypatch: pytest.MonkeyPatch, paper: Rig, tmp_path: Path
+) -> None:
+    model = model_of(paper, {})
+
+    def refuse(*arguments: object) -> None:
+        raise ConfigError("no joint can be changed")
+
+    workflow = "dpr_lab.workflows.diagnose_simulator"
+    monkeypatch.setattr(f"{workflow}.diagnose", lambda request, on_event: DiagnoseResult(made(), {}))
+    monkeypatch.setattr(f"{workflow}._least_change", lambda *arguments: LeastChange(model, (), ()))
+    monkeypatch.setattr("dpr_lab.exports.corrected.corrected_model", lambda *arguments: model)
+    monkeypatch.setattr("dpr_lab.exports.refit.fitted_in_words", lambda *arguments: model)
+    monkeypatch.setattr("dpr_lab.exports.into.into_file", refuse)
+    (tmp_path / "own.xml").write_text(OWN, encoding="utf-8")
+    done = diagnose_simulator(DiagnoseRequest((), "paper", out=tmp_path / "out"), tmp_path / "own.xml")
+    record = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert record["simulator"]["refused"] == done.refused == "no joint can be changed"
 
 
 OWN = """<mujoco model="own"><worldbody><body name="upper">
