@@ -87,7 +87,7 @@ class Prior:
             places = [free[i].place for i in of_ratios]
             root = np.linalg.inv(np.linalg.cholesky(self.covariance[np.ix_(places, places)]))
             A[np.ix_(of_ratios, of_ratios)] = root
-            e[of_ratios] = root @ (self.mean[places] - estimate.ratios[places])
+            e[of_ratios] = root @ (self.mean[places] - estimate.vector[places])
         for i, parameter in enumerate(free):
             if parameter.block != "ratios" and parameter.amplitude:
                 std = self.std(parameter)

@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.dynamics.arm import ArmParameters, mounted
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.identification.moving_arm.fit import ARM_FIT, fit_moving_arm
+from dpr_lab.identification.moving_arm.fit import ARM_FIT, covariance_of, fit_moving_arm, fit_segments
 from dpr_lab.identification.moving_arm.identify import (
     compare_moving_arm,
     identify_moving_arm,
@@ -166,6 +166,19 @@ def test_intervals_cover_and_errors_keep_to_the_cramer_rao_bound(mode):
     assert min(sizes) >= (8 if mode == "driven" else 7)
     assert np.sqrt(np.mean(scores**2)) < 1.2
     assert 0.80 < np.mean(abs(scores) < 1.645) <= 1.0
+
+
+@pytest.mark.slow
+def test_residuals_of_one_segment_do_not_reduce_the_standard_deviations():
+    rng, rig = np.random.default_rng(4), rig_with("free", None, "inner")
+    Z, arm, start = drawn(rng, rig)
+    Z[[3, 4, 6, 8]] = 1e-9, 1e-9, 0.0, 1e-12  # no outer rod
+    run = recorded(rig, Z, arm, start, None, 0 * PUSH, rng).between(0.0, 1.0)
+    problem, initial = arm_problem(recordings_of([run], rig), rig, 1.0)
+    fit = fit_segments(problem, Estimate(problem.unknowns.start, initial))
+    assert (fit.converged, len(problem.segments)) == (True, 1)
+    white = covariance_of(fit)
+    np.testing.assert_allclose(covariance_of(replace(fit, at_noise=3.0)), white, rtol=0.1)
 
 
 @pytest.mark.slow

@@ -1,15 +1,21 @@
 """Identifiability with a moving arm against the numerical null space of MuJoCo's accelerations."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.identification.moving_arm import identifiability
+from dpr_lab.identification.moving_arm.fit import fit_segments
 from dpr_lab.identification.moving_arm.identifiability import identifiability_of_arm
+from dpr_lab.identification.moving_arm.problem import arm_problem, recordings_of
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import Parameter
 from tests.identification.test_moving_arm_fit import PUSH, drawn, recorded, rig_with
-from tests.three_hinges import MODEL
+from tests.three_hinges import L0, MODEL
 
 MOTOR = {"kt": 0.05, "ke": 0.05, "R": 5.0}
 
@@ -119,6 +125,29 @@ def test_a_run_gives_values_and_a_nominal_current_constant_no_scale():
     fixed = identifiability_of_arm([run], Rig.model_validate(named))
     assert fixed.fixed_by["A"] == fixed.fixed_by["c0"] == "data"
     assert abs(fixed.spread["A"] - 0.02) < 0.005
+
+
+@pytest.mark.slow
+def test_a_length_of_the_arm_with_an_uncertainty_is_an_unknown_with_a_prior():
+    table = rig_of("free", None, "inner").model_dump(exclude_none=True)
+    table["rig"]["L0_std"] = 1e-3
+    analysis = identifiability_of_arm([], Rig.model_validate(table))
+    assert 0 < analysis.combinations["L0"] * L0 <= 1e-3
+
+
+@pytest.mark.slow
+def test_a_misfit_that_the_weights_of_the_fit_contain_is_counted_once(monkeypatch):
+    rng, rig = np.random.default_rng(5), rig_with("free", None, "inner")
+    Z, arm, start = drawn(rng, rig)
+    run = recorded(rig, Z, arm, start, None, 0 * PUSH, rng).between(0.0, 0.5)
+    problem, initial = arm_problem(recordings_of([run], rig), rig, 0.5)
+    fit = fit_segments(problem, Estimate(problem.unknowns.start, initial), 3)
+    stds = []
+    for at_noise in (0.0, 100.0):
+        weighted = replace(fit, at_noise=at_noise)
+        monkeypatch.setattr(identifiability, "fit_moving_arm", lambda *_, result=weighted: result)
+        stds.append([*identifiability_of_arm([run], rig).combinations.values()])
+    assert stds[0] == stds[1]
 
 
 def test_a_free_arm_without_runs_and_poses_is_refused():

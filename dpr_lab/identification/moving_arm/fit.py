@@ -210,15 +210,18 @@ def fit_segments(
 def covariance_of(fit: ArmFit) -> Array:
     """(free, free) covariance of the unknowns; very large in undetermined directions.
 
-    If the residual exceeds the noise, the covariance is computed for residuals clustered by segment (White 1980).
+    If the residual exceeds the noise, each variance is at least that for residuals clustered by segment (White 1980).
+    That variance alone would be far too small for few segments, because the gradients sum to zero at the minimum.
     """
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14)) @ vectors.T / np.outer(scale, scale)
+    white = inverse * max(1.0, fit.chi2_per_dof)
     if not fit.at_noise:
-        return inverse * max(1.0, fit.chi2_per_dof)
+        return white
     linear = fit.fit.linear
     n = len(linear.e)
-    # (segment, free); computed as a square, every variance stays positive in spite of rounding
-    moved = np.einsum("smk,sm->sk", linear.A, linear.e) @ inverse
-    return moved.T @ moved * n / max(n - len(fit.values), 1)
+    moved = np.einsum("smk,sm->sk", linear.A, linear.e) @ inverse  # (segment, free)
+    clustered = np.sum(moved**2, axis=0) * n / max(n - len(fit.values), 1)
+    widen = np.sqrt(np.maximum(clustered / np.diag(white), 1.0))
+    return white * np.outer(widen, widen)

@@ -179,7 +179,7 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     unknowns = fit.problem.unknowns
     sizes, rows = _physical(rig, unknowns)
     parameters, names = _of_rig_file(rig, sizes), tuple(sizes)
-    scatter = max(1.0, fit.misfit) if runs else 1.0
+    scatter = max(1.0, fit.chi2_per_dof) if runs else 1.0  # a misfit is already in the weights of the fit
     root = information_root(fit.information / scatter, fit.values) * fit.values
     data = root @ rows
     known = np.vstack([data, _measured_rows(parameters, sizes)])
