@@ -31,6 +31,8 @@ class Torques:
     scaled: bool = True
     """Whether the torques are known in N m, so that they determine the scale of all torques. False: they are known up
     to a factor."""
+    interpolated: Torques | None = None
+    """Rows between which these torques were interpolated; None if these torques are the rows."""
 
     @property
     def on_joints(self) -> bool:
@@ -75,7 +77,8 @@ class Torques:
         values = np.hstack([self.joints, arm])
         impulse = PchipInterpolator(self.t, values).antiderivative()(t)
         means = np.vstack([np.diff(impulse, axis=0) / np.diff(t)[:, None], values[-1:]])
-        return replace(self, t=t, joints=means[:, :2], on_arm=None if self.on_arm is None else means[:, 2])
+        arm_means = None if self.on_arm is None else means[:, 2]
+        return replace(self, t=t, joints=means[:, :2], on_arm=arm_means, interpolated=self)
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
         """Mean generalised torques (m, 2) on theta1, theta2 from the previous instant to each instant (m,), N m.

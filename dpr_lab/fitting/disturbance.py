@@ -41,9 +41,11 @@ def torque_noise(torques: Torques) -> Array:
     """(2,) standard deviation of the white noise of measured torques from the release on, N m; zero for other torques.
 
     The estimate uses the median absolute value of differences, and is the minimum over their orders, because the torque
-    signal itself can only increase an estimate.
+    signal itself can only increase an estimate. Interpolated torques have the noise of their rows, because a cubic has
+    no differences of higher order.
     """
-    joints = torques.joints[torques.t >= 0.0]
+    rows = _rows(torques)
+    joints = rows.joints[rows.t >= 0.0]
     if torques.kind != "measured" or len(joints) <= max(ORDERS):
         return np.zeros(2)
     estimates = [np.median(np.abs(np.diff(joints, n, axis=0)), axis=0) / comb(2 * n, n) ** 0.5 for n in ORDERS]
@@ -140,6 +142,11 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
         levels = best
 
 
+def _rows(torques: Torques) -> Torques:
+    """Torques at the rows of the recording."""
+    return torques if torques.interpolated is None else torques.interpolated
+
+
 def _at(values: Array, place: Array) -> Array:
     """Linear interpolation of values (n, ...) on a grid at positions (m,) in grid points."""
     lower = np.minimum(place.astype(np.int64), len(values) - 2)
@@ -185,5 +192,6 @@ def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:
     """(2, 2) square root of the intensity of the torque noise of joints 1 and 2 on theta1 and theta2, N m s^(1/2)."""
     if setup.torques is None:
         return np.zeros((2, 2))
-    held = float(np.median(np.diff(setup.torques.t))) if len(setup.torques.t) > 1 else 0.0
+    t = _rows(setup.torques).t
+    held = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     return ONTO_RODS * np.minimum(torque_noise(setup.torques), most_Nm) * held**0.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.effects import EFFECTS
-from dpr_lab.fitting.disturbance import likeliest_noise, most_noise, torque_noise
+from dpr_lab.fitting.disturbance import _spread, likeliest_noise, most_noise, torque_noise
 from dpr_lab.fitting.whitening import innovations, padded
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
@@ -14,7 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward
 from dpr_lab.rig import Rig
-from dpr_lab.setup import Torques
+from dpr_lab.setup import Setup, Torques
 from sim_device.trials.driven import DriveFault, driven_runs
 from tests.closed_loop import ClosedLoop
 
@@ -44,6 +44,14 @@ def test_torque_noise_is_distinguished_from_steps_and_smooth_curves_and_commands
     assert np.allclose(torque_noise(Torques(t, course + noise, "measured")), 2e-3, rtol=0.15)
     assert not torque_noise(Torques(t, course + noise, "commanded")).any()
     assert torque_noise(Torques(t, course)).max() < 1e-8
+
+
+def test_the_noise_of_torques_between_interpolated_rows_is_the_noise_of_the_rows() -> None:
+    t, rng = np.arange(0.0, 5.0, 0.01), np.random.default_rng(3)
+    rows = Torques(t, 0.2 * np.sin(3 * t)[:, None] + rng.normal(0.0, 0.01, (len(t), 2)), "measured")
+    assert torque_noise(rows.as_samples()) == pytest.approx([0.01, 0.01], rel=0.15)
+    held, interpolated = (_spread(Setup(torques=torques), np.inf) for torques in (rows, rows.as_samples()))
+    assert interpolated == pytest.approx(held)
 
 
 @pytest.mark.slow
