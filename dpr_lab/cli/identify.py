@@ -22,8 +22,8 @@ def identify(
     objective: Annotated[
         str,
         typer.Option(
-            help="Objective of the search: error in short segments, which is insensitive to chaos [segments],"
-            " or the published error E(Z) of whole runs [paper].",
+            help="Objective of the search: short segments, insensitive to chaos [segments],"
+            " or published E(Z) of whole runs [paper].",
             callback=OBJECTIVE_NAMES.check,
             autocompletion=OBJECTIVE_NAMES.complete,
         ),

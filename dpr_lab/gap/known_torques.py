@@ -56,7 +56,7 @@ def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis
     None if nothing changes.
     """
     if problem.disturbance is not None and far_from_noise(model):
-        return replace(recordings, exact_torques=True, ratios=None)
+        return replace(recordings, exact_torques=True)
     return with_likeliest_noise(recordings, problem, model)
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import base_of_run, whole_parameters
 from dpr_lab.fitting.estimate import whole_of
+from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.identification.misread.local_motion import shows_a_period
@@ -67,7 +68,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
     """Contradiction between gravity and the time stamps of a recording of one rod; empty if there is none."""
     setup = record.run.setup
-    swings = shows_a_period(record.run.swing.theta[:, 1:])
+    swings = are_pieces([record.run.name]) or shows_a_period(record.run.swing.theta[:, 1:])
     if not (setup.alone and setup.free and swings) or record.encoder0_moves:
         return ""
     length = equivalent_length(whole_of(ratios), setup, rig)
