@@ -212,7 +212,7 @@ def _continued(problem: Problem, estimate: Estimate) -> Array:
         for first, start in zip(firsts[:-1], map(segment_start, firsts[1:].tolist()), strict=True)
     ]
     until = replace(problem, segments=segments(times, setups=laid_out.setups, step=STEP))
-    readings = until.predict(estimate.changed(initial=estimate.initial[:-1]))
+    readings = until.predict(estimate.changed(initial=estimate.initial[:-1], zeros=np.zeros((0, 2))))
     _, before, after = until.joints.to_rods(readings).reshape(-1, 3, 2).transpose(1, 0, 2)
     ends = np.hstack([(before + after) / 2, (after - before) / (2 * STEP)])
     return np.vstack([estimate.initial[:1], ends])

@@ -43,11 +43,11 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
 def _thinned(swing: Run, every: int) -> Run:
     """Swing with every n-th sample.
 
-    Torques are means until the next kept sample, so that their impulse stays the same.
+    Held torques are means until the next kept sample, so that their impulse stays the same.
     """
     mask = np.arange(len(swing.t)) % every == 0
     thinned, first = swing.only(mask), np.flatnonzero(mask)
-    if swing.torques is None:
+    if swing.torques is None or swing.continuous:
         return thinned
     held_s = np.diff(swing.t, append=2 * swing.t[-1:] - swing.t[-2:-1])
     impulses = np.add.reduceat(swing.torques * held_s[:, None], first)

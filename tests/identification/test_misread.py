@@ -133,6 +133,11 @@ def test_the_torques_of_a_thinned_run_have_the_same_impulse(driven, paper: Rig) 
     assert impulses[1] == pytest.approx(impulses[0], abs=1e-12)
 
 
+def test_thinned_samples_of_continuous_torques_keep_their_values(driven, paper: Rig) -> None:
+    every, fourth = (preprocess(replace(driven[0], continuous=True), paper, count).run for count in (1, 4))
+    np.testing.assert_array_equal(fourth.torques, every.torques[::4])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "case",

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import base_parameters, ratios
-from dpr_lab.identification.compare import compare_run
+from dpr_lab.gap.bare_model import nominal_ratios
+from dpr_lab.identification.compare import _continued, compare_run
 from dpr_lab.identification.identify import identify
+from dpr_lab.identification.preprocess import preprocess
+from dpr_lab.identification.ratio_fit import rods_estimate, segmented
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.search import load_search
@@ -37,3 +40,12 @@ def test_runs_with_zeros_of_their_own_are_identified_and_compared(recorded, pape
     assert beside.free_run_rms_rad.max() < 0.02
     as_read = compare_run(runs[2], paper, model)
     assert as_read.segment_rms_rad.max() > 10 * beside.segment_rms_rad.max()
+
+
+def test_a_segment_continues_from_the_angle_of_the_rods_not_from_the_reading(recorded, paper: Rig) -> None:
+    rezeroed = paper.model_copy(update={"encoders": paper.encoders.model_copy(update={"rezeroed": True})})
+    problem, initial = segmented([preprocess(recorded({}, duration=2.0)[0], rezeroed)], rezeroed, 0.5)
+    unread = rods_estimate(nominal_ratios(paper), initial)
+    read = _continued(problem, unread.changed(zeros=ZEROS[:1]))
+    assert len(read) > 1
+    assert read == pytest.approx(_continued(problem, unread))
