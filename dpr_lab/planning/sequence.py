@@ -8,6 +8,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.planning.candidates import (
     SEARCH,
+    cheapest_minutes,
     longest_s,
     minutes,
     mounted_now,
@@ -89,8 +90,8 @@ class Planner:
             budget_min: time at the rig, minutes; None: no limit
         """
         known = self.objective.known
-        pool, steps = self._pool(), list[SequenceStep]()
         remaining_min = np.inf if budget_min is None else budget_min
+        pool, steps = self._pool(remaining_min), list[SequenceStep]()
         now = SequenceSoFar(known.information, known.made, mounted_now(known.rig), remaining_min)
         for _ in range(count):
             chosen = self._best(pool, now)
@@ -124,9 +125,12 @@ class Planner:
                 left -= extended[k].minutes - cost
         return extended
 
-    def _pool(self) -> list[Informed]:
+    def _pool(self, budget_min: float) -> list[Informed]:
         times = self.limits.recording
         duration = min(max(SEARCH.screened_s, times.shortest_s), times.longest_s)
+        cheapest = cheapest_minutes(self.objective.known.rig, self.limits)
+        if cheapest + (duration - times.shortest_s) / 60 > budget_min:
+            duration = times.shortest_s
         poses = spread_poses(self.limits, SEARCH.spread, self.rng).tolist()
         parts = list(mountings(self.objective.known.rig, self.limits))
         releases = list[CandidateRelease]()
@@ -184,7 +188,8 @@ class Planner:
             return step
         std = self.objective.known.model.placement_rad
         longest = replace(release, duration_s=longest_s(self.limits, alone=not now.made))
-        durations = [d for d in (SEARCH.screened_s, times.shortest_s) if d < longest.duration_s]
+        shorter = {max(SEARCH.screened_s, times.shortest_s), times.shortest_s}
+        durations = [d for d in sorted(shorter) if d < longest.duration_s]
         rated = self._informed([longest, *placements(longest, std, SEARCH.placements, self.rng)], durations)
         count = len(rated) // (1 + SEARCH.placements)
         averaged = [

@@ -79,6 +79,17 @@ def test_minutes_in_which_no_further_release_fits_lengthen_the_releases(paper: R
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("shortest_s", "budget_min"), [(5.0, 0.6), (15.0, 5.0)])
+def test_no_release_is_shorter_than_permitted_and_the_shortest_one_uses_a_small_budget(
+    paper: Rig, shortest_s: float, budget_min: float
+) -> None:
+    times = PlanLimits.model_validate({"recording": {"shortest_s": shortest_s, "longest_s": 20.0}})
+    (release,) = plan(paper, limits=times, budget_min=budget_min, count=1).releases
+    assert release.duration_s >= shortest_s
+    assert release.minutes <= budget_min + 1e-9
+
+
+@pytest.mark.slow
 def test_it_keeps_the_budget_and_the_reachable_poses(paper: Rig) -> None:
     reach = limits(poses={"theta1_rad": [2.5, 3.0], "theta2_rad": [2.0, 3.5], "elbow_rad": [-0.5, 0.5]})
     made = plan(paper, limits=reach, budget_min=1.3)
