@@ -118,11 +118,11 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
         LinAlgError: the recordings do not determine the unknowns.
     """
     A, e = ratio_fit.slopes, ratio_fit.fit.linear.e
-    H = np.einsum("smi,smj->sij", A, A)
+    H = np.einsum("smi,smj->ij", A, A)
     scores = _block_scores(ratio_fit.problem, A * e[:, :, None])
     free, weight = ratio_fit.unknowns > 0, max(1.0, ratio_fit.chi2_per_dof)
     prior = ratio_fit.prior_information
-    bread = np.linalg.inv((H.sum(axis=0) + weight * prior)[np.ix_(free, free)])
+    bread = np.linalg.inv((H + weight * prior)[np.ix_(free, free)])
     if not (np.diag(bread) > 0.0).all():
         raise np.linalg.LinAlgError("the information matrix is numerically singular")
     white = bread * ratio_fit.chi2_per_dof
@@ -130,7 +130,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     blocks = len(free_scores) / max(len(free_scores) - len(free), 1) * bread @ free_scores.T @ free_scores @ bread
     variance = np.maximum(np.diag(white), np.diag(blocks))
     if ratio_fit.chi2_per_dof > SETTINGS.misfit:
-        difference = SETTINGS.halves * _halves_apart(ratio_fit.problem, H, np.einsum("smi,sm->si", A, e))[free]
+        difference = SETTINGS.halves * _halves_apart(ratio_fit)[free]
         variance = np.maximum(variance, (difference / 2 / ndtri(0.95)) ** 2)
     before = np.diag(np.linalg.inv(prior))[free] if prior.any() else np.inf
     variance = np.maximum(np.minimum(variance, before), np.diag(white))
@@ -140,7 +140,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
     assumed = np.zeros_like(covariance)
     assumed[np.ix_(free, free)] = _by_unseen(ratio_fit, A, bread, free)
-    return RatioUncertainty(ratio_fit.unknowns, H.sum(axis=0), covariance, len(free_scores), names, prior, assumed)
+    return RatioUncertainty(ratio_fit.unknowns, H, covariance, len(free_scores), names, prior, assumed)
 
 
 def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Array:
@@ -170,14 +170,24 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
     return np.add.reduceat(by_sample, edges, axis=0)
 
 
-def _halves_apart(problem: Problem, H: Array, gradients: Array) -> Array:
-    """(n,) absolute difference between the Gauss-Newton steps for the first and the second halves of the runs."""
-    segments = problem.segments
-    last = problem.t[segments.offsets[1:] - 1]
-    middle = np.add.reduceat(problem.t, segments.offsets[:-1]) / np.diff(segments.offsets)
-    length = np.array([last[segments.run == run].max() for run in segments.run])
-    second = middle > length / 2
-    steps = [
-        np.linalg.pinv(H[half].sum(axis=0), hermitian=True) @ gradients[half].sum(axis=0) for half in (~second, second)
-    ]
+def _halves_apart(ratio_fit: RatioFit) -> Array:
+    """(n,) absolute difference between the Gauss-Newton steps for the first and the second halves of the runs.
+
+    A segment that contains the middle of its run has an initial state in each half.
+    """
+    problem, linear = ratio_fit.problem, ratio_fit.fit.linear
+    owner, t, first = problem.owner, problem.t, problem.segments.offsets[:-1]
+    run = problem.segments.run[owner]
+    middle = np.array([(t[run == i].min() + t[run == i].max()) / 2 for i in range(run.max() + 1)])
+    second = np.zeros((len(first), linear.e.shape[1] // problem.axes, problem.axes), dtype=np.bool_)
+    second[owner, np.arange(len(t)) - first[owner]] = (t > middle[run])[:, None]
+    columns, steps = np.concatenate([ratio_fit.slopes, linear.e[:, :, None]], axis=2), []
+    for half in (~second, second):
+        inside = half.reshape(*linear.e.shape, 1)
+        states = linear.Q * inside
+        alone = columns * inside
+        alone -= states @ (np.linalg.pinv(states) @ alone)
+        A, e = alone[:, :, :-1], alone[:, :, -1]
+        information, gradient = np.einsum("smi,smj->ij", A, A), np.einsum("smi,sm->i", A, e)
+        steps.append(np.linalg.pinv(information, hermitian=True) @ gradient)
     return np.abs(steps[1] - steps[0])

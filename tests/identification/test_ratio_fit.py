@@ -196,6 +196,22 @@ def test_the_profile_likelihood_agrees_with_the_covariance_where_the_problem_is_
         assert high - fit.ratios[index] == pytest.approx(reach, rel=0.1)
 
 
+def test_a_drift_along_whole_runs_widens_the_interval(paper: Rig, rng: np.random.Generator) -> None:
+    early = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
+    late = early * [1.0, 1.0, 1.0, 1.0, 1.0, 1.01]
+    runs, states = record(paper, rng, duration=2.0)
+    for i, (run, pose) in enumerate(zip(runs, paper.poses.values(), strict=True)):
+        before = swing(np.array([*pose.theta[1:], 0.0, 0.0]), run.t[:201], early, paper)
+        x = np.concatenate([before[:-1], swing(before[-1], run.t[200:], late, paper)])[20:]
+        theta = np.column_stack([np.zeros(len(x)), x[:, :2] + rng.normal(0, NOISE, (len(x), 2))])
+        runs[i], states[i] = replace(run, t=run.t[20:], theta=theta), x
+    fit = fitted(paper, ratios(early), runs, states, 4.0)
+    assert fit.segments == len(runs)
+    assert fit.chi2_per_dof > 1.5
+    low, high = uncertainty(fit).interval90(4)
+    assert high - low >= (late[5] - early[5]) / early[1]
+
+
 def test_the_profile_of_friction_ends_at_zero(paper: Rig, rng: np.random.Generator) -> None:
     base = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
     base[4] *= 1e-3
