@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dpr_lab.effects import effect_params
+from dpr_lab.effects import effect_params, without_events
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.record import record
@@ -17,6 +17,9 @@ from dpr_lab.run import Run
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
     """Run -> root mean square error of a free run of the corrected model from the start of the swing, rad.
 
+    Effects that occurred only once are omitted if the runs are not those of the diagnosis, because they refer to a run
+    by its number.
+
     The error is not finite if the simulation fails before the horizon.
 
     Args:
@@ -28,7 +31,10 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     long = [run for run in runs if run.t[-1] >= horizon_s]
     if not long:
         return {}
-    estimate = Estimate.of(diagnosis.unknowns, effect_params(diagnosis.model_effects), np.zeros((0, 4)))
+    params = effect_params(diagnosis.model_effects)
+    if [run.name for run in long] != list(diagnosis.gap.closed_held_out.per_run):
+        params = without_events(params)
+    estimate = Estimate.of(diagnosis.unknowns, params, np.zeros((0, 4)))
     recordings = Recordings(tuple(record(run, rig) for run in long), rig)
     errors = free_runs(recordings, estimate, horizon_s).errors
     return {name: error.rms_rad for name, error in errors.items()}

@@ -3,15 +3,20 @@
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from dpr_lab.acceptance import free_run
 from dpr_lab.acceptance.free_run import free_run_errors
 from dpr_lab.acceptance.judge import Acceptance, JudgedLimit, judge
 from dpr_lab.acceptance.limits import Limits, load_limits
+from dpr_lab.effects import param_index
 from dpr_lab.errors import ConfigError
+from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.gap.bare_model import nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import EffectSize
@@ -243,6 +248,24 @@ def test_free_run_errors_grow_with_the_horizon(recorded: Callable[..., list], fo
     assert short.keys() == long.keys() == {run.name for run in runs}
     assert sum(short.values()) < sum(long.values()) < 0.5
     assert free_run_errors(runs, paper, found, 59.0) == {}
+
+
+def test_missed_counts_of_one_run_are_not_applied_to_another_run(paper: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    compared: list[float] = []
+
+    def simulated(_: object, estimate: Estimate, __: float) -> SimpleNamespace:
+        compared.append(estimate.params[param_index("missed_counts", "counts")])
+        return SimpleNamespace(errors={})
+
+    monkeypatch.setattr(free_run, "free_runs", simulated)
+    monkeypatch.setattr(free_run, "record", lambda run, _: run)
+    runs: list[Any] = [SimpleNamespace(name=f"R{i}", t=np.array([0.0, end])) for i, end in enumerate((0.5, 2.0, 2.0))]
+    gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={run.name: 1.0 for run in runs}))
+    effects = {"missed_counts": {"counts": 20.0, "joint": 1.0, "run": 1.0, "time_s": 0.2}}
+    found: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects=effects, gap=gap)
+    for horizon in (0.4, 1.0):
+        free_run_errors(runs, paper, found, horizon)
+    assert compared == [20.0, 0.0]
 
 
 def friction(size: float, speed: float = 3.0) -> Limits:
