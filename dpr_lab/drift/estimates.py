@@ -7,6 +7,8 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.effects.drive_gain import DRIVE_GAIN
+from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.fitting.estimate import SCALE, FreeParameter, alone_share
@@ -94,19 +96,25 @@ def _estimate(
         raise RunError(f"{run.file or run.name}: does not identify every parameter. Omit this run")
     inverse = np.linalg.pinv((A / norms).T @ (A / norms), hermitian=True)
     misfit = max(1.0, fitted.chi2 / problem.measured.size)
-    std = np.sqrt(misfit * np.diag(inverse)) / norms
+    covariance = misfit * inverse / np.outer(norms, norms)
     indices = [i for i, parameter in enumerate(fitted.free) if parameter.block != "zeros"]
     parameters = [fitted.free[i] for i in indices]
-    is_scale_known = any(not parameter.effect and parameter.name == "b" for parameter in parameters)
+    scale = [i for i in indices if not fitted.free[i].effect and fitted.free[i].name == "b"]
     alone = only_inner([run.setup])
     inertia = fitted.estimate.ratios[SCALE] * (alone_share(fitted.estimate.ratios) if alone else 1.0)
     rows = []
     for parameter in parameters:
-        power = 0 if is_scale_known else _scale_power(parameter)
+        power = 0 if scale else _scale_power(parameter)
         size = _name(parameter, power, "a" if alone else "b"), parameter.read(fitted.estimate) / inertia**power
         rows.append(ratio_of(parameter, fitted.estimate, rig, alone=alone) or (*size, inertia**power))
     names, values, divisors = zip(*rows, strict=True)
-    return names, np.array(values), std[indices] / np.array(divisors)
+    change = np.eye(len(fitted.free))[indices]
+    for row, (parameter, value, divisor) in enumerate(zip(parameters, values, divisors, strict=True)):
+        if scale and parameter.effect in (FREE_ARM.name, DRIVE_GAIN.name):
+            # to first order the variance of b (x / b) is that of x - (x / b) b
+            change[row, scale] = -value * divisor / fitted.estimate.ratios[SCALE]
+    std = np.sqrt(np.einsum("ij,jk,ik->i", change, covariance, change))
+    return names, np.array(values), std / np.array(divisors)
 
 
 def _scale_power(parameter: FreeParameter) -> int:

@@ -60,5 +60,9 @@ def test_effects_of_a_diagnosis_are_compared_too():
     estimates = estimate_each(runs, rig, effects)
     assert {"a/b", "A/b", "c0/b", "b"} <= set(estimates.names)
     assert "coulomb_joint0.torque_Nm" in estimates.names
+    alone = estimate_each_arm(runs[:1], rig)  # fits A/b itself
+    std = [dict(zip(each.names, each.std[0], strict=True)) for each in (estimates, alone)]
+    first, second = (each["A/b"] / each["a/b"] for each in std)
+    assert first == pytest.approx(second, rel=0.2)
     drift = changes(estimates, [0, 0, 1, 1], ["monday", "friday"])
     assert [parameter.name for parameter in drift.moved] == ["c0/b"]
