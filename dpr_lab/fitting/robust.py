@@ -43,13 +43,19 @@ def without_outstanding(
     start, predicted = relocated.estimate, relocated.predicted
     race = replace(settings, to_beat=min(first_fit.chi2, settings.to_beat))
     refit = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=race)
-    return min(first_fit, refit, key=lambda candidate: candidate.chi2)
+    return min(first_fit, refit, key=_lost_and_chi2)
 
 
 def relative_chi2(fitted: Fit) -> Array:
-    """(segments,) chi2 of each segment relative to the median of all segments."""
-    chi2 = np.minimum(fitted.linear.chi2_by_segment, np.finfo(np.float64).max)
-    return np.asarray(chi2 / max(float(np.median(chi2)), float(np.finfo(np.float64).tiny)))
+    """(segments,) chi2 of each segment relative to the median of the segments that the model can simulate.
+
+    It is inf for a segment whose simulation fails.
+    """
+    chi2 = np.nan_to_num(fitted.linear.chi2_by_segment, nan=np.inf, posinf=np.inf)
+    finite = chi2[np.isfinite(chi2)]
+    median = float(np.median(finite)) if len(finite) else 1.0
+    with np.errstate(over="ignore"):
+        return np.asarray(chi2 / max(median, float(np.finfo(np.float64).tiny)))
 
 
 def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:
@@ -67,7 +73,7 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
         the better of the first fit and the refit
     """
     chi2 = np.nan_to_num(first_fit.linear.chi2_by_segment, nan=np.inf)
-    if not (chi2 > lost * np.median(chi2)).any():
+    if not (relative_chi2(first_fit) > lost).any():
         return first_fit
     relocated = fit(problem, first_fit.estimate.changed(initial=initial), (), iterations=iterations)
     better = 0.5 * lost * relocated.linear.chi2_by_segment < chi2
@@ -75,7 +81,14 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
         return first_fit
     states = np.where(better[:, None], relocated.estimate.initial, first_fit.estimate.initial)
     refit = fit(problem, first_fit.estimate.changed(initial=states), first_fit.free, iterations=iterations)
-    return min(first_fit, refit, key=lambda candidate: candidate.chi2)
+    return min(first_fit, refit, key=_lost_and_chi2)
+
+
+def _lost_and_chi2(fitted: Fit) -> tuple[int, float]:
+    """Number of segments whose simulation fails, and chi2 of the others."""
+    chi2 = fitted.linear.chi2_by_segment
+    followed = np.isfinite(chi2)
+    return int(np.count_nonzero(~followed)), float(chi2[followed].sum())
 
 
 def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> Array:

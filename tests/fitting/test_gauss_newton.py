@@ -7,9 +7,10 @@ from scipy.optimize import lsq_linear
 from dpr_lab.dynamics.base import base_parameters, ratios
 from dpr_lab.effects import EFFECTS, effect_params, param_index
 from dpr_lab.fitting.estimate import effect_parameters
-from dpr_lab.fitting.gauss_newton import GaussNewton, StopReason, fit
+from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, StopReason, fit
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.projection import ColumnSpace, bounded_solution
+from dpr_lab.fitting.robust import refit_lost, relative_chi2
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2, predictive_loss
 from dpr_lab.gap.hypothesis.hypothesis import free_parameters
 from dpr_lab.gap.hypothesis.residuals import residual_statistics
@@ -280,6 +281,34 @@ def test_a_parameter_that_one_run_alone_determines_keeps_its_prior_without_this_
     known = replace(base.fit, linear=replace(base.fit.linear, A=A))
     assert np.isfinite(predictive_loss(known, fold, 1.0)).all()
     assert np.isfinite(left_out_chi2(known, fold)).all()
+
+
+def without_simulation(fitted: Fit, lost: np.ndarray) -> Fit:
+    """Fit that cannot simulate some segments."""
+    residual, e, A = fitted.linear.residual.copy(), fitted.linear.e.copy(), fitted.linear.A.copy()
+    residual[lost], e[lost], A[lost] = np.inf, 0.0, 0.0
+    return replace(fitted, linear=replace(fitted.linear, residual=residual, e=e, A=A))
+
+
+def test_a_segment_that_cannot_be_simulated_is_no_perfect_prediction(clean):
+    problem, base = clean
+    fold, lost = folds(problem), np.arange(len(problem.segments)) == 0
+    fitted = without_simulation(base.fit, lost)
+    assert left_out_chi2(fitted, fold)[lost] > 1e12
+    losses = predictive_loss(fitted, fold, 1.0)
+    assert np.isfinite(losses).all()
+    assert losses[0] > 1e12
+
+
+def test_segments_that_cannot_be_simulated_are_refitted_even_if_they_are_the_majority(clean):
+    problem, base = clean
+    lost, initial = np.arange(len(problem.segments)) > 1, base.fit.estimate.initial
+    wrong = base.fit.estimate.changed(initial=initial + 0.5 * lost[:, None])
+    first = replace(without_simulation(base.fit, lost), estimate=wrong)
+    relative = relative_chi2(first)
+    assert np.isinf(relative[lost]).all()
+    assert np.median(relative[~lost]) == pytest.approx(1.0)
+    assert refit_lost(problem, first, initial).chi2 == pytest.approx(base.fit.chi2, rel=1e-3)
 
 
 @pytest.mark.slow

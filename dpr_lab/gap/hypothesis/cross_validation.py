@@ -27,6 +27,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags, Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.residuals import ASSUMPTIONS
 
 PRIOR = 10.0
 """Standard deviation of the prior of an effect, in typical sizes; it is wide enough for any rig, and finite."""
@@ -80,7 +81,8 @@ class _Fold:
 class _Folds:
     """Normal equations of a fit, for all segments and for each fold.
 
-    The parameters are divided by their prior standard deviations, so that the prior is a unit matrix.
+    The parameters are divided by their prior standard deviations, so that the prior is a unit matrix. A segment that
+    cannot be simulated has the largest possible residual, as in `bounded_residual`.
     """
 
     def __init__(self, fit: Fit, fold: Integers) -> None:
@@ -89,7 +91,8 @@ class _Folds:
         self.zeros = np.array([fit.free[i].block == "zeros" for i in free], dtype=np.bool_)
         effects = [fit.free[i].effect for i in free]
         self.shapes = np.array([bool(name) and name in effects[:k] for k, name in enumerate(effects)], dtype=np.bool_)
-        self.e = fit.linear.e
+        lost = ~np.isfinite(fit.linear.chi2_by_segment)
+        self.e = np.where(lost[:, None], ASSUMPTIONS.wildest, fit.linear.e)
         self.folds = [self._fold(fold == r) for r in np.unique(fold)]
         self.H, self.gradient = self._total(self.folds)
 
