@@ -229,7 +229,7 @@ def test_a_free_run_that_the_model_cannot_simulate_does_not_pass(monkeypatch: py
     monkeypatch.setattr("dpr_lab.acceptance.free_run.free_runs", lambda *arguments: free)
     for name in ("Recordings", "record", "Estimate"):
         monkeypatch.setattr(f"dpr_lab.acceptance.free_run.{name}", Mock())
-    run = SimpleNamespace(t=np.array([0.0, 2.0]))
+    run = SimpleNamespace(name="X1", t=np.array([0.0, 2.0]))
     rms = free_run_errors([run], None, made(), 1.0)  # type: ignore[arg-type, list-item]
     kept = Limits.model_validate({"free_run": {"max": 0.05, "horizon_s": 1.0, "unit": "rad"}})
     (judged,) = judge(made(), kept, rms).limits
