@@ -94,7 +94,7 @@ class CheckKind:
 
 
 def expected_bits(probabilities: Sequence[float], separation: float) -> float:
-    """Expected reduction, in bits, of the entropy between two causes by a check, times the probability of either cause.
+    """Expected information gain of a check between two causes, bits, times the probability that one of them is right.
 
     The log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d is the distance between the
     predictions of the causes in standard deviations.

@@ -179,7 +179,7 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 def magnitude(values: Array, covariance: Array) -> Interval | None:
     """Root of the sum of squares of amplitudes, with an interval from their (n, n) covariance.
 
-    The result is The result is The result is None if the root is zero.
+    The result is None if the root is zero.
     """
     if len(values) == 1:
         value, reach = float(values[0]), float(np.sqrt(covariance[0, 0]))

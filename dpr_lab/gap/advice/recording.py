@@ -30,7 +30,7 @@ def form(check: AdvisedCheck) -> str:
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """Recommended releases, one for each other cause: there it differs most from the named effect."""
+    """Recommended releases: for each other cause, the one whose prediction differs most from the named effect."""
     steps: list[NextStep] = []
     if not question.expected:
         return steps

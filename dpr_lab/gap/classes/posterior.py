@@ -82,7 +82,7 @@ class Calibration:
     least_own: float = 0.01
     """Lower limit of the own share of an effect; the linear fits of the other forms are inexact."""
     sure: float = 0.98
-    """Probability of the verdict: of "no gap" if there is no gap, of "unexplained" if no effect explains the gap."""
+    """Probability of "no gap" if the recordings show none, and of "unexplained" if no effect explains the gap."""
     outside_when_closed: float = 0.02
     """Minimum probability of a cause outside the library, if only noise remains."""
     drifting: float = 0.1

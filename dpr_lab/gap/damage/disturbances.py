@@ -86,8 +86,7 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
         ratios: (7,) ratios of a robust fit in short segments
 
     Returns:
-        the corrected recordings; the corrected recordings; the corrected recordings; the same object if there are no
-        disturbances
+        the corrected recordings; the same object if there are no disturbances
     """
     records = [
         without_hand(recordings, _without_slips(record), ratios) if _free(record) else record
@@ -164,14 +163,14 @@ def _with_pushes(
 
 
 def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
-    """Jump as a part of a kick if it lies near an end of the kick, even if it looks like a step of a reading."""
+    """Jump, converted to a kick if it lies near a known kick, even if it looks like a step of a reading."""
     kicks = (part for part in parts if not part.of_reading)
     near = any(part.since - DISTURBANCE.joins_s < jump.at < part.until + DISTURBANCE.joins_s for part in kicks)
     return replace(jump, joint=None) if near else jump
 
 
 def _free(record: Record) -> bool:
-    """Whether the rods swing without a known input; torques and a moving arm have errors of their own."""
+    """Whether no known torque and no moving arm drives the rods, whose errors could look like a disturbance."""
     return record.run.setup.free and not record.encoder0_moves
 
 

@@ -1,8 +1,8 @@
 """Detection of a hand or a latch that still acts at the beginning of a recording.
 
-push    The energy of the rods, computed with the fitted ratios, rises at the beginning, or before free rods follow
-        the readings. Without a drive the energy only decreases.
-hold    The first segment fits worse than all others, but it fits as well as others without its first readings.
+push    The energy of the rods, computed with the fitted ratios, rises at the beginning, or before the model of
+        undriven rods fits the readings. Without a drive the energy only decreases.
+hold    The first segment fits worse than all others, but without its first readings it fits as well as the others.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ class HandRules:
     """Thresholds of the detection of a hand."""
 
     followed: float = 8.0
-    """Maximum chi2 per reading, relative to its usual value, of a segment that free rods follow."""
+    """Maximum chi2 per reading, relative to its usual value, of a segment that the model of undriven rods fits."""
     rises: float = 0.05
     """Minimum rise of the energy by a push, relative to the maximum of the energy."""
     first: float = 3.0
@@ -99,7 +99,7 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
-    """Start of the first segment from which the energy only decreases after a rise, s; None without a rise."""
+    """Start, s, of the first segment that the model fits after a rise of the energy; None without such a rise."""
     energy = energies(problem, fit.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 4 or not np.isfinite(energy).all():
@@ -122,7 +122,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
 
 
 def _first_followed(level: Array, top: int) -> int:
-    """Index of the first segment from `top` on that free rods follow.
+    """Index of the first segment from `top` on that the model of undriven rods fits.
 
     The energy of a segment that contains the push is not the energy at its start.
 
@@ -136,7 +136,7 @@ def _first_followed(level: Array, top: int) -> int:
 
 
 def _held_until(recordings: Recordings, ratios: Array) -> float | None:
-    """Instant in the first segment from which free rods follow the readings as well as elsewhere.
+    """Instant in the first segment, s, from which the model of undriven rods fits as well as in other segments.
 
     None if nothing holds the rods at the beginning.
     """

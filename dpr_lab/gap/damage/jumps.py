@@ -190,7 +190,7 @@ class _Changes:
         )
 
     def kicks(self) -> tuple[Array, Array]:
-        """For a kick just before each sample: (samples,) gain, and (samples, 2) impulses on theta1 and theta2."""
+        """(samples,) gain and (samples, 2) impulses on theta1 and theta2, N m s, of a kick just before each sample."""
         score = self._later(np.einsum("nas,na->ns", self.out, self.e))
         power = self._later(np.einsum("nas,nar->nsr", self.out, self.out))
         shared = self._later(np.einsum("nas,naq->nsq", self.out, self.Q))

@@ -49,7 +49,7 @@ def validation(
     models: Mapping[str, Hypothesis],
     runs_by_model: Mapping[str, FreeRuns],
 ) -> tuple[Budget, list[Curves]]:
-    """Free runs of the models before and after correction along all recordings.
+    """Validation budget and curves, from free runs of the models before and after correction.
 
     Args:
         recordings: the fitted runs

@@ -85,7 +85,7 @@ class Hypothesis:
     on_line: frozenset[str] = frozenset()
     """Vibrations in the set whose frequency is a multiple of the frequency of the swing."""
     of_decay: frozenset[str] = frozenset()
-    """Drifts of friction in the set, along one decay in which amplitude and time are inseparable."""
+    """Friction drifts in the set, if the recordings are one decay, in which amplitude and time are inseparable."""
 
     @property
     def cost(self) -> float:
@@ -134,9 +134,9 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def _one_decay(problem: Problem) -> bool:
-    """Whether the amplitude is one function of time: in a single free swing, or in equal releases of one rod.
+    """Whether the amplitude is a single function of time, so that amplitude and time are inseparable.
 
-    A single free swing is one release, or pieces of one release, whose times do not overlap.
+    This is the case for a single undriven swing (one release or its pieces) and for equal releases of one rod.
     """
     segments = problem.segments
     if not all(setup.free for setup in segments.setups):
@@ -206,7 +206,7 @@ def started_with(
 def best_start(
     problem: Problem, before: Hypothesis, test: ScoreTest, scores: Sequence[Score], iterations: int
 ) -> Iteration:
-    """Best of several starts with one effect, each in another shape (`started_with`)."""
+    """Best of several initial fits with one additional effect, each from another shape of the effect."""
     best = started_with(problem, before, test, scores[0], iterations)
     for score in scores[1:]:
         race = replace(PRELIMINARY, to_beat=best.chi2)

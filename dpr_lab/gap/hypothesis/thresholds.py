@@ -47,7 +47,7 @@ class Thresholds:
     integrator_at_floor: float = 5e-5
     """The same fraction for a set that leaves only noise; the noise level confirms that the steps are small enough."""
     slow: float = 1.3
-    """Minimum factor by which an additional effect reduces the excess. The limit does not apply to a large effect."""
+    """Minimum factor by which an additional effect must reduce the excess, unless it is large."""
     keeps: float = 3.0
     """Minimum factor by which the excess must increase without an effect for the effect to be kept."""
     keeps_if_large: float = 1.3
@@ -77,9 +77,10 @@ class Thresholds:
     It is relative to the reduction by the vibration.
     """
     own_share: float = 0.15
-    """Minimum fraction of the reduction by an effect that no other form of the other effects explains.
+    """Minimum own share of an effect while a residual remains.
 
-    The limit applies while a residual remains.
+    The own share is the fraction of an effect's reduction of chi2 that other functional forms of the remaining effects
+    cannot explain.
     """
     secondary: float = 0.1
     """Size of an effect, as a fraction of the gap, below which it may compensate for the form of a larger effect.
@@ -87,7 +88,7 @@ class Thresholds:
     The limit applies even if only noise remains.
     """
     still_open: float = 0.5
-    """Maximum fraction of the gap that remains if an effect is omitted, for the test of `own_share` to apply."""
+    """Maximum fraction of the gap that may remain without an effect for the test of `own_share` to apply."""
     escaped: float = 10.0
     """Minimum factor by which a repeated fit reduces chi2 for the first fit to count as a local minimum."""
     likelier: float = 10.0
@@ -167,9 +168,9 @@ def curve_follows_remainder(base: Hypothesis, with_curve: Hypothesis, simple: Hy
 
 
 def follows_swing(base: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
-    """Whether a set has a vibration at a multiple of the swing's frequency, and another set explains most of it.
+    """Whether a vibration at a multiple of the swing's frequency follows a residual that another set mostly explains.
 
-    Any law of angle or speed leaves a residual at these frequencies.
+    Any missing law of angle or speed leaves a residual at these frequencies.
     """
     if not vibrating.on_line - other.key or not other.effects:
         return False
@@ -178,7 +179,7 @@ def follows_swing(base: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
 
 
 def follows_decay(base: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Whether a set has a drift of friction along one decay, and another set of the same size explains nearly as much.
+    """Whether a friction drift along one decay follows a residual that another set of the same size nearly explains.
 
     Along a decay the amplitude decreases with time. A loss that depends on speed, which every rod has, therefore looks
     like a drift.
@@ -275,8 +276,7 @@ def explains_as_much(base: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
 
     The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
     the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
-    scatter
-    between segments: neither set is the exact model, so the noise of a reading is not the relevant scale of the
+    scatter between segments: neither set is the exact model, so the noise of a reading is not the relevant scale of the
     difference.
 
     Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
@@ -308,7 +308,7 @@ def most_excess(base: Hypothesis, before: Hypothesis) -> float:
 
 
 def need(base: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
-    """Evidence for the effect that `model` has in addition to `smaller`, relative to the threshold of keeping it."""
+    """Ratio of the evidence for the additional effect of `model` to the evidence that is required to keep it."""
     loss = smaller.cost - model.cost
     if at_noise_floor(model):
         return loss / (THRESHOLDS.chance * model.residuals.inflation)

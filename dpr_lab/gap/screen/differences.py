@@ -17,17 +17,17 @@ class SpeedNoiseSettings:
     """Settings of the test for noise that increases with speed."""
 
     bins: int = 12
-    """Number of bins by speed, with equally many readings."""
+    """Number of speed bins, each with the same number of readings."""
     fewest: int = 40
-    """Minimum number of readings in a bin of speed; with fewer readings, the test is omitted."""
+    """Minimum number of readings in a speed bin; with fewer readings, the test is omitted."""
     uneven: float = 0.9
-    """Maximum deviation of the sampling interval in a neighbourhood, in sampling periods."""
+    """Maximum deviation of a sampling interval from the period, in periods; windows with larger ones are excluded."""
     overlap: float = 4.0
     """Number of overlapping differences per independent difference."""
     relative_variance: float = 2.7
-    """Factor on the variance of the level of a bin.
+    """Variance of the robust noise level of a bin, relative to the variance of its sample standard deviation.
 
-    It is the inverse of the efficiency, 0.37, of the median deviation of normal values.
+    It is the inverse of the efficiency, 0.37, of the median absolute deviation for normal values.
     """
     least_level: float = 0.1
     """Minimum uncertainty of the squared level of a bin, relative to the largest squared level."""
@@ -37,18 +37,21 @@ SPEED_NOISE = SpeedNoiseSettings()
 
 
 def sixth(values: Array, stride: int = 1) -> Array:
-    """Sixth differences of every `stride`-th value, at unit gain on white noise; zero for a polynomial of degree 5."""
+    """Sixth differences of every `stride`-th value, scaled so that the variance of white noise is preserved.
+
+    The sixth differences of a polynomial of degree 5 are zero.
+    """
     return np.diff(values[::stride], ORDER, axis=0) / math.sqrt(math.comb(2 * ORDER, ORDER))
 
 
 def tamed_rms(values: Array, wildest: float = 8.0) -> float:
-    """Root mean square of values, with isolated outliers limited to `wildest` robust standard deviations."""
+    """Root mean square of values that are clipped at `wildest` robust standard deviations."""
     most = wildest * spread(values)
     return float(np.sqrt(np.mean(np.minimum(np.abs(values), most) ** 2)))
 
 
 def spread(values: Array) -> float:
-    """Standard deviation of normal values from their median absolute value, robust against a few outliers."""
+    """Robust standard deviation of zero-mean normal values, from their median absolute value."""
     return float(NORMAL_MAD * np.median(np.abs(values)))
 
 
@@ -69,18 +72,18 @@ def noise_by_speed(
     period: float,
     keep: Flags | None = None,
 ) -> tuple[float, float]:
-    """Timing error s of the model sigma^2 = sigma_0^2 + (s omega)^2, and the significance of s^2 in standard errors.
+    """Estimate the timing error s in the noise model sigma^2 = sigma_0^2 + (s omega)^2.
 
     Args:
         t: (n,) instants, s
         joints: (n, 2) angles, rad
         floor: (2,) standard deviation at rest, rad; in slow parts, a coarse encoder shows less without a fault
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
-        keep: (n, 2) mask of the readings without a fault. If given, the level is a root mean square, which rare large
-        time-stamp errors increase; if None, the level is a robust estimate
+        keep: (n, 2) mask of the readings without a fault. If given, the noise level is a root mean square, which
+            includes rare large time-stamp errors; if None, it is a robust estimate
 
     Returns:
-        s (s), and its significance
+        the timing error s, s, and the ratio of s^2 to its standard error
     """
     if len(t) < SPEED_NOISE.fewest * SPEED_NOISE.bins:
         return 0.0, 0.0

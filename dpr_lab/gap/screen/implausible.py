@@ -14,7 +14,8 @@ class ImplausibleSettings:
     fastest: float = 200.0
     """Maximum speed of a rod, rad/s; no laboratory rod rotates thirty times per second."""
     moved: float = 8.0
-    """Minimum motion of a rod, in standard deviations, for which an unchanged reading counts as repeated."""
+    """Minimum motion per sample, in standard deviations of a reading, for which an unchanged reading counts as
+    repeated."""
     goes_on: float = 0.25
     """Minimum motion of the rod just before and after a repeated reading, relative to the usual motion per sample."""
     catches_up: float = 0.6
@@ -32,7 +33,7 @@ IMPLAUSIBLE = ImplausibleSettings()
 
 
 def too_fast(t: Array, joints: Array) -> Flags:
-    """(n, 2) mask of readings, single or in bursts, that are too far from both neighbours for a rod."""
+    """(n, 2) mask of readings that differ from both neighbours by more than a rod can move between the samples."""
     jumps = np.abs(np.diff(joints, axis=0)) > IMPLAUSIBLE.fastest * np.diff(t)[:, None]
     edge = np.zeros((1, joints.shape[1]), dtype=bool)
     return np.concatenate([edge, jumps]) & np.concatenate([jumps, edge])

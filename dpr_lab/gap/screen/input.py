@@ -1,4 +1,4 @@
-"""Sign and unit of the input of a driven arm, and sign and scale of its angle, by tests of alternatives."""
+"""Tests of the sign and unit of an arm's input, and of the sign, zero and scale of the measured angles."""
 
 from dataclasses import dataclass, replace
 
@@ -36,7 +36,7 @@ class InputRules:
     still: float = 6.0
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
     likely: tuple[str, ...] = (SPRING_JOINT0.name, COULOMB_JOINT0.name)
-    """Effects that most arms have. In a model without these effects, a strong cable hides which sign is right."""
+    """Effects that most arms have. Without them in the model, the torque of a strong cable can hide a wrong sign."""
     alike: float = 1.1
     """Maximum ratio of chi-square with the other zero of the rods to chi-square with the given zero.
 
@@ -81,7 +81,10 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 
 
 def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
-    """Whether gravity pulls a rod of any recording upwards; its angle is then measured from the other zero."""
+    """Whether the fitted gravity torque of a recording has the wrong sign.
+
+    The angle is then measured from hanging instead of upright, or the reverse.
+    """
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(
         base_of_run(fitted.estimate.whole, recording.setup, rig.L1, rig.g)[e1] < 0.0 for recording in recordings.records
@@ -111,9 +114,9 @@ def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
 
 
 def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> None:
-    """Refuse recordings that other angles explain: the opposite sign of theta0, another zero, or another scale.
+    """Refuse recordings that fit far better with other angles.
 
-    The other zero belongs to the rods. The tested scales are half and twice the angles.
+    The tested alternatives are theta0 of opposite sign, another zero of the rods, and half or twice the angles.
 
     Raises:
         IdentificationError: one of these interpretations explains the recordings; the message names it.

@@ -37,12 +37,12 @@ class InstantSettings:
     block: int = 32
     """Number of consecutive samples that are judged together."""
     contrary: float = 1.5
-    """Minimum evidence for the time stamps of a block, in standard errors, if even instants fit better overall.
+    """Minimum evidence, in standard errors, for a block to keep its time stamps if even instants fit better overall.
 
-    Blocks with less evidence use even instants.
+    All other blocks use even instants.
     """
     preferred: float = 4.0
-    """Minimum excess of the number of windows that are smoother on even instants, in standard errors."""
+    """Minimum majority of windows that are smoother on even instants than on the stamps, in standard errors."""
     likelihood: float = 6.0
     """Minimum log-likelihood ratio, nats, that is sufficient by itself, for few stamps that are very late."""
     fewest: int = 48
@@ -59,13 +59,13 @@ class InstantSettings:
     likely: float = 0.3
     """Minimum significance of a further cycle that is also fitted, relative to the largest significance."""
     unshared: float = 0.15
-    """Quantile that measures the scatter over the positions of a cycle; late readings do not affect it."""
+    """Quantile, over all cycle lengths, of the scatter between positions; few cycle lengths contain late readings."""
     least: float = 0.1
     """Minimum delay, in periods; a smaller delay counts as noise."""
     wild: float = 8.0
     """Limit of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
-    """Quantile of the readings that replaces the limit `wild` if the quantile is larger; a cycle has many late
+    """Quantile of the errors that replaces the limit `wild` if it is larger, because a cycle has many late
     readings."""
     reach: int = 4
     """Number of samples on either side for the estimate of the speed."""
@@ -91,8 +91,8 @@ def even_instants(t: Array, joints: Array) -> Array | None:
     """Evenly spaced instants in place of stamps with jitter, if the angles are smoother at even instants.
 
     For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
-    Even instants are chosen if they are smoother in significantly more windows, or if the likelihood ratio favours
-    them,
+    Even instants are chosen if the angles are smoother on them in significantly more windows, or if the log-likelihood
+    ratio is large enough,
 
         sum over joints of  k / 7 ln(rms on stamps / rms on even instants)
 
@@ -145,7 +145,7 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 
 
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
-    """Even clock near stamps (n,): its period, s, its instants (n,), s, and (n,) where no sample is lost nearby.
+    """Period, s, and (n,) instants, s, of an even clock near the stamps, and (n,) mask of parts without a lost sample.
 
     Stamps may come in bursts, so the period is a mean over many samples. A lost sample moves the clock by a period.
     Without lost samples and with a steady clock, a straight line through all stamps has the least noise.

@@ -74,7 +74,7 @@ class TrackingNoise:
     correlation: float
     """Autocorrelation of the errors of neighbouring readings."""
     factor: Array
-    """(2,) standard deviation of the errors of joints 1 and 2, relative to the rough part of these errors."""
+    """(2,) ratio of the standard deviation of all errors to that of their rough part, for joints 1 and 2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +238,7 @@ class Recordings:
         return problem, initial
 
     def without(self, problem: Problem, off: Flags) -> "Recordings":
-        """Recordings without the readings of a mask (samples, 2): faults that are only detectable with a model."""
+        """Recordings without the readings that a mask (samples, 2) marks as faulty."""
         if not off.any():
             return self
         run = problem.segments.run[problem.owner]

@@ -53,7 +53,7 @@ class ScreenSettings:
     noise_ratio: float = 1.5
     """Minimum ratio of two noise levels that is a finding.
 
-    Compared are measured and stated noise (in either order), or the noise of wider spacings and of neighbours.
+    The ratio compares measured and stated noise, in either order, or the noise at wide and at narrow spacings.
     """
     still_counts: float = 0.2
     """Noise before rounding up to which the rounding errors of neighbouring readings are dependent, in counts."""
@@ -66,7 +66,7 @@ class ScreenSettings:
     on_grid: float = 0.7
     """Minimum |mean of exp(2 pi i reading / count)| of a table on the grid of counts; zero for an even distribution."""
     repeating: float = 0.5
-    """Minimum fraction of repeated readings at one position of a cycle of repeated, not late, readings."""
+    """Minimum fraction of repeated readings at one position of a cycle for readings that are repeated, not late."""
     repeating_in_part: float = 0.05
     """Minimum difference between this fraction and the fraction at the other positions, if only some readings
     repeat."""

@@ -166,7 +166,7 @@ def worse_free_run(
 
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[tuple[str, float, float]]:
-    """Remaining gap while effects are added one by one, from the bare model to the set with all effects (`ends`)."""
+    """Added effect, remaining gap, rad, and closed share, for each set from the bare model to the selected set."""
     between = [test.excess(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):

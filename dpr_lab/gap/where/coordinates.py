@@ -86,7 +86,7 @@ def encoder_speed(reference: Trajectory, joint: int) -> Array:
 
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:
-    """(segments, m, k) whitened change of the readings under torques (n, k) of a joint, N m."""
+    """(segments, m, k) whitened change of the readings that torques (n, k) of a joint, N m, cause."""
     zeros = np.zeros_like(torque)
     on = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
     torques = [*on, torque if joint in (2, ARM) else zeros][: problem.axes]
@@ -94,7 +94,7 @@ def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Ar
 
 
 def under_error(problem: Problem, joint: int, error: Array) -> Array:
-    """(segments, m, k) whitened change of the readings under errors (samples, k) of the encoder of a joint, rad."""
+    """(segments, m, k) whitened change of the readings that encoder errors (samples, k) of a joint, rad, cause."""
     readings = np.zeros((len(error), problem.axes, error.shape[1]))
     readings[:, joint] = error
     return problem.whitened(readings)

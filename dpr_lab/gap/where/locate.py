@@ -74,8 +74,8 @@ def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
 def _maps(problem: Problem) -> Iterator[tuple[int, "ResidualMap"]]:
     """Index of the joint (0, 1: joints 1, 2; 2: joint 0) and map, for every map of these recordings.
 
-    Three kinds of maps are omitted. Friction of an arm's joint by load: this load is not known. All maps of joint 2 if
-    no outer rod turns in it. Torques of a prescribed joint 1, because they do not move it.
+    Three kinds of maps are omitted: friction of an arm's joint by load, because the load is unknown; all maps of
+    joint 2, if no outer rod rotates in it; and torques of a prescribed joint 1, because they do not move it.
     """
     setups = problem.segments.setups
     of_torques = [residual_map for residual_map in MAPS if residual_map.kind != "error"]

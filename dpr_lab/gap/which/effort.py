@@ -23,7 +23,7 @@ class Effort:
     Below it a fit is repeated from shorter segments.
     """
     outstanding: float = 5.0
-    """Ratio of the chi2 of a segment to the median above which the segment may hold a fit in a local minimum."""
+    """Ratio of the chi2 of a segment to the median of all segments, above which it may cause a local minimum."""
     nowhere: float = 0.99
     """Ratio of chi2 with an effect to chi2 without it above which the fit of the effect has failed."""
     starts: int = 4

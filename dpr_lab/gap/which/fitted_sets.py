@@ -55,7 +55,7 @@ class FittedSets:
     """Model without effects."""
     on_progress: Progress = lambda event: None
     expected: frozenset[str] = frozenset()
-    """Effects that the rig is known to have, of any size; recordings need not show them."""
+    """Effects that the rig is known to have. They stay in the model even if the recordings hardly show them."""
     held_out_chi2: Callable[[Hypothesis], float] | None = None
     """Function that returns the chi2 of a model, summed over the held-out runs; None without held-out runs."""
     _fits: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
@@ -353,7 +353,7 @@ class FittedSets:
         return refit_without(self.problem, with_both, effect, self.bare)
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-        """Set in which one effect is replaced by another, started with the amplitudes of the same names.
+        """Set in which one effect is replaced by another, with the amplitudes of the replaced effect as initial values.
 
         Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
         direction.

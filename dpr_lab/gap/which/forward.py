@@ -42,7 +42,7 @@ class Beam:
     exceeded: float = GAUSS_NEWTON.exceeded
     """Largest expected ratio of a fitted to the predicted reduction, far from the noise."""
     as_promising: float = 0.5
-    """Minimum predicted reduction of a further candidate to fit, relative to the reduction to the noise floor."""
+    """Minimum predicted reduction of a further candidate, relative to that of a candidate that leaves only noise."""
     same_gain: float = 1e-3
     """Relative difference of predicted reductions within which only one of several similar effects is fitted."""
 

@@ -124,10 +124,10 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Whether a richer form explains more than the smaller set, but less, with more parameters, than the larger set.
+    """Whether the search would replace the smaller set by a richer form that explains less than the larger set.
 
-    The richer form replaces two effects of the larger set: a simpler form of it, and a second effect. One of them is
-    missing in the smaller set. The search would then replace the smaller set by the richer form.
+    The richer form replaces two effects of the larger set, one of which is missing in the smaller set: a simpler form
+    of the richer form, and a second effect. It has more parameters than the larger set.
     """
     removed = larger.key - smaller.key
     replaced = (
@@ -146,8 +146,8 @@ def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
 def _returns(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
     """Whether a search would replace the smaller set by a worse set that again contains the removed effect.
 
-    The best set of at most the smaller size then contains the removed effect. It has more parameters than the larger
-    set and explains less. Another effect than the removed one would be missing from it.
+    In this case the best fitted set of at most the smaller size contains the removed effect, has more parameters than
+    the larger set, and explains less.
     """
     others = (
         model for model in sets.fits.values() if len(model.effects) <= len(smaller.effects) and sets.possible(model)

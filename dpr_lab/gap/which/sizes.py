@@ -1,4 +1,4 @@
-"""Detection of sizes that are impossible on a rig, beyond the errors of the fit: amplitudes of an effect, and gravity.
+"""Detection of amplitudes and gravity torques that are impossible on a rig, even within the errors of the fit.
 
 Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
 have a stiffness. A fit may estimate this stiffness as zero although its interval contains the right value.
