@@ -9,10 +9,10 @@
     corrected = dpr.corrected_model(diagnosis, runs, rig)
     dpr.plot_response([dpr.compare(run, rig, corrected) for run in runs]).savefig("response.png")
 
-Every function accepts recordings of a clamped, prescribed, free or driven arm.
+Every function accepts recordings with a clamped, prescribed, free or driven arm.
 
-Names in `__all__` without an underscore are stable: a name is removed only after one minor version in which its use
-gives a warning. Everything else may change.
+Names in `__all__` that do not start with an underscore are stable. Before such a name is removed, its use gives a
+`DeprecationWarning` for one minor version. Everything else may change.
 """
 
 from importlib import import_module

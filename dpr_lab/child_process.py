@@ -1,12 +1,12 @@
-"""Child processes: start, communication, and end within a bounded time; no child process outlives this process.
+"""Start child processes, communicate with them, and end them within a bounded time.
 
-    ChildFunction   a function in another process, connected by a pipe: work that must not block a screen, the owner of
-    a device
-    ChildProgram    another program, whose lines are read from pipes: the simulated device
-    worker_pool     several processes that share calls: campaigns
+    ChildFunction   runs a function in another process and connects it by a pipe
+    ChildProgram    runs another program, such as the simulated device, and reads the lines of its output
+    worker_pool     distributes calls over several processes
 
-A process that was killed cannot end its children, so each child detects this itself: a `ChildFunction` by the end of
-its pipe (its `recv` raises EOFError), a `ChildProgram` by the end of its stdin, a worker by the death of its parent.
+No child process outlives this process. A process that was killed cannot end its children, so each child detects this
+itself. A `ChildFunction` detects that its pipe is closed (its `recv` raises EOFError), a `ChildProgram` that its stdin
+is closed, and a worker that its parent has ended.
 """
 
 import contextlib
@@ -25,10 +25,10 @@ from typing import IO, Any
 
 
 def spawn_context() -> SpawnContext:
-    """Start method for processes that run this package, also while a screen is drawn.
+    """Return the multiprocessing context for child processes; it also works while a Textual screen is shown.
 
-    Textual substitutes an object without a file descriptor for stderr. The resource tracker, which every spawned
-    process needs, requires a file descriptor. The tracker is therefore started with the real stderr.
+    Textual replaces stderr by an object without a file descriptor. Every spawned process needs the resource tracker,
+    which requires a file descriptor. The tracker is therefore started with the real stderr.
     """
     if os.name == "posix":
         from multiprocessing import resource_tracker
@@ -85,10 +85,10 @@ class ChildFunction:
 
 
 class ChildProgram:
-    """Another program.
+    """Child process that runs another program.
 
-    It ends when its stdin is closed, which also happens when this process is killed. Ctrl-C is not forwarded: this
-    process receives it and ends the program.
+    The program ends when its stdin is closed, which also happens when this process is killed. Ctrl-C is not forwarded:
+    this process receives it and ends the program.
 
     Args:
         command: the program and its arguments

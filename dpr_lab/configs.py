@@ -1,7 +1,4 @@
-"""Search and validation of TOML configuration files.
-
-Errors name file, key and value.
-"""
+"""Find and validate TOML configuration files; error messages name the file, the key and the value."""
 
 import hashlib
 import re
@@ -24,13 +21,13 @@ _PACKAGE = Path(__file__).parent
 BUILTIN = _PACKAGE / "builtin" if (_PACKAGE / "builtin").is_dir() else _PACKAGE.parent / "configs"
 
 KEY = "[key]"
-"""Last part of a location that refers to the key itself rather than to its value, in errors of pydantic."""
+"""Last part of the location in a pydantic error that refers to a key itself and not to the value of the key."""
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def find_config(kind: str, name: str | Path) -> Path:
-    """Path of a configuration file, from a path or the bare name of a built-in file.
+    """Find a configuration file by its path, or a built-in file by its bare name.
 
     Args:
         kind: folder of the built-in files, `rigs` or `search`
@@ -87,7 +84,7 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
 
 
 def _line_of(error: ValueError, text: str) -> str:
-    """Line of a syntax error, with advice on a decimal comma; empty if the error names no line."""
+    """Format the line of a syntax error, with advice on a decimal comma; empty if the error names no line."""
     if (place := re.search(r"at line (\d+)", str(error))) is None:
         return ""
     line = text.splitlines()[int(place[1]) - 1].strip()
@@ -104,9 +101,9 @@ def _sentence(path: str, fault: "ErrorDetails", model: type[BaseModel]) -> str:
 
 
 def _keys_of(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    """Keys that a table at a location in a file may have.
+    """Return the permitted keys of the table at a location in a file.
 
-    For lists and for tables with free names, these are the keys of the tables in them.
+    For a list of tables, or a table with arbitrary names, these are the permitted keys of its entries.
     """
     models = {model}
     for part in place:
@@ -122,13 +119,13 @@ def _models_in(annotation: Any) -> set[type[BaseModel]]:
 
 
 def first_fault(error: ValidationError) -> str:
-    """First key that a pydantic model refused, and the reason: `ratios.a/b: must be greater than 0`."""
+    """Describe the first key that a pydantic model refused, for example `ratios.a/b: must be greater than 0`."""
     fault = error.errors()[0]
     return f"{key_words(fault['loc']) or 'the file'}: {fault_words(fault)}"
 
 
 def key_words(location: Sequence[int | str]) -> str:
-    """Location in a file as text, with list entries counted from 1: `masses, entry 2, rod`."""
+    """Format a location in a file, for example `masses, entry 2, rod`; the entries of a list are counted from 1."""
     location = [part for part in location if part != KEY]
     parts = [f"entry {part + 1}" if isinstance(part, int) else part for part in location]
     separators = [
@@ -138,7 +135,7 @@ def key_words(location: Sequence[int | str]) -> str:
 
 
 def fault_words(fault: "ErrorDetails") -> str:
-    """Reason why a pydantic model refused a value: `must be greater than 0`."""
+    """Describe why a pydantic model refused a value, for example `must be greater than 0`."""
     kind = {"extra_forbidden": "unknown key", "missing": "is missing"}.get(fault["type"])
     if fault["type"] == "too_short":
         kind = f"has too few entries: at least {fault.get('ctx', {}).get('min_length', 1)}"

@@ -1,4 +1,4 @@
-"""Errors caused from outside the program, with messages for the operator.
+"""Exceptions for problems that the operator can resolve.
 
     DprError               base; the message says what happened, where, and what to do
     +-- ConfigError        a rig, search or plant file: names file, key, value, range
@@ -12,8 +12,8 @@
     +-- RunError           a recording that cannot be read or does not match
     +-- IdentificationError  the fit ran and failed its own checks
 
-Each class has the exit code with which `dpr-lab` ends. A wrong argument from a caller is reported by a `ValueError`, a
-failed candidate in a search by the cost `inf`, a bug by an `assert`.
+Each class defines the exit code of `dpr-lab`. Other failures are reported in other ways. An invalid argument raises a
+`ValueError`, a candidate of a search that cannot be simulated has the cost `inf`, and a bug violates an `assert`.
 """
 
 import difflib
@@ -41,7 +41,9 @@ def all_printable(value: Any) -> Any:
 
 
 def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = str) -> str | None:
-    """Name that matches an identifier, its description, or both (`description [name]`); None if no name matches.
+    """Find the known name to which a text refers; None if there is no match.
+
+    The text may be the name, its description, or both in the form `description [name]`.
 
     Args:
         name: the given text
@@ -64,17 +66,17 @@ def unknown_name(
     few: int = 8,
     nearest: int = 5,
 ) -> str:
-    """Message for an unknown name.
+    """Compose the error message for an unknown name.
 
-    It lists all known names if there are few of them, otherwise the most similar names.
+    The message lists all known names if there are few of them, otherwise the most similar names.
 
     Args:
         problem: the error, for example `no effect named dust`
         name: the given name
         known: the existing names
         worded: function that returns the description of a known name
-        few: maximum number of names of which all are listed
-        nearest: number of names that are listed otherwise
+        few: maximum number of known names for which all names are listed
+        nearest: number of most similar names that are listed if there are more than `few` known names
     """
     names = list(known)
     shown = [worded(identifier) for identifier in names]
@@ -89,9 +91,9 @@ def unknown_name(
 
 
 def _similarity(given: str, known: str, words: str) -> float:
-    """Similarity of a text to a name or its description, 0 to 1.
+    """Similarity of a text to a name or its description, from 0 to 1.
 
-    It is 1 if either starts with the text.
+    The similarity is 1 if the name or its description starts with the text.
     """
     given = given.lower().strip()
     texts = known.lower(), words.lower().removesuffix(f" [{known.lower()}]")
@@ -110,59 +112,58 @@ class DprError(Exception):
 
 
 class ConfigError(DprError):
-    """A configuration file that is missing, malformed or out of range."""
+    """Raised if a configuration file is missing or malformed, or a value is out of range."""
 
     exit_code = 3
     keys: Sequence[str] = ()
-    """Key to which each line of the message refers, if the file could be read. Empty if several keys contradict each
-    other."""
+    """For each line of the message, the key to which it refers; empty if several keys contradict each other."""
 
 
 class LinkError(DprError):
-    """A port or bus cannot be opened or used."""
+    """Raised if a port or bus cannot be opened or used."""
 
     exit_code = 4
 
 
 class LinkUrlError(LinkError):
-    """A link URL is not valid: an unknown kind, option or port, or a value out of range."""
+    """Raised if a link URL is not valid: its kind, option or port is unknown, or a value is out of range."""
 
     exit_code = 2
 
 
 class LinkTimeout(LinkError):
-    """The link opened, but the device did not answer in time."""
+    """Raised if the link was opened, but the device did not answer in time."""
 
 
 class DeviceLost(LinkError):
-    """The device stopped answering; recorded samples are kept."""
+    """Raised if the device stopped answering; recorded samples are kept."""
 
     exit_code = 7
 
 
 class MismatchError(DprError):
-    """Both ends use different versions of the protocol."""
+    """Raised if the device uses another version of the protocol than this program."""
 
     exit_code = 5
 
 
 class DeviceFault(DprError):
-    """The device refused a command or is in its fault state."""
+    """Raised if the device refused a command or is in its fault state."""
 
     exit_code = 4
 
 
 class SafetyStop(DprError):
-    """A check before the release failed; the rods stay held."""
+    """Raised if a check before the release failed; the rods remain held."""
 
 
 class RunError(DprError):
-    """A recording cannot be read, is damaged, or belongs to another rig."""
+    """Raised if a recording cannot be read, is damaged, or belongs to another rig."""
 
     exit_code = 3
 
 
 class IdentificationError(DprError):
-    """The identification ran but failed its own checks."""
+    """Raised if an identification ran, but its result failed a check."""
 
     exit_code = 8

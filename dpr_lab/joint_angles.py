@@ -16,7 +16,7 @@ from dpr_lab.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class JointAngles:
-    """Mounting of encoder 2, and the resulting map between angles of rods and encoders."""
+    """Linear map between rod angles and encoder angles, which depends on the mounting of encoder 2."""
 
     relative2: bool
     """Whether encoder 2 measures theta2 - theta1; otherwise it measures theta2."""
@@ -32,7 +32,7 @@ class JointAngles:
         return self.of_rods([math.pi, math.pi])
 
     def of_rods(self, theta: ArrayLike) -> Array:
-        """Joint angles (..., 2) from theta1, theta2 (..., 2).
+        """Convert rod angles theta1, theta2 (..., 2) to joint angles (..., 2), rad.
 
         The map also applies to other quantities that are linear in the angles.
         """
@@ -40,6 +40,6 @@ class JointAngles:
         return np.stack([inner, outer - self.relative2 * inner], axis=-1)
 
     def to_rods(self, joint: ArrayLike) -> Array:
-        """Angles theta1, theta2 (..., 2) from joint angles (..., 2): the inverse of `of_rods`."""
+        """Convert joint angles (..., 2) to rod angles theta1, theta2 (..., 2), rad: the inverse of `of_rods`."""
         inner, turned = np.moveaxis(np.asarray(joint, dtype=np.float64), -1, 0)
         return np.stack([inner, turned + self.relative2 * inner], axis=-1)

@@ -1,8 +1,8 @@
-"""Folder of the compiled kernels; this module does not import Numba.
+"""Choose the cache folder of the compiled kernels; this module does not import Numba.
 
-The cache of Numba checks only the file of the compiled function. A kernel that calls a function in another file
-therefore keeps outdated machine code when that file changes. Here the name of the cache folder is a hash of all kernel
-sources, including those of plugins. After any change, an empty folder is therefore used.
+Numba invalidates cached machine code only if the file of the compiled function changes. If a kernel calls a function in
+another file and that file changes, the cached code is outdated but still used. Here, the name of the cache folder is a
+hash of all kernel sources, including those of plugins. Any change of a source therefore leads to a new, empty folder.
 """
 
 import hashlib
@@ -46,7 +46,7 @@ def prune(root: Path, now: float) -> None:
 
 
 class ForeignFolder(OSError):
-    """A folder belongs to another user, who could have written malicious code to it."""
+    """Raised if a folder belongs to another user, who could have written malicious code to it."""
 
 
 def open_cache(root: Path, name: str) -> Path | None:
@@ -100,10 +100,11 @@ def _close(folder: Path) -> bool:
 
 
 def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
-    """First folder `name` in the folders `roots` that belongs to this user, and a message about folders of other users.
+    """Open the cache folder `name` in the first of the folders `roots` in which this is possible.
 
     Returns:
-        None in place of the folder if none can be written; an empty message if no folder belongs to another user.
+        The cache folder, or None if none can be written; and a message about skipped folders of other users, which is
+        empty if there are none.
     """
     foreign = ""
     for root in roots:
@@ -115,7 +116,7 @@ def choose_cache(roots: Iterable[Path], name: str) -> tuple[Path | None, str]:
 
 
 def cache_name(package: Path) -> str:
-    """Name of the cache folder: hash of the kernel sources, also of plugins that add kernels."""
+    """Name of the cache folder: hash of all kernel sources, including those of plugins."""
     added = fingerprint("effects")
     name = source_hash(package)
     return f"{name}-{hashlib.sha256(added.encode()).hexdigest()[:16]}" if added else name
@@ -143,13 +144,13 @@ def simulator_compiled() -> bool:
 
 
 def mark_simulator_compiled() -> None:
-    """Store that all kernels for the motion of a plant are compiled."""
+    """Record that all kernels of the simulated device are compiled."""
     if CACHE is not None:
         with suppress(OSError):
             (CACHE / _SIMULATOR).touch()
 
 
 def compiling_simulator() -> None:
-    """Notify all listeners that a simulated device is about to compile its kernels, unless they are compiled."""
+    """Notify all listeners that a simulated device will compile its kernels, unless they are already compiled."""
     if not simulator_compiled():
         compiling()

@@ -1,4 +1,4 @@
-"""Progress events of the numerical core: objects that need no parsing."""
+"""Progress events that the numerical core reports, as typed objects."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class StageBegan:
-    """A stage of a job started."""
+    """Event: a stage of a job started."""
 
     number: int
     """Number of the stage, from 1."""
@@ -18,7 +18,7 @@ class StageBegan:
 
 @dataclass(frozen=True, slots=True)
 class FitBegan:
-    """A fit of a model to the recordings started."""
+    """Event: the fit of a model to the recordings started."""
 
     effects: tuple[str, ...]
     """Effects in the fitted model; empty for the bare model."""
@@ -31,7 +31,7 @@ class FitBegan:
 
 @dataclass(frozen=True, slots=True)
 class ScoreTestBegan:
-    """A score test of every effect of the library, given a model, started."""
+    """Event: the score test of all effects of the library started, for a given model."""
 
     effects: tuple[str, ...]
     """Effects in the given model; empty for the bare model."""
@@ -44,7 +44,7 @@ class ScoreTestBegan:
 
 @dataclass(frozen=True, slots=True)
 class GenerationDone:
-    """A generation of the search ended; generation 0 is the initial population."""
+    """Event: a generation of the search ended; generation 0 is the initial population."""
 
     number: int
     at_most: int
@@ -58,12 +58,12 @@ class GenerationDone:
 
 @dataclass(frozen=True, slots=True)
 class LocalFitBegan:
-    """The search ended, and the local fit starts from its best individual."""
+    """Event: the search ended, and the local fit starts from its best individual."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImportProgress:
-    """Progress while a table is read or its run is written."""
+    """Event: progress of reading a table, or of writing its run."""
 
     step: Literal["read", "write"]
     done: int

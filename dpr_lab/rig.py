@@ -1,4 +1,4 @@
-"""The rig: measured quantities, parameters to identify, and encoders."""
+"""The rig file: measured quantities, parameters to identify, encoders, and link to the device."""
 
 import hashlib
 from collections.abc import Iterable
@@ -60,7 +60,7 @@ NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
 
 
 def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
-    """Check that the arm of a rig can be in a mode.
+    """Check that a rig supports a mode of the arm.
 
     Raises:
         ValueError: a key that the mode needs is missing, or the mounted rods are not supported in this mode.
@@ -76,10 +76,10 @@ def refuse_impossible_arm(rig: "Rig", mode: ArmMode) -> None:
 
 
 def refuse_impossible_inner(rig: "Rig", inner: InnerMode, arm: ArmMode) -> None:
-    """Check that the inner rod of a rig can be in a mode.
+    """Check that a rig supports a mode of the inner rod.
 
     Raises:
-        ValueError: no outer rod is free to swing on it, or its arm moves freely or by a drive.
+        ValueError: the inner rod is prescribed, but no outer rod swings on it, or the arm is free or driven.
     """
     if inner == "free":
         return
@@ -90,11 +90,13 @@ def refuse_impossible_inner(rig: "Rig", inner: InnerMode, arm: ArmMode) -> None:
 
 
 class Rig(Shown, RigTable):
-    """A rig file (`configs/rigs/*.toml`).
+    """Content of a rig file (`configs/rigs/*.toml`).
 
-    Args of the file: `[rig]` lengths and gravity, `[parameters.*]` one table for each of `PARAMETERS`,
-    `[encoders]`, `[poses.*]`, `[link]`; `[added_mass]` if a known mass is attached, `[rods]` if a rod is not mounted or
-    the elbow is clamped, `[joints]` for geared motors; `[arm]` for an arm that is not clamped, `[motor]` for its drive.
+    Tables of every file: `[rig]` with lengths and gravity, `[parameters.*]` with one table for each of `PARAMETERS`,
+    `[encoders]`, `[poses.*]` and `[link]`.
+
+    Optional tables: `[added_mass]` for a known attached mass, `[rods]` for a missing rod or a clamped elbow, `[joints]`
+    for geared motors, `[arm]` for an arm that is not clamped, and `[motor]` for the drive of the arm.
     """
 
     rig: RigGeometry
@@ -104,7 +106,7 @@ class Rig(Shown, RigTable):
     encoders: Encoders = Encoders()
     """Encoders, which convert counts to angles."""
     poses: dict[Name, Pose] = Field(default_factory=dict)
-    """Name of a pose -> angles at which the rods are held before a release, rad."""
+    """Poses by name: angles at which the rods are held before a release, rad."""
     added_mass: AddedMass | None = None
     """Known mass that is attached to a rod, kg and m; None if no mass is attached."""
     rods: Rods = Rods()
@@ -205,16 +207,16 @@ class Rig(Shown, RigTable):
         return self.rig.g
 
     def read_from(self, path: Path) -> "Rig":
-        """Copy of the rig that stores the path and the hash of its file."""
+        """Return a copy of the rig that stores the path and the hash of its file."""
         rig = self.model_copy()
         rig._path, rig._sha256 = path, sha256_of(path)
         return rig
 
     def with_rods(self, mounted: str | None = None, elbow: str | None = None) -> "Rig":
-        """Copy of the rig with other mounted rods, or another mode of the elbow; None keeps the present value.
+        """Return a copy of the rig with other mounted rods or another mode of the elbow; None keeps a value.
 
         Raises:
-            ValueError: a clamped elbow without joint 2.
+            ValueError: the elbow is clamped, but only one rod is mounted.
         """
         changes = {key: value for key, value in (("mounted", mounted), ("elbow", elbow)) if value is not None}
         rods = {**self.rods.model_dump(), **changes}
@@ -255,11 +257,11 @@ class Rig(Shown, RigTable):
 
     @property
     def reading_std(self) -> Array:
-        """Standard deviation (3,) of a reading, rad, from noise and rounding: noise_counts^2 + 1/12 counts^2."""
+        """Standard deviation (3,) of the readings, rad; the variance is noise_counts^2 + 1/12 (rounding), counts^2."""
         return np.abs(self.radians_per_count) * np.sqrt(self.encoders.noise_counts**2 + 1 / 12)
 
     def theta(self, counts: ArrayLike) -> Array:
-        """Absolute angles from counts.
+        """Convert encoder counts to absolute angles.
 
         Args:
             counts: (..., 3) position counters, unwrapped
@@ -272,21 +274,21 @@ class Rig(Shown, RigTable):
         return np.concatenate([turned[..., :1], rods], axis=-1)
 
     def mounted_theta(self, counts: ArrayLike) -> Array:
-        """Absolute angles from counts, as `theta`, but with theta2 = theta1 for a single rod.
+        """Convert encoder counts to absolute angles as `theta` does, but with theta2 = theta1 for a single rod.
 
-        The reading of encoder 2 is then ignored.
+        For a single rod the reading of encoder 2 is ignored.
         """
         theta = self.theta(counts)
         return theta if self.rods.number == 2 else theta[..., [0, 1, 1]]
 
     def positions(self, theta: ArrayLike) -> Array:
-        """Readings of ideal encoders at given absolute angles, without rounding: the inverse of `theta`.
+        """Convert absolute angles to the readings of ideal encoders, without rounding: the inverse of `theta`.
 
         Args:
             theta: (..., 3) absolute angles, rad
 
         Returns:
-            (..., 3) positions, counts
+            (..., 3) encoder readings, counts
         """
         absolute, joints = np.asarray(theta, dtype=np.float64), self.encoders.joint_angles
         turned = np.concatenate([absolute[..., :1], joints.of_rods(absolute[..., 1:]) - joints.hanging], axis=-1)
@@ -297,10 +299,10 @@ class Rig(Shown, RigTable):
 
 
 def load_rig(name: str | Path) -> Rig:
-    """Read a rig file by its path, or a built-in one by its bare name (`paper`).
+    """Read a rig file by its path, or a built-in rig file by its bare name (`paper`).
 
     Raises:
-        ConfigError: the file is not found or not valid; the message names file, key and value.
+        ConfigError: the file is not found or not valid; the message names the file, the key and the value.
     """
     path = find_config("rigs", name)
     return read_config(path, Rig).read_from(path)

@@ -18,9 +18,9 @@ from dpr_lab.setup import ArmMotion, Setup, Torques, inner_torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
-"""Causes of missing samples: the device was too slow, the sample was damaged on the link, two values arrived for one
-tick, or it never arrived. A device with drives has the additional cause `torque`: the torques of the sample never
-arrived."""
+"""Causes of missing samples, in this order: the device was too slow, the sample was damaged on the link, two values
+arrived for one tick, or the sample never arrived. Devices with drives also have the cause `torque`: the torques of the
+sample never arrived."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Run(Shown):
     """
 
     name: str
-    """Short name for tables and figures; the stem of the file if there is one."""
+    """Short name for tables and figures: by default, the name of the file without its extension."""
     t: Array
     """(n,) device time since the release, s, strictly increasing."""
     theta: Array
@@ -56,7 +56,7 @@ class Run(Shown):
     rig_sha256: str
     """SHA-256 of the rig file; empty for a rig created in memory."""
     rate_hz: float
-    """Nominal sample rate, Hz. The real instants are in `t`."""
+    """Nominal sample rate, Hz; `t` contains the actual times of the samples."""
     added_mass: AddedMass | None = None
     """Known mass that was attached; None if no mass was attached."""
     mounting: Mounting = "both"
@@ -100,15 +100,15 @@ class Run(Shown):
     recorded_utc: str = ""
     """Time of recording, ISO 8601 date, or date and time; empty if unknown."""
     keep_rest: bool | None = None
-    """For an imported table: whether all rows are treated as a swing, even if the rods seem to be held. None for a
-    recording by a device, which reports its release.
+    """For an imported table: whether all rows count as a swing, even if the rods seem to be held at first. None for a
+    recording by a device, which reports the release.
     """
     arm_read: bool | None = None
     """For an imported table: whether it contains the angle of the arm. None for a recording by a device."""
     film_noise: FilmNoise | None = None
     """Noise of the angles, for a table of points in a video; otherwise None."""
     at_edges: bool = False
-    """Whether the table has a row for each encoder count, so that each angle is that of the edge between two counts."""
+    """Whether the table has one row per encoder edge, so that each angle is exactly at the edge between two counts."""
     notes: tuple[str, ...] = ()
     """Notes of the reader or importer for the operator, for example on gaps or on removed rows."""
 
@@ -125,7 +125,10 @@ class Run(Shown):
         return float(np.median(self.theta[:, 2] - self.theta[:, 1])) if clamped else 0.0
 
     def driven_by(self, kind: str | None) -> Run:
-        """Copy of the run with one kind of torques or arm input, `measured` or `commanded`; None: the default kind.
+        """Return a copy of the run that contains only measured, or only commanded, torques or arm inputs.
+
+        Args:
+            kind: `measured` or `commanded`; None: the run is returned unchanged
 
         Raises:
             RunError: the run has no torques or inputs of that kind.
@@ -159,7 +162,7 @@ class Run(Shown):
         return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm, self.inner)
 
     def between_rows(self, torques: Torques) -> Torques:
-        """Torques of the rows as they act between the rows: held until the next row, or as a continuous signal."""
+        """Interpolate torques between rows: held until the next row, or as a continuous signal if `continuous`."""
         return torques.as_samples() if self.continuous and len(torques.t) > 1 else torques
 
     @property
@@ -178,15 +181,12 @@ class Run(Shown):
         return float(self.t[-1]) if len(self.t) else 0.0
 
     def between(self, start: float, stop: float) -> Run:
-        """Samples with start <= t < stop; t is unchanged."""
+        """Return the part of the run with start <= t < stop, s; the times are not shifted."""
         return self.only((self.t >= start) & (self.t < stop))
 
     @property
     def readings_sha256(self) -> str:
-        """Hash of all data that a fit uses.
-
-        It is equal after another import of the same table.
-        """
+        """Hash of all data that a fit uses; repeated imports of the same table have the same hash."""
         unread = ("name", "file", "sha256", "recorded_utc", "keep_rest", "arm_read", "notes")
         digest = hashlib.sha256()
         if self.arm_mode not in ("free", "driven"):
@@ -226,15 +226,12 @@ class Run(Shown):
 
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
-    """Runs as a tuple; a single run becomes a tuple of one."""
+    """Return the runs as a tuple; a single run becomes a tuple with one element."""
     return (runs,) if isinstance(runs, Run) else tuple(runs)
 
 
 def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
-    """Runs with distinct names: names that occur more than once are numbered.
-
-    Results are listed by the names of runs.
-    """
+    """Number the names that occur more than once, because results are listed by the name of the run."""
     named: dict[str, Run] = {}
     for run in runs:
         numbered = (f"{run.name} ({i})" for i in count(2))
@@ -290,23 +287,23 @@ def _bytes(part: Any) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class MountingSettings:
-    """Limits beyond which the readings contradict the stated mounting."""
+    """Thresholds for readings that contradict the specified mounting."""
 
     still: float = 0.1
     """Maximum range of joint 2 with a clamp, or with an encoder without a rod, rad. Backlash and the drag of a bearing
     cause smaller ranges."""
     tail: float = 0.01
-    """Share of the readings at either end of the range that is ignored, because single readings may be wrong."""
+    """Fraction of the readings at each end of the range that is ignored, because single readings may be outliers."""
 
 
 MOUNTED = MountingSettings()
 
 
 def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
-    """Angles (n, 3) of a run with this mounting: theta2 = theta1 for a single rod.
+    """Return the angles (n, 3) of a run for a given mounting, rad; for a single rod theta2 = theta1.
 
     Raises:
-        RunError: joint 2 moves although it should not: no rod is mounted on it, or the elbow is stated to be clamped.
+        RunError: joint 2 turns although no rod is mounted on it, or although the elbow is specified as clamped.
     """
     turned = elbow_turn(theta, mounting)
     if turned > MOUNTED.still:
@@ -319,10 +316,7 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
 
 
 def elbow_turn(theta: Array, mounting: Mounting) -> float:
-    """Range of joint 2, rad, from angles (n, 3), in a mounting in which it cannot turn.
-
-    Zero if both rods are mounted.
-    """
+    """Range of joint 2, rad, from angles (n, 3), in a mounting in which it should not turn; 0 if both rods swing."""
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [MOUNTED.tail, 1 - MOUNTED.tail]
@@ -332,9 +326,10 @@ def elbow_turn(theta: Array, mounting: Mounting) -> float:
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
-    """Clock rate error of a device and its uncertainty, ppm.
+    """Clock rate error of a device and its uncertainty, ppm, for each available method.
 
-    They are from PING and PONG (`pong`), and from the arrival times of samples (`arrival`).
+    The methods are PING and PONG messages (`pong`) and the arrival times of samples (`arrival`). The uncertainty is
+    `sigmas` standard deviations for `pong`, and a bound for `arrival`.
     """
     rates = {"pong": ("rate_ppm", "rate_ppm_std", sigmas), "arrival": ("arrival_ppm", "arrival_margin_ppm", 1.0)}
     return {
@@ -345,10 +340,10 @@ def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tu
 
 
 def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
-    """Lower bound of the clock rate error of a device, ppm, and text with the rate and its interval.
+    """Lower bound of the absolute clock rate error of a device, ppm, and a text with the rate and its interval.
 
-    The bound is the part of the error that its uncertainty does not explain. The larger one of the bounds from PING and
-    PONG and from arrival times is used.
+    The bound is the estimated error minus its uncertainty, at least zero. It is computed by both methods of
+    `clock_rates`, and the larger value is used.
     """
     wrong = [(max(0.0, abs(rate) - margin), rate, margin) for rate, margin in clock_rates(clock).values()]
     least, rate, margin = max(wrong, default=(0.0, 0.0, 0.0))
@@ -356,7 +351,7 @@ def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
 
 
 def _clock_words(rate_ppm: float, margin_ppm: float) -> str:
-    """Text of a clock rate error, for example `5.0 % fast (4.6 to 5.4)`."""
+    """Format a clock rate error, for example `5.0 % fast (4.6 to 5.4)`."""
     size, margin, unit, digits = abs(rate_ppm), margin_ppm, "ppm", 0
     if size >= 1000:
         size, margin, unit = size / 1e4, margin / 1e4, "%"
@@ -371,7 +366,7 @@ def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
     """Check the clock rate of every recording.
 
     Raises:
-        RunError: the clock of a device differs from the host's clock by more than that of any crystal.
+        RunError: the clock rates of device and host differ by more than `limit_ppm`, more than crystals can differ.
     """
     for run in runs:
         error, words = clock_error(run.clock)

@@ -1,4 +1,4 @@
-"""Known conditions of a run in addition to its readings: mounting, and known inputs."""
+"""Known conditions of a run: the mounting of the rods, and known inputs (torques and prescribed motions)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dpr_lab.rig_tables import AddedMass, Mounting
 class Torques:
     """Known joint torques.
 
-    Each value is held until the next instant. The first and the last value also apply before and after the record.
+    Each value is held until the next instant. The first value also applies before the record, the last one after it.
     """
 
     t: Array
@@ -41,7 +41,7 @@ class Torques:
 
     @property
     def arm_knots(self) -> tuple[Array, Array]:
-        """Instants (n + 2,), s, and impulse on the arm up to each instant (n + 2,), N m s.
+        """Instants (n + 2,), s, and the time integral of the torque on the arm up to each instant (n + 2,), N m s.
 
         Empty without a torque on the arm.
         """
@@ -49,9 +49,9 @@ class Torques:
 
     @property
     def knots(self) -> tuple[Array, Array]:
-        """Instants (n + 2,), s, and impulses (n + 2, 2) on theta1 and theta2 up to each instant, N m s.
+        """Instants (n + 2,), s, and integrals (n + 2, 2) of the generalised torques up to each instant, N m s.
 
-        The impulses are linear between instants.
+        The columns belong to theta1 and theta2. The integrals are linear between instants.
         """
         return _knots(self)
 
@@ -64,10 +64,10 @@ class Torques:
         return replace(self, t=self.t - share * np.diff(self.t, prepend=2 * self.t[:1] - self.t[1:2]))
 
     def as_samples(self, parts: int = 8) -> Torques:
-        """Torques as samples of a continuous signal, in `parts` steps between two rows.
+        """Interpret the torques as samples of a continuous signal, and return its means in `parts` steps per row.
 
-        The signal is piecewise cubic without overshoot (Fritsch & Carlson, SIAM J. Numer. Anal. 17, 238, 1980). The
-        torque of a step is the mean of the signal.
+        The signal is interpolated by monotone piecewise cubic polynomials, which do not overshoot (PCHIP; Fritsch &
+        Carlson, SIAM J. Numer. Anal. 17, 238, 1980).
         """
         from scipy.interpolate import PchipInterpolator
 
@@ -83,7 +83,7 @@ class Torques:
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
         """Mean generalised torques (m, 2) on theta1, theta2 from the previous instant to each instant (m,), N m.
 
-        The mean is zero without a previous instant: at the first one, and where `first` (m,) is true.
+        The mean is zero at instants without a previous one: at the first instant, and where `first` (m,) is true.
         """
         instants, (t, impulse) = np.asarray(instants, dtype=np.float64), self.knots
         until = np.stack([np.interp(instants, t, column) for column in impulse.T], axis=1)
@@ -133,9 +133,10 @@ class ArmMotion:
     """Standard deviation of the readings from which the motion was estimated, rad."""
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
-        """Mean acceleration, rad/s^2, and mean squared speed, rad^2/s^2, from the previous instant to each one: (m, 2).
+        """Mean acceleration, rad/s^2, and mean squared speed, rad^2/s^2, in each interval between instants: (m, 2).
 
-        Without a previous instant (at the first one, and where `first` (m,) is true), the speed is that of the instant.
+        Row i belongs to the interval that ends at instant i. At the first instant, and where `first` (m,) is true,
+        there is no interval, and the squared speed is that at the instant.
         """
         instants = np.asarray(instants, dtype=np.float64)
         v, passed = np.interp(instants, self.t, self.omega), _since_before(instants, first)
@@ -151,7 +152,7 @@ def _since_before(instants: Array, first: Flags | None) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class PrescribedJoint:
-    """Representation of a joint with a prescribed motion in the equation of motion."""
+    """Constants that represent a joint with a prescribed motion in the equation of motion."""
 
     inertia: float = 1e6
     """Assumed inertia of the inner rod, kg m^2. It is so large that the outer rod does not move the inner rod."""
@@ -161,9 +162,9 @@ PRESCRIBED = PrescribedJoint()
 
 
 def inner_torques(motion: ArmMotion) -> Torques:
-    """Torque of joint 1 that gives this motion to an inner rod with the inertia of `PRESCRIBED`.
+    """Compute the torque of joint 1 that moves an inner rod with the inertia of `PRESCRIBED` as prescribed.
 
-    The acceleration is constant between two rows.
+    The angular acceleration is constant between two rows of the motion.
     """
     alpha = np.append(np.diff(motion.omega) / np.diff(motion.t), 0.0)
     return Torques(motion.t, np.column_stack([PRESCRIBED.inertia * alpha, np.zeros(len(alpha))]), scaled=False)

@@ -1,4 +1,4 @@
-"""Display of public objects at a prompt: results as a heading and a table, and `help()` with plain types."""
+"""Display public objects at a Python prompt: results as a heading and a table, and `help()` with short type names."""
 
 import ast
 import inspect
@@ -19,7 +19,7 @@ FIXED_BY = {"data": "the recordings", "measured": "a measured value", "bound": "
 
 
 class Shown(ABC):
-    """A result that is displayed as a heading and a table."""
+    """Base class of results that are displayed as a heading and a table."""
 
     __slots__ = ()
 
@@ -49,17 +49,17 @@ class Shown(ABC):
 
 
 def listed(names: Sequence[str]) -> str:
-    """Text of a list, for example `a, b and c`."""
+    """Join names with commas and `and`, for example `a, b and c`."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)
 
 
 def counted(number: int, noun: str) -> str:
-    """Number with its noun, for example `1 run` or `2 runs`."""
+    """Format a number with its noun in the singular or plural, for example `1 run` or `2 runs`."""
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def percent(share: float, digits: int = 0) -> str:
-    """Text of a share, for example `98 %`, or `97.6 %` with one decimal."""
+    """Format a fraction as a percentage, for example `98 %`, or `97.6 %` with one decimal."""
     return f"{round(100 * share, digits) + 0.0:.{digits}f} %"  # -0.0 + 0.0 is 0.0
 
 
@@ -68,7 +68,7 @@ def _row(cells: Row, tag: str) -> str:
 
 
 class _Plain(str):
-    """Text that a signature shows without quotes."""
+    """String whose `repr` has no quotes, for annotations and default values in signatures."""
 
     __slots__ = ()
     __repr__ = str.__str__
@@ -107,7 +107,7 @@ def _sign_methods(value: Any) -> None:
 
 
 def _explain_fields(cls: Any) -> None:
-    """Add the docstrings of the fields, so that `help` prints them."""
+    """Store the docstrings of the fields as descriptions of the slots, so that `help` prints them."""
     cls.__slots__ = {**dict.fromkeys(cls.__slots__), **field_docs(cls)}
 
 

@@ -26,7 +26,7 @@ def regular(path: Path, error: type[DprError] = DprError) -> Path:
         error: class of the exception
 
     Raises:
-        DprError: a pipe, a socket or a device, which may never deliver data or never end.
+        DprError: the path is a pipe, a socket or a device, from which reading may never end.
     """
     try:
         kind = SPECIAL.get(stat.S_IFMT(path.stat().st_mode))
@@ -41,8 +41,8 @@ def read_text(path: Path, error: type[DprError] = DprError, encoding: str = "utf
     """Read a regular file as text.
 
     Raises:
-        DprError: it is not a regular file, or cannot be read.
-        UnicodeDecodeError: it is not text in this encoding.
+        DprError: the path is not a regular file, or the file cannot be read.
+        UnicodeDecodeError: the content is not text in this encoding.
     """
     try:
         return regular(path, error).read_text(encoding=encoding)
@@ -76,7 +76,7 @@ def write_whole(path: Path, write: Callable[[Path], object], error: type[DprErro
 
 
 def write_text(path: Path, text: str, error: type[DprError] = DprError) -> None:
-    """Write a text atomically, in UTF-8 and with LF at the end of lines.
+    """Write a text file atomically, encoded in UTF-8, with LF line ends.
 
     Raises:
         DprError: the folder or the file cannot be written.

@@ -1,4 +1,4 @@
-"""The corrected rig as rigid bodies on hinges, with elements that are common to simulators (`Words` of effects)."""
+"""Convert the corrected model to rigid bodies on hinges, with elements that simulators have in common (`Words`)."""
 
 import json
 from collections.abc import Collection, Mapping
@@ -20,7 +20,7 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 def words_of(effects: Effects) -> dict[str, Words]:
-    """Effect -> its elements, for those effects that elements represent completely."""
+    """Map each effect that simulator elements represent completely to these elements."""
     expressed = {}
     for name, values in effects.items():
         effect = EFFECTS.get(name)
@@ -31,7 +31,7 @@ def words_of(effects: Effects) -> dict[str, Words]:
 
 
 def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
-    """Effect -> its elements, for those effects of a model that a program with the elements `known` can express."""
+    """Map each effect of a model that a program with the elements `known` can express to its elements."""
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
     # In a simulator, tilted gravity acts in all directions; this effect acts only in the plane of the rods.
     if isinstance(model, MovingArmModel):
@@ -40,7 +40,7 @@ def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Word
 
 
 def left_out(model: AnyModel, expressed: Collection[str], program: str) -> dict[str, str]:
-    """Effect -> reason why the program cannot express it."""
+    """Effects of a model that the program cannot express, with the reason for each."""
     return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in expressed}
 
 
@@ -60,10 +60,10 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
 
 
 def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
-    """Rigid bodies that move according to equation (1) of docs/theory.md, with the effects that a format expresses.
+    """Construct rigid bodies that obey equation (1) of docs/theory.md, with the effects that a format can express.
 
-    A swing depends only on the base parameters. The masses of the bodies are therefore the masses of the model, at the
-    scale of its base parameters.
+    The motion depends only on the base parameters. The bodies have the masses of the model, at the scale of its base
+    parameters.
 
     Raises:
         ConfigError: no rigid bodies can represent the model with a moving arm.

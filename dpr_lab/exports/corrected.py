@@ -1,9 +1,10 @@
-"""The corrected model of a diagnosis: the model with the named effects.
+"""Build the corrected model of a diagnosis: the identified rods with the named effects.
 
-An amplitude whose interval contains zero is set to zero. A spring with an insignificant cubic term becomes a linear
-spring, which every format with springs can represent. The other values are then replaced by their conditional
-means in the joint normal distribution: x - C_xz C_zz^-1 z. A named effect whose amplitudes are all insignificant keeps
-them. Effects that are fitted to every rig of this kind are omitted if they are neither significant nor named.
+Amplitudes z whose intervals contain zero are set to zero. For example, a spring with an insignificant cubic term
+becomes a linear spring, which every format with springs can represent. The other values x are then replaced by their
+conditional means in the joint normal distribution, x - C_xz C_zz^-1 z. If all amplitudes of a named effect are
+insignificant, they are kept. Effects that are fitted to every rig of this kind are omitted if they are neither
+significant nor named.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -41,7 +42,7 @@ AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
 def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Corrected model of a diagnosis with its effects, as `diagnose --out` writes it and `compare` reads it.
+    """Build the corrected model of a diagnosis, as `diagnose --out` writes it and `compare` reads it.
 
     Args:
         diagnosis: ratios, covariance and effects
@@ -54,7 +55,7 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
 
 
 def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
-    """Corrected model of a diagnosis with a clamped or prescribed arm; arguments are those of `corrected_model`."""
+    """Build the corrected model for a clamped or prescribed arm; the arguments are those of `corrected_model`."""
     unknown, effects = significant_values(diagnosis)
     values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)
@@ -177,7 +178,7 @@ def _without_insignificant(
 
 
 def _insignificant(effect: NamedEffect) -> set[str]:
-    """Amplitudes of an effect whose interval contains zero; empty if this applies to all of them."""
+    """Amplitudes of an effect whose intervals contain zero; empty if all intervals of the effect contain zero."""
     amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
     chance = {
         key for key in amplitudes if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]

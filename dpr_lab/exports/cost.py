@@ -1,4 +1,4 @@
-"""Loss of accuracy of an export: its replay errors, compared with those of the corrected and of the bare model."""
+"""Loss of accuracy of an export: its replay errors relative to those of the corrected model and of the bare model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class ReplayRule:
     """Settings and limits of the replay of an export."""
 
     most: int = 3
-    """Maximum number of replayed releases. It is small, because a program may run in real time."""
+    """Maximum number of replayed releases; small, because a program may run in real time."""
     worse: float = 1.02
     """Maximum ratio of the error of an export to the error of the bare model. An export with a larger ratio is refused;
     smaller differences are within the uncertainty of the initial state."""
@@ -44,16 +44,16 @@ class Replayed:
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """Reference for an export: recordings, and the swings of the corrected and of the bare model along them."""
+    """Reference for an export: the recordings, simulated by the corrected model and by the bare model."""
 
     rig: Rig
     runs: tuple[Run, ...]
     model: AnyModel
     bare: AnyModel
     own: tuple[Replay, ...]
-    """Swings of the corrected model, up to the predictability horizon."""
+    """Simulations by the corrected model, up to the predictability horizon."""
     before: tuple[Replay, ...]
-    """Swings of the bare model, over the same time as `own`."""
+    """Simulations by the bare model, over the same time as `own`."""
 
     @property
     def bare_rad(self) -> float:
@@ -61,10 +61,10 @@ class Yardstick:
         return _rms([swing.lab for swing in self.before])
 
     def held_against(self, model: AnyModel) -> tuple[AnyModel, tuple[Replay, ...]]:
-        """Model to write and its replays.
+        """Choose the model to write, and simulate the recordings with it.
 
-        The bare model replaces the refitted model if the refitted model is worse over the whole swing. A fit over
-        segments of half a second does not exclude this case.
+        The bare model is chosen if the refitted model is worse over the whole swing. This is possible because the
+        model was refitted over segments of half a second only.
         """
         if model is self.model:
             return model, self.own
@@ -74,7 +74,7 @@ class Yardstick:
         return model, swings
 
     def replayed(self, swings: Sequence[Replay], squares: Sequence[float] | None = None) -> Replayed:
-        """Errors of swings that were replayed in a program.
+        """Compute the errors of recordings that were replayed in a program.
 
         Args:
             swings: simulations by dpr-lab

@@ -1,8 +1,8 @@
-"""The corrected model as a functional mock-up unit for co-simulation, FMI 3.0 or 2.0.
+"""Export the corrected model as a functional mock-up unit (FMU) for co-simulation, FMI 3.0 or 2.0.
 
-Inputs are the joint torques, or the input of a moving arm's drive. Outputs are angles, speeds and encoder readings. The
-unit contains the Python module, so it requires a Python with numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4,
-sec. 4 (Modelica Association, 2022).
+Inputs are the joint torques, or the input of the drive of a moving arm. Outputs are angles, speeds and encoder
+readings. The unit contains the exported Python module, so it requires a Python installation with numpy. Sources: FMI
+3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica Association, 2022).
 """
 
 import importlib.util
@@ -45,7 +45,7 @@ DIMENSIONS = {{
 
 
 def real(name, **properties):
-    """A variable with its meaning; with its unit where the package can write units."""
+    """Variable of the unit with its description, and with its physical unit if the package supports units."""
     meaning, unit = next(MEANINGS[kind] for kind in MEANINGS if name.startswith(kind))
     words = f"initial {{meaning}}" if name in STARTS else meaning
     variable = Real(name, description=f"{{words}}, {{unit}}" if unit else words, **properties)
@@ -55,7 +55,7 @@ def real(name, **properties):
 
 
 class {name}(Fmi3Slave):
-    """{inputs_words} in; angles, speeds and encoder readings out, rad and rad/s."""
+    """Inputs: {inputs_words}. Outputs: angles and encoder readings, rad, and speeds, rad/s."""
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
@@ -129,12 +129,12 @@ class UnitPorts:
 
 
 PORTS = UnitPorts(
-    "DoublePendulum", "Swing", ("torque1", "torque2"), ("theta1", "theta2", "omega1", "omega2"), "Joint torques, N m,",
+    "DoublePendulum", "Swing", ("torque1", "torque2"), ("theta1", "theta2", "omega1", "omega2"), "joint torques, N m",
     "double pendulum corrected by",
 )  # fmt: skip
 ARM_PORTS = UnitPorts(
     "MovingArm", "ArmSwing", ("drive",), ("theta0", "theta1", "theta2", "omega0", "omega1", "omega2"),
-    "The input of the arm's drive, in its own unit,", "rods on a moving arm, identified by",
+    "input of the arm's drive, in its own unit", "rods on a moving arm, identified by",
 )  # fmt: skip
 
 
@@ -144,7 +144,7 @@ def ports_of(model: Model | MovingArmModel) -> UnitPorts:
 
 
 def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes:
-    """The corrected model as an FMU of a version of the standard.
+    """Build the FMU of a model for FMI version `standard`, `3.0` or `2.0`, and return the content of the file.
 
     Raises:
         ConfigError: the required package is not installed.

@@ -1,8 +1,8 @@
-"""Export of the corrected model as MJCF of MuJoCo, with a passive force (`mjcb_passive`) for other effects.
+"""Export the corrected model as MJCF for MuJoCo; a passive-force callback (`mjcb_passive`) adds further effects.
 
-MuJoCo softens Coulomb friction (a constraint of finite stiffness) and integrates presliding to first order. With these
-effects its motion converges to that of dpr-lab for small time steps. Otherwise both agree to the accuracy of the
-integrator.
+MuJoCo represents Coulomb friction by a constraint of finite stiffness, and integrates presliding to first order. With
+these effects, its motion converges to that of dpr-lab as the time step decreases. Without them, both agree to the
+accuracy of the integrator.
 """
 
 import math
@@ -85,7 +85,7 @@ def passive(model, data):
 
 
 class EngineSwing({kind}):
-    """The rig in MuJoCo; for `simulate(..., kind=EngineSwing)` and `readings(..., kind=EngineSwing)`."""
+    """Simulation of the rig in MuJoCo, for `simulate(..., kind=EngineSwing)` and `readings(..., kind=EngineSwing)`."""
 
     file = {file!r}
     compiled = None  # a model to use instead of the file
@@ -104,7 +104,7 @@ class EngineSwing({kind}):
             self.model.opt.gravity[:] = 0.0, 0.0, -GRAVITY
 
     def arm(self, x):
-        """Angle and speed of the arm: the engine has no motor behind the backlash of a gear."""
+        """Angle and speed of the arm; MuJoCo does not simulate a motor behind the backlash of a gear."""
         return x.theta0, x.omega0
 
     def after(self, h, torque1, torque2):
@@ -126,27 +126,27 @@ class EngineSwing({kind}):
 
 _PUSH = '''
     def push(self, torque1, torque2):
-        """Torques of joints 1 and 2."""
+        """Apply the torques of joints 1 and 2, N m."""
         for number, torque in ((1, torque1), (2, torque2)):
             name, _, sign = JOINTS[number]
             self.data.joint(name).qfrc_applied[0] = sign * torque
 
 
 def arm_torques(data, motion):
-    """A clamped arm has no torques of effects."""
+    """Return zero torques, because no effects act on a clamped arm."""
     return 0.0, 0.0, 0.0
 '''
 
 _ARM_PUSH = '''
     def push(self, u, _):
-        """Input of the arm; without an actuator in the file, its torque is applied."""
+        """Apply the input of the arm: to the actuator, or as a torque if the file has no actuator."""
         self.data.qfrc_applied[0] = 0.0 if self.model.nu else GAIN * u
         if self.model.nu:
             self.data.ctrl[0] = u  # the arm's motor comes first
 
 
 def arm_torques(data, motion):
-    """Torques of the effects at the arm, in its drive and of the whole rig on theta0, theta1, theta2."""
+    """Torques on theta0, theta1, theta2 of the effects at the arm, in its drive and of the whole rig, N m."""
     known = GAIN * float(data.ctrl[0]) if len(data.ctrl) else float(data.qfrc_applied[0])
     driven = called_arm_drives(motion, known, None, None) - known
     torque0 = called_arm_torques(motion, driven, START, None, None)
@@ -169,7 +169,7 @@ class EngineFile:
 
 
 def mjcf(model: AnyModel, rig: Rig) -> str:
-    """The corrected model as MJCF: two hinges with 0 = upright, joint 2 relative to the inner rod.
+    """Write the corrected model as MJCF: two hinges with 0 = upright, joint 2 relative to the inner rod.
 
     A free or driven arm has a third hinge and a motor, whose control is the input in its own unit. Effects without an
     MJCF element are listed in the custom text `left_out`, and act in the passive force (`passive`).
@@ -197,7 +197,7 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
 def passive(
     model: AnyModel, rig: Rig, expressed: Collection[str] | None = None, engine_file: EngineFile | None = None
 ) -> str:
-    """Python module with the passive force of the effects that a file cannot contain, and the encoder readings.
+    """Generate a Python module with the passive forces of effects that a file cannot contain, and encoder readings.
 
     Args:
         model: the corrected model

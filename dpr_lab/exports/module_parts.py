@@ -112,7 +112,7 @@ class Swing:
         return angle1 + error1, angle2 + error2
 
     def instants(self, joint, end, play):
-        """Instants up to `end`, s, at which an encoder is followed: backlash needs the turning points."""
+        """Instants up to `end`, s, at which an encoder is evaluated; backlash requires the turning points."""
         begin, self.followed[joint] = self.followed[joint], end
         if play:
             for start, step in zip(self.starts, self.steps):
@@ -122,7 +122,7 @@ class Swing:
         yield end
 
     def angles(self, t):
-        """Angles of joints 1, 2 (as its encoder measures it) and 0, by the cubic polynomial of a step."""
+        """Angles of joint 1, joint 2 (as its encoder measures it) and joint 0 at time t, by cubic interpolation."""
         if not self.steps:
             return self.x.theta1, self.x.theta2 - {relative2!r} * self.x.theta1, self.arm(self.x)[0]
         if t > self.t:  # the clock of the device is slow
@@ -148,7 +148,7 @@ class Swing:
 
 
 def states_at(x0, t, max_step, torques, kind):
-    """(n, states) of a swing at the instants t; nan after they are no longer finite."""
+    """(n, k) states of a swing at the instants t; nan from the first state that is not finite."""
     swing = kind(x0, t[0])
     states = np.full((len(t), len(swing.state())), np.nan)
     states[0] = swing.state()
@@ -179,9 +179,9 @@ def readings_at(x0, t, run, max_step, start, kind, torques):
 
 
 def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, effects: Collection[str]) -> RigModel:
-    """Rig of an exported module.
+    """Model of the rig for an exported module.
 
-    Its effects read their parameters by name, so the vector of values is empty.
+    The vector of effect parameters is empty, because the functions of a module read the parameters by name.
     """
     required = required_by(np.isin(list(EFFECTS), list(effects)))._replace(torque=True)
     return RigModel(base, constants, arm, (0.0, 0.0), None, Requirements(*map(bool, required)))  # type: ignore[arg-type]
@@ -196,7 +196,7 @@ def assembled(
     rewritten: Mapping[str, Rewrite],
     mode: int,
 ) -> str:
-    """Source of a module: head, the functions of dpr-lab that its effects need, the simulation, and tail."""
+    """Assemble the source of a module: head, required functions of dpr-lab, simulation class, and tail."""
     chosen: dict[str, Rewrite] = {name: partial(of_effects, effects=effects) for name in FOLDED}
     chosen |= {"effect_torques": partial(_driven, effects=effects)}
     functions = sources(FOLDED | _USED | dict(more), chosen | dict(rewritten))

@@ -1,6 +1,6 @@
-"""Programs that run an export: Python, MuJoCo, FMPy.
+"""Replay recordings in the programs that run an export: Python, MuJoCo and FMPy.
 
-Each program simulates a recording from the fitted initial state.
+Each program simulates a recording from its fitted initial state.
 """
 
 import json
@@ -40,7 +40,7 @@ REPLAY = ReplaySettings()
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A recording with the initial state of a model, for the replay in a program."""
+    """A recording with its fitted initial state, to be replayed in a program."""
 
     run: str
     t: Array

@@ -20,14 +20,14 @@ from dpr_lab.identification.model import Model
 from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
-_HEAD = '''"""A double pendulum with the effects that dpr-lab named: the functions with which dpr-lab itself simulates.
+_HEAD = '''"""Double pendulum with the effects that dpr-lab named; simulated by the same functions as in dpr-lab.
 
 simulate(x0, t)     states of a swing: theta1, theta2 absolute angles, rad, 0 = upright, pi = hanging; speeds, rad/s
 readings(x0, t)     readings of the encoders of joints 1 and 2 at device times t, rad
 derivative(t, x)    time derivative of a state
-Swing(x0)           the same step by step, with your torques
+Swing(x0)           step-by-step simulation with your own torques
 
-SI throughout; t is the time since the release, s.
+All quantities are in SI units; t is the time since the release, s.
 """
 
 import math
@@ -41,7 +41,7 @@ import numpy as np
 inf, nan = math.inf, math.nan
 RIG = {rig!r}
 SCALE = {scale!r}
-LEFT_OUT = {left_out!r}  # also named, but not in this module
+LEFT_OUT = {left_out!r}  # effects that were named, but that this module does not contain
 EFFECTS = {effects!r}
 L1, L2, G = {L1!r}, {L2!r}, {g!r}
 BASE = {base!r}  # a, b, d, e1, c1, c2
@@ -51,9 +51,9 @@ BASE = {base!r}  # a, b, d, e1, c1, c2
 
 _CLAMPED = '''
 def simulate(x0, t, max_step=1e-3, torques=lambda t, state: (0.0, 0.0), kind=Swing):
-    """(n, 4) states at the instants t, by the classical Runge-Kutta rule; nan after they are no longer finite.
+    """(n, 4) states at the instants t, by the classical Runge-Kutta method; nan from the first that is not finite.
 
-    torques(t, state): torques of joints 1 and 2, N m, held through each step. kind: class that simulates the steps.
+    torques(t, state): torques of joints 1 and 2, N m, constant during each step. kind: class that simulates the steps.
     """
     return states_at(x0, t, max_step, torques, kind)
 
@@ -61,13 +61,13 @@ def simulate(x0, t, max_step=1e-3, torques=lambda t, state: (0.0, 0.0), kind=Swi
 def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=Swing, torques=lambda t, state: (0.0, 0.0)):
     """(n, 2) readings of the encoders of joints 1 and 2 at device times t, rad; the state at `start`, s, is x0.
 
-    torques(t, state): torques of joints 1 and 2, N m, held through each step.
+    torques(t, state): torques of joints 1 and 2, N m, constant during each step.
     """
     return readings_at(x0, t, run, max_step, start, kind, torques)
 
 
 def derivative(t, x, torques=(0.0, 0.0)):
-    """Time derivative of (theta1, theta2, omega1, omega2); internal states as at the release, arm at rest."""
+    """(4,) time derivative of theta1, theta2, omega1, omega2, with the internal states at the release, arm at rest."""
     start = Swing(x, t)
     alphas = accelerations_at(t, start.x, 0.0, 0.0, MODEL._replace(params=tuple(torques)), {mode}, 0.0)
     return np.array([*x[2:], *alphas[1:]])
@@ -75,7 +75,7 @@ def derivative(t, x, torques=(0.0, 0.0)):
 
 
 def python_module(model: Model | MovingArmModel, rig: Rig) -> str:
-    """Source of a module with the corrected model; it supports every effect of the library and needs only numpy."""
+    """Generate a module with the corrected model; it supports every effect of the library and needs only numpy."""
     return module_text(model, rig)
 
 

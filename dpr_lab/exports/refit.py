@@ -1,8 +1,8 @@
-"""Replacement of effects that a program cannot express by simpler effects, refitted to the recordings.
+"""Replace effects that a program cannot express by simpler effects, and refit the model to the recordings.
 
-If an effect is omitted, the parameters that were fitted together with it are wrong, for example a viscous friction that
-was estimated as zero. The ratios, the simpler effects, and all effects that the program supports are therefore
-refitted.
+If an effect is omitted, parameters that were fitted together with it are no longer correct. For example, a viscous
+friction may have been estimated as zero only because of the omitted effect. The ratios, the simpler effects, and all
+effects that the program supports are therefore refitted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,9 +37,9 @@ MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
 
 
 def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig: Rig) -> dict[str, AnyModel]:
-    """Format -> model to write.
+    """Choose the model to write in each format, as a mapping from format names to models.
 
-    The result is the given model, or a simpler, refitted model if the format cannot express the given model.
+    It is the given model, or a simpler, refitted model if the format cannot express the given model.
 
     Args:
         formats: names of `FORMATS`
@@ -63,9 +63,9 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
 
 
 def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Refitted model with only those effects on the rods that the given elements express.
+    """Refit a model with only those effects on the rods that given simulator elements can express.
 
-    The model is returned unchanged if they express all of its effects.
+    The model is returned unchanged if the elements can express all of its effects.
 
     Args:
         model: the corrected model
@@ -125,7 +125,7 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
 
 
 def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """The model without effects, refitted to the same runs; arguments and errors are those of `fitted_for`."""
+    """Refit a model without effects to the same runs; arguments and errors are those of `fitted_for`."""
     return _with(model, _bare_fit(model, runs, rig)[1], rig)
 
 

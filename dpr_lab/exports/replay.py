@@ -1,4 +1,4 @@
-"""Replay of recordings in the program of an export, from fitted initial states."""
+"""Replay recordings in the program of an export, from fitted initial states."""
 
 import tempfile
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
 
 
 def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Replay] | None = None) -> tuple[Replay, ...]:
-    """Swings of a model along runs, over the same times as the swings `like` of another model.
+    """Simulate runs with a model, over the same times as the replays `like` of another model.
 
     Raises:
         RunError: a run is too short, or no initial state fits a run.
@@ -56,7 +56,7 @@ def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Repla
 
 
 def replayed(name: str, model: AnyModel, rig: Rig, swings: Sequence[Replay]) -> list[Array]:
-    """Angles of each swing in the program of a format, rad: (n, 2) of the rods, or (n, 3) of arm and rods.
+    """Replay recordings in the program of a format; returns angles (n, 2) of the rods or (n, 3) of arm and rods, rad.
 
     Raises:
         ConfigError: the program is not installed.

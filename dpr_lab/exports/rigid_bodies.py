@@ -1,4 +1,4 @@
-"""The rig as rigid bodies on hinges, independent of the format."""
+"""Rigid bodies on hinges that represent the rig, independent of the export format."""
 
 import math
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ class Rod:
 
     @property
     def end(self) -> Vector:
-        """Place of the next joint, m."""
+        """(3,) position of the next joint in the frame of the rod, m."""
         return 0.0, 0.0, self.length
 
     @property
@@ -78,7 +78,7 @@ class Arm:
 
     @property
     def end(self) -> Vector:
-        """Place of the inner rod's joint, m."""
+        """(3,) position of the inner rod's joint in the frame of the arm, m."""
         return 0.0, -self.length, 0.0
 
     @property
@@ -97,7 +97,7 @@ class Link:
     parent: str
     """Name of the body that carries the hinge; empty for the base."""
     place: Vector
-    """Place of the hinge in the frame of the parent, m."""
+    """(3,) position of the hinge in the frame of the parent, m."""
     body: Rod | Arm
 
     @property
@@ -155,7 +155,7 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
 def rod_about_joint(
     length: float, mass: float, moment: float, about_joint: float, damping: float, offset_mass: float, words: Words
 ) -> Rod:
-    """Rod with a given first moment and inertia about its joint, which apply before the centre of mass is offset.
+    """Construct a rod from its first moment and inertia about its joint (before an offset of the centre of mass).
 
     Args:
         length: length of the rod, m

@@ -1,4 +1,4 @@
-"""The corrected model as SDFormat 1.10: inertia, viscous and Coulomb friction, linear springs, gravity.
+"""Export the corrected model as SDFormat 1.10: inertia, viscous and Coulomb friction, linear springs, gravity.
 
 Source: http://sdformat.org/spec (world, link, joint/axis/dynamics).
 """
@@ -15,9 +15,9 @@ WORDS = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_lengt
 
 
 def sdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
-    """SDFormat text: a world with gravity, and one model with the links `arm` (if it moves), `inner` and `outer`.
+    """Write SDFormat text: a world with gravity and one model with the links `arm` (if it moves), `inner`, `outer`.
 
-    The joints are 0 when upright. The parts at joint 2 belong to the inner rod.
+    All joint angles are 0 with the rods upright. The parts at joint 2 belong to the inner rod.
     """
     made = bodies(model, rig, in_words(model, rig, WORDS))
     inner, *outer = made.rods

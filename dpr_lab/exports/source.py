@@ -1,7 +1,7 @@
-"""Python sources of compiled functions with all dependencies, for programs without dpr-lab and without Numba.
+"""Extract the Python source of compiled functions with all dependencies, for programs without dpr-lab and Numba.
 
-The source is taken from the functions that dpr-lab itself runs. Decorators and annotations are removed, and names are
-made unique. A division by zero gives the same result as in compiled code.
+The source is that of the functions that dpr-lab itself runs. Decorators and annotations are removed, and names are made
+unique. A division by zero gives the same result as in compiled code.
 """
 
 import ast
@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 PREAMBLE = '''def divided(x, y):
-    """x / y, also where y is zero: inf or nan."""
+    """x / y; inf or nan if y is zero."""
     return x / y if y else (math.copysign(math.inf, x) * math.copysign(1.0, y) if x * x > 0.0 else math.nan)
 '''
 """Preamble of the sources, in addition to `import math`, `import numpy as np`, `namedtuple`."""
@@ -21,7 +21,7 @@ Rewrite = Callable[[ast.FunctionDef], ast.FunctionDef]
 
 
 def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = None) -> str:
-    """Definitions of the roots and of everything they use, in an executable order.
+    """Collect the definitions of the roots and of everything that they use, in an executable order.
 
     Args:
         roots: name in the source -> function (compiled or not), named tuple or number

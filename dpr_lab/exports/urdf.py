@@ -1,4 +1,4 @@
-"""Export of the corrected model as URDF: inertia, viscous and Coulomb friction.
+"""Export the corrected model as URDF: inertia, viscous and Coulomb friction.
 
 URDF contains no gravity, because gravity is a setting of the simulator. A tilt is a fixed joint below the base. Source:
 https://wiki.ros.org/urdf/XML (link, joint).
@@ -16,9 +16,9 @@ WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
 
 
 def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
-    """URDF text with links `world`, `base`, `arm` (if it moves), `inner`, `encoder2` and `outer`.
+    """Write URDF text with the links `world`, `base`, `arm` (if it moves), `inner`, `encoder2` and `outer`.
 
-    The joints are 0 when upright; joint 2 is relative to the inner rod.
+    All joint angles are 0 with the rods upright; joint 2 is relative to the inner rod.
     """
     made = bodies(model, rig, in_words(model, rig, WORDS))
     return rendered("urdf.xml", name=model.rig.name, made=made, notes=notes(model, made, lost), thin=THIN)

@@ -1,4 +1,4 @@
-"""XML documents rendered by Jinja2 from the templates of this package, with texts from files."""
+"""Render XML documents from the Jinja2 templates of this package; texts from files are escaped."""
 
 import re
 from functools import cache
@@ -15,7 +15,7 @@ _IN_ATTRIBUTES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Document with the given values; their texts are escaped.
+    """Render a template with the given values; texts are escaped.
 
     Args:
         template: name of a file in the folder `templates`

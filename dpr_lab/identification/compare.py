@@ -124,11 +124,11 @@ class Followed:
 
 
 def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
-    """Compare a run with a model: by segments, and by one free run from the initial state of the first segment.
+    """Compare a run with a model, in segments and in one free run from the initial state of the first segment.
 
     Args:
         run: the measurement
-        rig: encoders, for the noise floor
+        rig: the recorded rig; its encoders determine the noise floor
         model: the model; only initial states are fitted
         segment_s: length of a segment, s
     """
@@ -158,7 +158,7 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 
 @solvable
 def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
-    """Fit the initial states as `follow` does, for a preprocessed run that several models follow."""
+    """Fit the initial states as `follow` does; the run is preprocessed once for several models."""
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
     held_out = not model.used(preprocessed.run.sha256)
@@ -169,12 +169,18 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
 
 
 def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
-    """Fit of the run by the model with its effects and refitted initial states.
+    """Refit the initial states of a run with the effects of the model.
 
-    If the fit of a segment is worse than without effects, it has converged to a wrong minimum. The reason may be a
-    torque that is 20 % wrong without the effects. The fit of the segment is then repeated from the measured initial
-    state, a row of (segments, 4), and from the state in which the previous segment ends. The latter is more precise if
-    the rods are fast.
+    The fit starts from the initial states without effects, whose torques may be wrong by 20 %. It may therefore
+    converge to a local minimum, in which a segment fits worse than without effects. The fit of this segment is then
+    repeated from its measured initial state and from the final state of the previous segment. The latter is more
+    precise if the rods are fast.
+
+    Args:
+        bare: fit of the run without effects
+        measured: (segments, 4) measured initial states, rad and rad/s
+        rig: the recorded rig
+        model: the model with its effects
     """
     laid_out = bare.problem.segments
     at_step = replace(laid_out, step=np.full(len(laid_out), STEP))
@@ -219,11 +225,11 @@ def _continued(problem: Problem, estimate: Estimate) -> Array:
 
 
 def free_run_from(followed: Followed, at_s: float) -> FreeRun:
-    """Free run that starts with the segment that contains an instant.
+    """Simulate a free run from the beginning of the segment that contains a given instant.
 
     Args:
         followed: run with its fitted initial states
-        at_s: the instant, s since the release; the free run starts at the beginning of its segment
+        at_s: the instant, s since the release
     """
     laid_out = followed.bare.problem.segments
     index = max(int(np.searchsorted(laid_out.t[laid_out.offsets[:-1]], at_s, side="right")) - 1, 0)

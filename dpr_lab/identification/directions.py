@@ -1,7 +1,8 @@
 """Parameter directions that recordings and measured values do not determine.
 
-Information is represented by whitened rows: sensitivities to relative changes of the parameters. A direction is free if
-a change of the parameters by 100 % along this direction changes all rows together by less than one standard deviation.
+Information is represented by whitened rows: sensitivities of readings, in standard deviations, to relative changes of
+the parameters. A direction is undetermined (free) if a change of 100 % along it changes the readings, all together, by
+less than one standard deviation.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -38,11 +39,10 @@ def spread(rows: Array, least: float = SEEN) -> Array:
 
 
 def simple_basis(free: Array, names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
-    """Sparse directions that span the free directions, each scaled to a largest change of 1 %.
+    """Find the sparsest basis of the free directions, each direction scaled to a largest change of 1 %.
 
-    Repeatedly choosing the sparsest direction that is independent of the previous ones gives the sparsest basis.
-
-    Source: T. F. Coleman & A. Pothen (1986), The null space problem I.
+    In each step, the sparsest direction that is independent of the previous ones is chosen. Source: T. F. Coleman & A.
+    Pothen (1986), The null space problem I.
     """
     basis: list[Array] = []
     for direction in _simple_directions(free, names):
@@ -75,7 +75,7 @@ def _readable(direction: Array, names: Sequence[str]) -> dict[str, float]:
 
 
 def described(direction: Mapping[str, float]) -> str:
-    """Text of a free direction, for example `m1, m2 +1 %, l2 -0.5 %`."""
+    """Format a free direction, for example `m1, m2 +1 %, l2 -0.5 %`."""
     alike: dict[str, list[str]] = {}
     for name, change in direction.items():
         alike.setdefault(f"{100 * change:+.2g} %", []).append(name)

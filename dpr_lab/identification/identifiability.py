@@ -29,11 +29,10 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Limits from which a measured value helps, or a measurement is recommended."""
+    """Thresholds at which a measured value counts as useful, or a measurement is recommended."""
 
     helps: float = 1.1
-    """A measured value helps a parameter if, without it, the standard deviation of the parameter grows at least by this
-    factor."""
+    """Minimum factor by which the standard deviation of a parameter increases without a useful measured value."""
     worthwhile_bits: float = 0.1
     """Minimum gain of a recommended measurement over all nine parameters, in bits.
 
@@ -96,14 +95,14 @@ class Advice:
 
 @dataclass(frozen=True, slots=True)
 class LengthError:
-    """Effect of an error of L1 on the ratios; L1 is measured and not identified."""
+    """Effect of a measurement error of L1 on the ratios; L1 itself is not identified."""
 
     error: float
     """Assumed error of L1, m."""
     ratio_shift: Mapping[str, float]
     """Ratio -> relative change by the error."""
     residual_over_noise: float
-    """Residual with the error, in units of the noise floor. At 1 the error is not detectable."""
+    """Residual with the error, in units of the noise floor. If it is 1, the error is not detectable."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -173,7 +172,7 @@ def identifiability(
     lengths: bool = True,
     visible: Sequence[int] | None = None,
 ) -> Identifiability:
-    """Identifiability of a rig, from the information of recordings on its ratios and from measured values.
+    """Analyse which parameters of a rig are identifiable from recordings and measured values.
 
     Args:
         information: (5, 5) Fisher information of the ratios, or (6, 6) with b, from a fit or from
@@ -207,7 +206,7 @@ def identifiability(
 
 
 def summary(analysis: Identifiability) -> dict[str, Any]:
-    """Part of an identification's JSON output: rank, free directions, and recommendations as sentences."""
+    """Summarise the analysis for the JSON file of an identification: rank, free directions and recommendations."""
     return {
         "rank": analysis.rank,
         "null_space": [dict(direction) for direction in analysis.null_space],

@@ -1,4 +1,4 @@
-"""Identified model from a fit of the ratios: values with intervals and sources."""
+"""Build the identified model from a fit of the ratios: values with their intervals and sources."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ from dpr_lab.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class IdentifySettings:
-    """Limits beyond which an identification warns."""
+    """Thresholds beyond which an identification gives a warning."""
 
     gap_warning: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
@@ -136,9 +136,9 @@ def identified_model(
 
 
 def _of_alone(sentences: list[str], alone: bool) -> list[str]:
-    """Sentences on ratios, adapted to an inner rod alone.
+    """Adapt sentences on ratios to a rig with the inner rod alone.
 
-    They then refer to ratios to a, and sentences on rods that are not mounted are omitted.
+    The ratios then refer to the inertia a, and sentences on parts that are not mounted are omitted.
     """
     if not alone:
         return sentences

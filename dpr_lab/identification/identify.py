@@ -58,7 +58,7 @@ def identify(
         ConfigError: unknown objective or search.
         RunError: no runs.
         IdentificationError: no candidate inside the bounds could be simulated, or the recordings do not match the rig
-        because zero, unit, sign or order of the readings is specified wrongly.
+            because zero, unit, sign or order of the readings is specified incorrectly.
     """
     runs = as_runs(runs)
     if not runs:
@@ -127,13 +127,13 @@ def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
 def identifiability_of(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability:
-    """Parameters that free swings of a rig determine or do not determine, and recommended measurements.
+    """Analyse which parameters of a rig free swings determine, and recommend bench measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
-        runs: one or several recordings; none: simulated releases from the poses of the rig, with the values of the rig
-            file
+        runs: one or several recordings; if empty, releases from the poses of the rig are simulated with the values of
+            the rig file
         rig: bounds, measured values, encoders and poses
         tell: function that is called with each notice or warning
 

@@ -25,7 +25,7 @@ class BenchReading:
 
 
 class Measurement(Protocol):
-    """Interface of bench measurements for the recommendation; hashable."""
+    """Interface of a bench measurement that can be recommended; implementations are hashable."""
 
     @property
     def name(self) -> str:
@@ -93,8 +93,9 @@ def _loaded_release(
 ) -> Array:
     """Derivative for a release with a known attached mass; the ratios then determine the scale of all masses.
 
-    The uncertainties of the mass and of its position limit the accuracy. Readings F dratios whose sensitivity to these
-    errors is N have the covariance I + N N^T. Friction is assumed to be independent of the load.
+    The uncertainties of the mass and of its position limit the accuracy. With N the sensitivity of the whitened
+    readings F dratios to these errors, the covariance of the readings is I + N N^T. Friction is assumed to be
+    independent of the load.
     """
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std

@@ -119,9 +119,11 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """A segment extended by the part of the next one that its simulation predicts, and the remaining part.
+    """Extend a segment by the part of the next segment that its simulation predicts.
 
-    None if the predicted part or the remaining part is too short.
+    Returns:
+        The extended segment and the remaining part of the next one; None if the predicted or remaining part is too
+        short.
     """
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
@@ -139,7 +141,7 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
 
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
-    """Longest step whose error, estimated by halving, is below the noise, s; None if chaos makes this impossible."""
+    """Longest step whose error, estimated by step halving, is below the noise, s; None if no step is short enough."""
     samples = slice(int(ratio_fit.problem.segments.offsets[index]), piece.end)
     t, allowed = ratio_fit.problem.t[samples], SETTINGS.solver_error / ratio_fit.problem.weight[samples].max()
     step = min(piece.step, float(np.median(np.diff(t))))
@@ -153,7 +155,7 @@ def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
 
 
 def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
-    """Number of samples of the next segment along which the free run of a segment follows the readings."""
+    """Number of samples of the next segment that the free run of a segment predicts within the tolerance."""
     begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
     layout = ratio_fit.problem.segments
     passed = begin + 1 if layout.setups[layout.run[index]].free else border  # known torques are indexed by sample

@@ -122,7 +122,7 @@ class RigFacts(_Record):
 
     @classmethod
     def of(cls, rig: Rig) -> "RigFacts":
-        """Constants of a rig file."""
+        """Extract the constants from a rig file."""
         return cls(name=rig.name, sha256=rig.sha256, L1=rig.L1, g=rig.g)
 
 
@@ -152,7 +152,7 @@ class RunUsed(_Record):
 
     @classmethod
     def of(cls, run: Run, **figures: Any) -> "RunUsed":
-        """Entry of a run, with the figures of its fit by the names of the fields."""
+        """Create the entry of a run; `figures` are the values of the other fields by name."""
         return cls(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, **figures)
 
 
@@ -179,7 +179,7 @@ class Identifiable(_Record):
     rank: int
     """Number of directions, of nine, that the runs determine."""
     null_space: list[dict[str, Number]]
-    """Directions that influence no swing, as relative changes of the parameters."""
+    """Directions that have no influence on any swing, as relative changes of the parameters."""
     advice: list[str]
     """Bench measurements that would determine more parameters, best first."""
 
@@ -293,10 +293,10 @@ class Model(Shown, _Record):
         return self.model_copy(update={"ratios": alone, "fitted": five})
 
     def scaled_ratios(self) -> "Model":
-        """Copy of the model with base parameters computed from its ratios, as in comparisons with recordings.
+        """Return a copy of the model whose base parameters follow from its ratios, as in comparisons with recordings.
 
-        The base parameters of an identification are computed from the nine parameters. The bounds of the rig file may
-        shift these away from ratios of large uncertainty.
+        By default the base parameters follow from the nine parameters. The bounds of the rig file may shift the nine
+        parameters, so that they do not agree with ratios of large uncertainty.
         """
         values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
         return self.with_base(values.tolist())

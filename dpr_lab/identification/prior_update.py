@@ -42,7 +42,7 @@ def update_prior(
 
     Args:
         estimated: (5,) ratios, or (6,) with b; or the unknowns with the indices `visible` in `UNKNOWN_RATIOS`
-        covariance: covariance of the estimated values
+        covariance: (n, n) covariance of the estimated values
         rig: nominal values, bounds, measured values and L1, g
         visible: indices of the estimated unknowns; other ratios keep the values of the rig file
 
@@ -64,13 +64,16 @@ def update_prior(
 
 
 UNSURE = np.array([1e-3, 1e-3, 1e-3, 0.3, 0.3])
-"""Relative standard deviation with which bare ratios determine the scale; friction may hide much."""
+"""Assumed relative standard deviations of the five ratios a/b, d/b, e1/b, c1/b, c2/b when b is derived from them.
+
+Those of the friction ratios are large, because other effects change these ratios most.
+"""
 
 
 def assumed_b(unknown: Array, rig: Rig) -> ParameterValue:
-    """Value of b, kg m^2, the scale of all torques, according to the rig file and the ratios.
+    """Most probable inertia b, kg m^2, for the rig file and the five ratios at the beginning of `unknown`.
 
-    `unknown` starts with the five ratios.
+    b is the scale of all masses, inertias and torques.
     """
     values = unknown[: len(UNSURE)]
     _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)

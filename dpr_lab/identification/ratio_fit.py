@@ -48,7 +48,7 @@ class ShortSegments:
     first_segment_s: float = 0.25
     """First length, s; the fit converges from all initial values that are wrong by at most 20 %."""
     working_segment_s: float = 0.5
-    """Second length, s; it is so long that the model cannot follow a wrong interpretation."""
+    """Second length, s; the model cannot follow an incorrect interpretation over this length."""
     noise_alone: float = 20.0
     """Maximum reduced chi-square for which the noise of the inputs is relevant.
 
@@ -184,7 +184,7 @@ def fit_ratios(
     Args:
         problem: measured readings, weights and model
         start: initial values
-        held: indices of fixed unknowns: all for a held-out run, one for a profile
+        held: indices of the unknowns that stay fixed: all for a held-out run, one for a profile likelihood
         iterations: maximum number of iterations; `converged` is false if it is reached
         settings: tolerances and step control
     """
@@ -242,7 +242,7 @@ def first_fit(
 
 
 def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
-    """Process noise of the prescribed motion of an arm in terms of the readings; None if no motion is prescribed."""
+    """Effect of the noise of a prescribed arm motion on the readings; None if no motion is prescribed."""
     if all(setup.arm is None for setup in problem.segments.setups):
         return None
     return disturbance(problem, estimate, begins=lambda first: first)

@@ -97,7 +97,7 @@ class RatioUncertainty:
     def interval90(self, index: int) -> tuple[float, float]:
         """90 % interval of one unknown by Student's t with the number of blocks.
 
-        If the rig file widens the interval, it has no negative values.
+        If undetermined ratios of the rig file widen the interval, its lower end is at least zero.
         """
         freedom = max(self.blocks - len(self.values), 1)
         reach = float(stdtrit(freedom, 0.95)) * float(self.std[index])
@@ -109,10 +109,11 @@ class RatioUncertainty:
 def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     """Uncertainty of a fit with all unknowns free.
 
-    The covariance is computed from the information at the actual noise, widened by the scatter of the blocks. For white
-    residuals both agree. The information is more accurate, because a chaotic run contains most of it in few blocks.
-    Correlated residuals increase the scatter of the blocks. Model errors change slowly along a run. In that case the 90
-    % interval is at least as wide as the difference between first and second halves.
+    The covariance is computed from the Fisher information at the actual residual variance. It is increased if the
+    scores of blocks of residuals scatter more than the information predicts. For white residuals both estimates agree,
+    and the information is more accurate, because a chaotic run contains most of it in few blocks. Correlated residuals
+    increase the scatter of the blocks. If the model error dominates, it changes slowly along a run. The 90 % interval
+    is then at least as wide as the difference between the estimates from the first and second halves of the runs.
 
     Raises:
         LinAlgError: the recordings do not determine the unknowns.

@@ -3,9 +3,9 @@
 Each model starts from a random initial state, drawn from its distribution given the first readings. The model then runs
 freely; noise of the torque measurement is added to the known torques of driven joints, and encoder noise to the
 readings. The band at an instant lies between two quantiles over the models. Readings that were used for the initial
-states, and readings beyond the predictability horizon, are not compared. At first a hand may still have moved the rods.
-If the model therefore follows the first half second much worse than later parts, the band starts at the first half
-second that the model follows.
+states, and readings beyond the predictability horizon, are not compared. At the beginning, a hand may still move the
+rods. If the model follows the first half second much worse than later parts, the band therefore starts at the first
+half second that the model follows.
 """
 
 from collections.abc import Sequence
@@ -154,7 +154,7 @@ def quantiles_of(drawn: Array) -> tuple[Array, Array]:
 
     The k-th smallest value of m models is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
     Gumbel 1958, Statistics of Extremes). The usual rule interpolates between the smallest and the largest value; with
-    50 models it would give 86 % instead of 90 %.
+    50 models the band would cover 86 % instead of 90 %.
     """
     tail = (1 - BANDS.level) / 2
     finite = np.where(np.isfinite(drawn), drawn, np.nan)

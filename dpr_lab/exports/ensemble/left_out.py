@@ -9,9 +9,9 @@ half width of their 90 % band, y the readings, and z the normal quantile of the 
     s_r = mean (z (y - m) / w)^2,    v = median(s_r) / median(chi2_q / q)
 
 is the ratio of the variance of the errors to the variance of the band. It is 1 if the posterior is correct. A recording
-has about q independent errors. The median is insensitive to a recording far from the others, for which the values of
-the others are extrapolated. If v is within its scatter by chance, the posterior is kept. Otherwise the standard
-deviations are multiplied by
+has about q independent errors. The median is insensitive to a single recording that differs strongly from the others.
+If v exceeds 1 by no more than its random scatter, the posterior is kept. Otherwise the standard deviations are
+multiplied by
 
     t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom.
 
@@ -63,9 +63,9 @@ LEFT_OUT = LeftOutSettings()
 def factor_without(
     model: Model, components: Sequence[PosteriorComponent], runs: Sequence[Run], rig: Rig, seed: int
 ) -> float:
-    """Width factor on the standard deviations of the posterior.
+    """Estimate the factor on the standard deviations of the posterior by leave-one-out cross-validation.
 
-    It is 1 for too few runs, or if the posterior has no values fitted without each run.
+    The factor is 1 if there are too few runs, or if the posterior does not contain the fits without each run.
 
     Args:
         model: the corrected model
@@ -92,7 +92,7 @@ def without(components: Sequence[PosteriorComponent], place: int) -> list[Poster
 
 
 def widening(errors: Sequence[float]) -> float:
-    """Width factor on the standard deviations, from the value s of each recording."""
+    """Factor on the standard deviations, from the value s of each recording."""
     if not errors:
         return 1.0
     variance = float(np.median(errors) * LEFT_OUT.independent / chdtri(LEFT_OUT.independent, 0.5))

@@ -1,14 +1,15 @@
 """Corrected models sampled from the posterior of parameters and causes, for domain randomisation.
 
-First a set of effects is drawn by its probability, then its values from their joint normal distribution for another
-recording. This distribution has the covariance of the fit plus the covariance between recordings
-(`dpr_lab.gap.conclusion.scatter`). It is truncated: a draw is repeated if a quantity that cannot be negative is
-negative, or if the inertias are physically impossible. Setting negative values to zero instead would lose their
-correlations. For example, a large friction is drawn together with a negative damping. Without this damping, it would
-brake too much.
-If the recordings determine the scale b, it is drawn with the other values: under a known torque tau a swing depends on
-tau / b. A free swing does not determine b. It is then drawn log-normally within its interval, and all masses, inertias
-and torques are proportional to it.
+First a set of effects is drawn with its posterior probability, then the values of the parameters from their joint
+normal distribution for a further recording. The covariance is that of the fit plus the covariance between recordings
+(`dpr_lab.gap.conclusion.scatter`). The distribution is truncated: a draw is repeated if a quantity that must be
+positive is negative, or if the inertias are physically impossible. Negative values are not set to zero, because this
+would break the correlations. For example, a large Coulomb friction is drawn together with a negative viscous friction. With zero
+viscous friction instead, the total friction would be too large.
+
+If the recordings determine the scale b, it is drawn together with the other values, because under a known torque tau
+the motion depends on tau / b. A free swing does not determine b. In this case b is drawn from a log-normal distribution
+with its interval, and all masses, inertias and torques are proportional to b.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +29,7 @@ from dpr_lab.identification.model import Model
 
 
 def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: int, seed: int) -> list[Model]:
-    """Draw models.
+    """Draw models from a posterior.
 
     Args:
         model: the corrected model
@@ -48,7 +49,7 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 def posterior_of(
     model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
-    """Posterior of a diagnosis; for a model without a diagnosis, the covariance of its ratios.
+    """Return the posterior of a diagnosis; without a diagnosis, a posterior from the covariance of the ratios.
 
     Args:
         model: the model
@@ -140,7 +141,7 @@ def square_root(covariance: Array) -> Array:
 
 
 def signed(values: Mapping[str, float]) -> dict[str, float]:
-    """Values with zero in place of negative values that must not be negative."""
+    """Replace negative values of quantities that cannot be negative by zero."""
     return {name: max(value, 0.0) if name in _positive() else value for name, value in values.items()}
 
 
@@ -153,7 +154,10 @@ def _possible(values: Mapping[str, float]) -> bool:
 def scaled_effects(
     component: PosteriorComponent, values: Mapping[str, float], interval: tuple[float, float], rng: np.random.Generator
 ) -> tuple[float, dict[str, dict[str, float]]]:
-    """Ratio of a random scale to the scale of the posterior, and the random effects at this scale.
+    """Draw the scale, and convert the drawn effects to it.
+
+    Returns:
+        The ratio of the drawn scale to the scale of the posterior, and the effects at the drawn scale.
 
     Args:
         component: the drawn set of effects

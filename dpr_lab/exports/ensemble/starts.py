@@ -32,7 +32,7 @@ class StartSettings:
     """Settings of the random initial states."""
 
     tail: float = 1e-3
-    """Share of the draws of a linear problem with a larger misfit than the accepted one."""
+    """Fraction of the draws that would exceed the largest accepted misfit if the problem were linear."""
     halvings: int = 10
     """Maximum number of halvings of the distance between a draw and the fit."""
 
@@ -41,9 +41,9 @@ STARTS = StartSettings()
 
 
 def drawn_starts(problem: Problem, fit: Fit, rng: np.random.Generator) -> Estimate:
-    """The fitted estimate with random initial states and zeros.
+    """Draw random initial states and encoder zeros for a fitted estimate.
 
-    The values are not finite if the model cannot follow the readings.
+    The result is not finite if the model cannot follow the readings.
 
     Args:
         problem: readings to which the states were fitted

@@ -24,7 +24,7 @@ WORDS: dict[str, frozenset[str]] = {editor.name: editor.words for editor in (Mjc
 
 
 def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
-    """The user's file with the numbers of the corrected model.
+    """Write the numbers of the corrected model into the user's file, and return the changed file.
 
     The root element of the file determines its format.
 

@@ -1,7 +1,8 @@
-"""Numbers in URDF and SDFormat files.
+"""Edit the numbers in URDF and SDFormat files.
 
-The coordinates of an element can refer to any frame. The influence of a coordinate is therefore determined
-numerically: the file is read again with a changed coordinate, and positions are linear in each coordinate.
+The coordinates of an element can refer to any frame. The influence of a coordinate on a position in the world frame is
+therefore determined numerically. The file is read again with a changed coordinate; positions are linear in each
+coordinate.
 """
 
 from abc import ABC, abstractmethod
@@ -32,7 +33,7 @@ class DescriptionEditor(ABC):
 
     @abstractmethod
     def read(self, text: bytes) -> SimulatorModel:
-        """See `Editor`."""
+        """Read the model from the content `text` of the file, as `Editor.read`."""
 
     @abstractmethod
     def place(self, edit: XmlEdit, owner: int) -> Vector:
@@ -55,7 +56,7 @@ class DescriptionEditor(ABC):
         """Index of the element whose position determines the position of the outer joint."""
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """See `Editor`."""
+        """Shift the second joint relative to the first, as `Editor.move_joint`."""
         joint = joints[1]
         owner = self.elbow_owner(self._element(edit, "joint", joint), self._link(edit, joint))
 
@@ -68,7 +69,7 @@ class DescriptionEditor(ABC):
         self._move(edit, owner, f"{element.tag} {element.attributes['name']}", anchor, shift)
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """See `Editor`."""
+        """Change centre of mass and inertia of a body, as `Editor.set_body`."""
         if not change.moves and not change.scales:
             return
         inertial, label = edit.child(self._link(edit, joint), "inertial"), f"link {change.name}"
@@ -80,7 +81,7 @@ class DescriptionEditor(ABC):
             self._move(edit, inertial, label, lambda changed: _part(changed, joint).centroid, change.shift)
 
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
-        """See `Editor`."""
+        """Set the quantities of a joint that differ from the target, as `Editor.set_joint`."""
         values = joint_values(part, target)
         texts = {self.joint_names[key]: numbers([v]) for key, (_, v) in values.items() if key in self.joint_names}
         if texts:
@@ -88,7 +89,7 @@ class DescriptionEditor(ABC):
             self.set_values(edit, self._element(edit, "joint", name), f"joint {name}", texts)
 
     def overriding(self) -> str:
-        """See `Editor`."""
+        """Compose the message for a file that does not have the written numbers, as `Editor.overriding`."""
         return (
             f"{self.path}: the changed file does not contain the written numbers when it is read again: change the file"
             " by hand"

@@ -1,4 +1,4 @@
-"""Numbers of the user's file that represent effects, and their differences from a corrected model."""
+"""Compare the effects that the user's simulator file represents with those of a corrected model."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -96,9 +96,9 @@ def in_file(chain: ModelChain, name: str) -> dict[str, float]:
 def unseen(
     diagnosis: Diagnosis, chain: ModelChain, named: Collection[str], joints: Collection[int]
 ) -> dict[str, dict[str, float]]:
-    """Effects of the given joints in the file that the diagnosis does not name and could not detect at this size.
+    """Find effects in the file that the diagnosis does not name, but that are too small to be detectable.
 
-    The changed file keeps their values.
+    The changed file keeps the values of these effects. Only effects of the given joints are returned.
     """
     undetectable = {}
     for name in _at(joints):
@@ -134,14 +134,14 @@ def scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, f
 def cause(
     chain: ModelChain, joint: int, quantity: str, before: float, after: float, unit: str, effect: str = ""
 ) -> ModelCause:
-    """Difference of one number at joint 0, 1 or, for the arm, -1."""
+    """Describe the difference of one number; the joint is 0 or 1 for the rods, -1 for the arm."""
     return ModelCause(hinge(chain, joint).joint.name, quantity, float(before), float(after), unit, effect)
 
 
 def effect_rows(
     chain: ModelChain, name: str, values: Mapping[str, float], file: Mapping[str, float]
 ) -> list[ModelCause]:
-    """Numbers of the file that an effect changes."""
+    """Describe the numbers of the file that an effect changes."""
     joint, term = _joint(name), _term(name)
     gain, gear = words_of({name: values}).get(name, {}).get("gear"), hinge(chain, joint).gear
     if gain is not None and gear is not None:
@@ -157,9 +157,9 @@ def effect_rows(
 
 
 def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> Effects:
-    """Effects that the recordings require.
+    """Select the effects that the recordings require.
 
-    The other effects keep their values of the file, and are omitted if these values are zero.
+    Other effects keep their values of the file; they are omitted if these values are zero.
 
     Args:
         effects: identified sizes by name
@@ -176,7 +176,7 @@ def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> 
 def ranked(
     causes: Sequence[tuple[Sequence[ModelCause], float]], least: float, nothing: float
 ) -> tuple[ModelCause, ...]:
-    """Changed numbers with their shares, sorted by decreasing share.
+    """Compute the share of each changed number in the error, and sort by decreasing share.
 
     Args:
         causes: numbers of each cause, and the mean square error if they keep their values of the file

@@ -1,4 +1,4 @@
-"""Smallest set of changes after which a simulator's model moves like the corrected model.
+"""Find the smallest set of changes after which a simulator's model moves like the corrected model.
 
 A free swing determines only ratios of the base parameters. Unless recordings or measured values determine it, the
 common scale s of all masses, inertias and torques is therefore free. It is chosen such that as many base parameters of
@@ -49,7 +49,7 @@ BODY_TERMS = (("a", "e1"), ("b", "d"))
 
 @dataclass(frozen=True, slots=True)
 class LeastChange:
-    """Corrected model that keeps all compatible numbers of the file, with its causes, sorted by share."""
+    """Corrected model that keeps all compatible numbers of the file, with the changed numbers sorted by share."""
 
     model: AnyModel
     causes: tuple[ModelCause, ...]
@@ -108,7 +108,7 @@ def ranked_change(
     effects: Effects,
     uncorrected: Sequence[tuple[list[ModelCause], Numbers]],
 ) -> LeastChange:
-    """Smallest change with its causes, ranked by the growth of the error if the cause stays uncorrected.
+    """Rank the changed numbers by the growth of the error if they stay uncorrected.
 
     Args:
         chain: rods and arm of the file
@@ -143,7 +143,7 @@ def _base_of(chain: ModelChain, longer: float) -> Array:
 def _gear_factors(
     effects: Mapping[str, Mapping[str, float]], diagnosis: Diagnosis, runs: Sequence[Run]
 ) -> dict[str, float]:
-    """Error of the torque constant of each driven joint -> acting torque over known torque at the estimated b.
+    """Ratio of acting to known torque at the estimated b, by the name of the effect of each driven joint.
 
     Empty unless the torques determine the scale.
     """

@@ -1,10 +1,10 @@
-"""Smallest set of changes in a simulator's model with a moving arm.
+"""Find the smallest set of changes in a simulator's model with a moving arm.
 
-`least_change` does the same for a clamped arm. All inertias, frictions, gravity torques and the torque per input of the
-drive may have a common factor s. Let u be the estimated `SWING_PARAMETERS` over the scale and x those of the file. x_i
-is unchanged if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i. If the torque per input is
-unchanged, s is the scale that known torques determine. If most other parameters are unchanged, the gear of the motor
-changes.
+`least_change` does the same for a clamped arm. All inertias, frictions and gravity torques, and the torque per input of
+the drive, are determined only up to a common factor s. Let u be the estimated `SWING_PARAMETERS` divided by the scale,
+and x those of the file. x_i is unchanged if |s u_i / x_i - 1| is within its tolerance; s is chosen among the values x_i
+/ u_i. If the torque per input is unchanged, s is the scale that known torques determine. If most other parameters are
+unchanged instead, the gear of the motor changes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

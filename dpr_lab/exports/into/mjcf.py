@@ -1,4 +1,4 @@
-"""Numbers in MJCF files, which are attributes of joints, bodies and motors."""
+"""Edit the numbers in MJCF files, which are attributes of joints, bodies and motors."""
 
 import math
 from pathlib import Path
@@ -29,12 +29,12 @@ class MjcfEditor:
         self.path = path
 
     def read(self, text: bytes) -> SimulatorModel:
-        """See `Editor`."""
+        """Read the model from the content `text` of the file, as `Editor.read`."""
         self._compiled = compile_mjcf(self.path, text)
         return self._compiled.simulator_model()
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """See `Editor`.
+        """Shift the second joint relative to the first, as `Editor.move_joint`.
 
         Raises:
             ConfigError: the second body is not a child of the first.
@@ -47,7 +47,7 @@ class MjcfEditor:
         edit.set(moved, f"body {frame.name}", pos=numbers(place))
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """See `Editor`."""
+        """Change centre of mass and inertia of a body, as `Editor.set_body`."""
         if not change.moves and not change.scales:
             return
         frame, (_, body) = self._compiled.body(joint), self._tags(edit, joint)
@@ -71,7 +71,7 @@ class MjcfEditor:
             edit.set(inertial, f"{label}, inertial", **{form: numbers(change.factor * values)})
 
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
-        """See `Editor`; includes the gear of the motor of the joint."""
+        """Set the quantities of a joint, including the gear of its motor, that differ from the target."""
         turn = math.degrees(1.0) if self._compiled.degrees else 1.0
         changed = {
             ATTRIBUTES.get(name, name): numbers([turn * after if name == "rest" else after])
@@ -81,7 +81,7 @@ class MjcfEditor:
         self._set_gear(edit, part, target.gear)
 
     def overriding(self) -> str:
-        """See `Editor`: settings of the file that override the changed numbers, with a remedy."""
+        """Compose a message that names the settings of the file that override the written numbers, with a remedy."""
         root, switches = with_includes(self.path), {flag for flags in SWITCHES.values() for flag in flags}
         off = [
             f'<flag {name}="disable">'

@@ -36,7 +36,7 @@ from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
 
 
 class Editor(Protocol):
-    """A format of simulator files: functions that read and write its numbers."""
+    """Interface of the editors of simulator files: functions that read and write the numbers of one format."""
 
     name: str
     """Name of the format."""
@@ -48,7 +48,7 @@ class Editor(Protocol):
     """The user's file."""
 
     def read(self, text: bytes) -> SimulatorModel:
-        """Model of the file if its content is replaced by `text`."""
+        """Read the model from the content `text` instead of the content of the file."""
         ...
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
@@ -64,12 +64,12 @@ class Editor(Protocol):
         ...
 
     def overriding(self) -> str:
-        """Message on the reason why the changed file does not have the written numbers."""
+        """Compose the message for a file whose other settings override the written numbers."""
         ...
 
 
 def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str]) -> PatchedModel:
-    """The user's file with the numbers of the corrected model.
+    """Write the numbers of the corrected model into the user's file, and return the changed file.
 
     Args:
         model: the corrected or identified model
@@ -148,7 +148,7 @@ def _moves(chain: ModelChain, longer: float, of_arm: ArmTarget | None) -> list[t
 def _edited(
     editor: Editor, text: bytes, changes: list[ChangedAttribute], step: Callable[..., None], *arguments: object
 ) -> bytes:
-    """Text of the file after one step of the editor, whose changes are appended to `changes`."""
+    """Apply one step of the editor to a text, append its changes to `changes`, and return the new text."""
     edit = XmlEdit(text, str(editor.path))
     step(edit, *arguments)
     changes += edit.changes

@@ -39,7 +39,7 @@ class PassiveForces:
 def passive_forces(
     model: Model, rig: Rig, expressed: Collection[str], chain: ModelChain, file: str, gravity: float | None = None
 ) -> PassiveForces:
-    """Passive forces for the effects of a model that a file does not contain.
+    """Generate the module of passive forces for the effects of a model that a file does not contain.
 
     Args:
         model: the corrected model

@@ -1,8 +1,9 @@
-"""Replay of recordings in MuJoCo with the numbers of the user's file.
+"""Replay recordings in MuJoCo with the numbers of the user's file.
 
-If the rods have the only joints of an MJCF file, the file itself is simulated, with its own integrator. Its time step
-is at most 0.5 ms, so that the error of the model dominates the error of the integration. For other files, bodies with
-the numbers that were read are simulated, because MuJoCo cannot read SDFormat; further joints are fixed at zero.
+An MJCF file that has no joints other than those of the rods is simulated directly, with its own integrator and a time
+step of at most 0.5 ms, so that integration errors are negligible. For all other files, equivalent bodies are simulated
+that have the numbers of the file, with all further joints fixed at zero. One reason is that MuJoCo cannot read
+SDFormat.
 
 Recordings of a moving arm are replayed in segments of 1 s. The recorded input of the drive acts as a torque on the arm.
 """
@@ -37,9 +38,9 @@ from dpr_lab.simulator_models.mjcf import compile_mjcf
 
 @dataclass(frozen=True, slots=True)
 class FileReplay:
-    """Errors of replays of one recording, rad: root mean square over both rods up to the predictability horizon.
+    """Rms errors of the replays of one recording, over both rods up to the predictability horizon, rad.
 
-    For a moving arm, the errors are root mean squares over arm and rods, in segments of 1 s with fitted initial states.
+    For a moving arm, the errors are taken over arm and rods, in segments of 1 s with fitted initial states.
     """
 
     run: str
@@ -174,7 +175,7 @@ class Simulation:
         return np.column_stack([*angles, *(angles[-1:] if count == 1 + moving else [])])  # no rod on joint 2
 
     def with_module(self, module: str, rig: Rig, gain: Array) -> Callable[[Replay], Array]:
-        """Function that simulates like `angles`, with the passive forces of a module."""
+        """Return a function that simulates as `angles` does, with the passive forces of a module."""
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / CALLBACK).write_text(module, encoding="utf-8")
             names = runpy.run_path(str(Path(folder) / CALLBACK))

@@ -1,4 +1,7 @@
-"""Numbers in the elements of SDFormat, which are texts. Source: http://sdformat.org/spec (link, joint, axis)."""
+"""Edit the numbers in SDFormat files, which are texts of elements.
+
+Source: http://sdformat.org/spec (link, joint, axis).
+"""
 
 import numpy as np
 
@@ -11,7 +14,7 @@ from dpr_lab.simulator_models.xml_edit import XmlEdit
 
 
 class SdfEditor(DescriptionEditor):
-    """Editor of SDFormat files; see `Editor`."""
+    """Editor of SDFormat files; implements `Editor`."""
 
     name = "SDFormat"
     passive = False  # MuJoCo cannot read SDFormat
@@ -24,15 +27,15 @@ class SdfEditor(DescriptionEditor):
     }
 
     def read(self, text: bytes) -> SimulatorModel:
-        """See `Editor`."""
+        """Read the model from the content `text` of the file, as `Editor.read`."""
         return read_sdf(self.path, text)
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """See `DescriptionEditor`."""
+        """(3,) coordinates of an element that has a position, m."""
         return np.array(_pose(edit, owner)[:3], dtype=np.float64)
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """See `DescriptionEditor`."""
+        """Set the coordinates (3,) of an element, m."""
         pose, values = edit.child(owner, "pose"), _pose(edit, owner)
         text = " ".join([numbers(place), *values[3:]])
         if pose is None:
@@ -41,9 +44,9 @@ class SdfEditor(DescriptionEditor):
             edit.set_text(pose, label, text)
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """See `DescriptionEditor`.
+        """Multiply the inertia of an element by a factor.
 
-        An element without inertia has the default of the format, 1 kg m^2 about each axis.
+        Without an inertia in the file, the default of the format is multiplied: 1 kg m^2 about each axis.
         """
         inertia = edit.child(inertial, "inertia")
         if inertia is None:
@@ -55,7 +58,7 @@ class SdfEditor(DescriptionEditor):
                 edit.set_text(index, f"{label}, inertia", numbers([factor * float(tag.text)]))
 
     def set_values(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
-        """See `DescriptionEditor`.
+        """Set quantities of a joint, by their names in the format.
 
         Raises:
             ConfigError: the joint has no axis.
@@ -79,7 +82,7 @@ class SdfEditor(DescriptionEditor):
             edit.insert_texts(dynamics, f"{label}, dynamics", **missing)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """See `Editor`: index of the outer link, because its frame contains the position of the joint."""
+        """Index of the outer link, whose frame contains the position of the outer joint."""
         return link
 
 

@@ -1,8 +1,8 @@
-"""Target values of rods and arm in the user's file, and the change of a body that achieves them.
+"""Compute the target values of rods and arm in the user's file, and the changes of bodies that achieve them.
 
-The swing determines inertias, first moments and friction of the rods, but not their masses. The masses of the file are
+A swing determines inertias, first moments and friction of the rods, but not their masses. The masses of the file are
 therefore kept. Centre of mass, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
-corrected model does not contain are set to zero, so that the file moves like the corrected model.
+corrected model does not contain are set to zero, so that the model of the file moves like the corrected model.
 """
 
 import math
@@ -163,7 +163,7 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
 
 
 def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
-    """Target values of the rods: with the masses of the file they give the moments of the corrected model.
+    """Compute target values of the rods that, with the masses of the file, give the moments of the corrected model.
 
     Args:
         chain: the rods of the file
@@ -186,7 +186,7 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
 
 
 def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
-    """Target values of the arm: with the masses of the file they give the total inertia of the corrected model.
+    """Compute target values of the arm that, with the masses of the file, give the inertia of the corrected model.
 
     Args:
         chain: the rods of the file
@@ -204,7 +204,7 @@ def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain:
 
 
 def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path: Path) -> BodyChange:
-    """Change of the arm's body after which the whole arm has the target inertia.
+    """Compute the change of the arm's body after which the whole arm has the target inertia.
 
     Raises:
         ConfigError: no positive inertia gives the target.
@@ -224,9 +224,9 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path:
 def body_change(
     read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: RodTarget, path: Path
 ) -> BodyChange:
-    """Change of the body of a joint after which the whole rod has the target values.
+    """Compute the change of the body of a joint after which the whole rod has the target values.
 
-    Only this body is moved to shift the common centre of mass of the rod.
+    Other bodies of the rod are not moved.
 
     Raises:
         ConfigError: the body has no mass, or no positive inertia gives the target.
@@ -254,7 +254,7 @@ def body_change(
 
 
 def joint_values(part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> dict[str, tuple[float, float]]:
-    """Quantity of a joint -> values in the file and in the target, SI units, for quantities that differ."""
+    """Quantities of a joint that differ from the target, each with its values in the file and in the target, SI."""
     joint, words = part.joint, target.words
     values = {
         "damping": (joint.damping, target.damping),
@@ -309,9 +309,9 @@ def refuse_overridden(
 
 
 def numbers(values: Vector | Sequence[float]) -> str:
-    """Numbers as text for a file.
+    """Format the numbers of a vector for a file.
 
-    Next to larger numbers, the rounding errors of a rotation are written as zero.
+    Numbers that are negligible relative to the largest one, such as rounding errors of a rotation, are written as zero.
     """
     exact = np.asarray(values, dtype=np.float64)
     rounded = np.where(np.abs(exact) < PATCH.rounding * np.max(np.abs(exact)), 0.0, exact)

@@ -1,4 +1,7 @@
-"""Numbers in the elements of URDF, which are attributes. Source: https://wiki.ros.org/urdf/XML (link, joint)."""
+"""Edit the numbers in URDF files, which are attributes of elements.
+
+Source: https://wiki.ros.org/urdf/XML (link, joint).
+"""
 
 import numpy as np
 
@@ -12,7 +15,7 @@ INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class UrdfEditor(DescriptionEditor):
-    """Editor of URDF files; see `Editor`."""
+    """Editor of URDF files; implements `Editor`."""
 
     name = "URDF"
     passive = True
@@ -20,17 +23,17 @@ class UrdfEditor(DescriptionEditor):
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
 
     def read(self, text: bytes) -> SimulatorModel:
-        """See `Editor`."""
+        """Read the model from the content `text` of the file, as `Editor.read`."""
         return read_urdf(self.path, text)
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """See `DescriptionEditor`."""
+        """(3,) coordinates of an element that has a position, m."""
         origin = edit.child(owner, "origin")
         text = "" if origin is None else edit.tags[origin].attributes.get("xyz", "")
         return np.array((text or "0 0 0").split(), dtype=np.float64)
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
-        """See `DescriptionEditor`."""
+        """Set the coordinates (3,) of an element, m."""
         origin = edit.child(owner, "origin")
         if origin is None:
             edit.insert(owner, "origin", label, xyz=numbers(place))
@@ -38,7 +41,7 @@ class UrdfEditor(DescriptionEditor):
             edit.set(origin, f"{label}, origin", xyz=numbers(place))
 
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
-        """See `DescriptionEditor`."""
+        """Multiply the inertia of an element by a factor."""
         inertia = edit.child(inertial, "inertia")
         if inertia is not None:
             tensor = {name: float(edit.tags[inertia].attributes.get(name, "0")) for name in INERTIA}
@@ -46,7 +49,7 @@ class UrdfEditor(DescriptionEditor):
             edit.set(inertia, f"{label}, inertia", **scaled)
 
     def set_values(self, edit: XmlEdit, joint: int, label: str, values: dict[str, str]) -> None:
-        """See `DescriptionEditor`."""
+        """Set quantities of a joint, by their names in the format."""
         dynamics = edit.child(joint, "dynamics")
         if dynamics is None:
             edit.insert(joint, "dynamics", label, **values)
@@ -54,5 +57,5 @@ class UrdfEditor(DescriptionEditor):
             edit.set(dynamics, f"{label}, dynamics", **values)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """See `Editor`: index of the joint."""
+        """Index of the outer joint, whose element contains its position."""
         return joint

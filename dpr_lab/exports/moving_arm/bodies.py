@@ -1,8 +1,8 @@
-"""The identified rig with a moving arm as rigid bodies on hinges.
+"""Convert the identified rig with a moving arm to rigid bodies on hinges.
 
-A swing depends on the base parameters alone, so the masses can be derived from those of the rig file. With S = d / L1,
+A swing depends only on the base parameters, so the masses can be chosen near those of the rig file. With S = d / L1,
 the first moment of the outer rod, any m2 > S^2 / b gives l2 = S / m2 and J2 = b - S^2 / m2. The same holds for the
-inner rod. The own inertia of the arm is A - (m1 + m2) L0^2.
+inner rod. The inertia of the arm alone is A - (m1 + m2) L0^2.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The model of a diagnosis with a moving arm, and the same model with other values of a fit."""
+"""Build the corrected model of a diagnosis with a moving arm, and replace its values by those of another fit."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -35,7 +35,7 @@ def corrected_arm_model(
     runs: Sequence[Run],
     rig: Rig,
 ) -> MovingArmModel:
-    """Diagnosed model in the form of `model.json`, with its effects in the table `effects`.
+    """Build the corrected model in the form of `model.json`, with its effects in the table `effects`.
 
     Args:
         diagnosis: ratios with their intervals

@@ -31,7 +31,7 @@ KNOWN_TORQUE = ("torque", "current")
 def sampled_arm_models(
     model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, n: int, seed: int, tries: int = 1000
 ) -> list[MovingArmModel]:
-    """Draw models.
+    """Draw models with a moving arm from a posterior.
 
     Args:
         model: the model, of `identify` or of a diagnosis

@@ -1,4 +1,4 @@
-"""Python module of a rig with a moving arm, made of functions of dpr-lab; it depends only on numpy."""
+"""Export a rig with a moving arm as a Python module that contains functions of dpr-lab and depends only on numpy."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,16 +17,17 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 from dpr_lab.setup import Setup
 
-_HEAD = '''"""Rods on an arm that moves: the functions with which dpr-lab itself simulates, and the identified values.
+_HEAD = '''"""Rods on a moving arm with the identified values; simulated by the same functions as in dpr-lab.
 
-simulate(x0, t, inputs)  states at the instants t, the input held from each instant to the next
+simulate(x0, t, inputs)  states at the instants t; each input is held until the next instant
 readings(x0, t, ...)     readings of the encoders of joints 0, 1 and 2 at device times t, rad
 derivative(x, u)         time derivative of a state
-step(x, u, h)            the state after h, s
-ArmSwing(x0)             the same step by step
+step(x, u, h)            state after a step of h, s
+ArmSwing(x0)             step-by-step simulation
 
-A state is theta0, theta1, theta2, omega0, omega1, omega2: arm, inner and outer rod, absolute angles, rad, rods 0 =
-upright, pi = hanging; speeds, rad/s. Without an outer rod theta2 is zero. The input is INPUT; SI.
+A state contains theta0, theta1, theta2, omega0, omega1, omega2 of arm, inner and outer rod: absolute angles, rad, and
+speeds, rad/s. The rods are upright at 0 and hang at pi. Without an outer rod, theta2 is zero. INPUT is the kind of the
+input. All quantities are in SI units.
 """
 
 import math
@@ -41,7 +42,7 @@ inf, nan = math.inf, math.nan
 RIG = {rig!r}
 SCALE = {scale!r}
 INPUT = {input!r}  # torque (N m), current (A), voltage (V) or acceleration (rad/s^2) of the arm; empty without one
-LEFT_OUT = {left_out!r}  # also named, but not in this module
+LEFT_OUT = {left_out!r}  # effects that were named, but that this module does not contain
 EFFECTS = {effects!r}
 VALUES = {values!r}
 L1, G = {L1!r}, {g!r}
@@ -53,7 +54,7 @@ OUTER = {outer!r}  # whether the outer rod is mounted
 
 _TAIL = '''
 DELAY = delay_of_input(0.0, None, None)  # of the input, s
-GEARED = MODEL.required.play0  # whether the arm's motor is a body of its own, behind the backlash of a gear
+GEARED = MODEL.required.play0  # whether the arm's motor is a separate body behind the backlash of a gear
 OF_ARM = MODEL._replace(required=MODEL.required._replace(drive0=False))  # the effects of the drive act on the motor
 
 
@@ -109,7 +110,7 @@ class ArmSwing(Swing):
         return (x.motor_angle, x.motor_speed) if GEARED else (x.theta0, x.omega0)
 
     def state(self):
-        """(6,) the state."""
+        """(6,) present state."""
         return np.array([*self.x[:6]])
 
 
@@ -122,7 +123,7 @@ def simulate(x0, t, inputs, max_step=1e-3, kind=ArmSwing):
 def readings(x0, t, run=0, max_step=1e-3, start=0.0, kind=ArmSwing, torques=lambda t, state: (0.0,)):
     """(n, 3) readings of the encoders of joints 0, 1 and 2 at device times t, rad; the state at `start`, s, is x0.
 
-    torques(t, state): the input of the arm, held through each step.
+    torques(t, state): the input of the arm, constant during each step.
     """
     return readings_at(x0, t, run, max_step, start, kind, torques)
 
@@ -136,7 +137,7 @@ def derivative(x, u=0.0):
 
 
 def step(x, u, h):
-    """(6,) the state after h, s, by the classical Runge-Kutta method; internal states are those at the release."""
+    """(6,) state after h, s, by the classical Runge-Kutta method; internal states are those at the release."""
     swing = ArmSwing(x)
     swing.step(h, u)
     return swing.state()

@@ -1,7 +1,4 @@
-"""Swings of a model with a moving arm along a recording, in segments with fitted initial states.
-
-Other programs replay these segments.
-"""
+"""Simulate a recording with a moving-arm model, in segments with fitted initial states, for replays in programs."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -105,7 +102,7 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
 
 
 def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
-    """Segments of a recording with the initial states of a model. Raises the errors of `follow_with_arm`."""
+    """Cut a recording into segments with fitted initial states; raises the errors of `follow_with_arm`."""
     followed = follow_with_arm(run, rig, model, ARM_REPLAY.segment_s)
     to_rods = rig.encoders.joint_angles.to_rods
     swings = []

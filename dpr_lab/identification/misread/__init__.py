@@ -1,1 +1,1 @@
-"""Wrong descriptions of recordings: refusal, or a diagnosis with the option that corrects the description."""
+"""Detect incorrect descriptions of recordings (zero, unit, sign, order), and name the option that corrects them."""

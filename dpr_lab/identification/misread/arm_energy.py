@@ -1,4 +1,4 @@
-"""Test for an undescribed drive of an arm that is described as free.
+"""Test whether an arm that is described as free was driven.
 
 The energy of rods and arm is linear in their parameters, with the mass matrix of `dpr_lab.dynamics.arm`, the gravity of
 the rods, and a spring of the arm with any rest angle:
@@ -52,7 +52,7 @@ ARM_ENERGY = ArmEnergySettings()
 
 
 def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
-    """Sentence on an arm that is described as free but receives energy; otherwise empty."""
+    """Compose a message if an arm that is described as free gains energy; otherwise the text is empty."""
     rise = arm_energy_rise([run for run in runs if run.arm_mode == "free"], rig)
     if rise < ARM_ENERGY.entering:
         return ""

@@ -1,4 +1,4 @@
-"""Energy test: whether angles and times of a table can be a free swing of the rig.
+"""Energy test of whether the angles and times of a table are consistent with a free swing of the rig.
 
 With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md) the energy
 
@@ -8,11 +8,11 @@ changes by viscous and dry friction,
 
     dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt.
 
-Known torques add tau1 w1 + tau2 (w2 - w1). If dry friction were omitted, a shift of the zeros would compensate for its
-loss. All coefficients enter linearly. A least-squares fit within bounds about the rig file's values has a small
-residual if angles and times are interpreted correctly, and a large residual otherwise. The test needs neither an
-initial state nor a simulation. A single rod is represented as two equal halves with the same angle
-(`dpr_lab.dynamics.base`).
+Known torques add the power tau1 w1 + tau2 (w2 - w1). Dry friction is included, because otherwise an error of the zeros
+would compensate for its loss. All coefficients enter linearly and are fitted by least squares within bounds about the
+values of the rig file. The residual is small if angles and times are interpreted correctly, and large otherwise. The
+test needs neither an initial state nor a simulation. A single rod is represented by two equal halves with the same
+angle (`dpr_lab.dynamics.base`).
 """
 
 import math
@@ -82,9 +82,9 @@ class EnergyFit:
     residual: float
     """Rms error of the energy balance, relative to the exchanged potential energy."""
     time_scale: float
-    """Factor for the times that balances the exchange of kinetic and potential energy; 1 if correct, nan if unclear."""
+    """Time scale factor at which kinetic and potential energy balance; 1 if the times are correct, nan if unknown."""
     kinetic_scale: float
-    """Factor for the times from the magnitudes of both energies; accurate to a factor of ten.
+    """Time scale factor from the magnitudes of both energies; accurate to a factor of ten.
 
     It is also valid for driven rods.
     """
@@ -170,9 +170,9 @@ def _residual_near(terms: Array, rig: Rig) -> float:
 
 
 def other_pace(t: Array, rods: Array, rig: Rig) -> float:
-    """Factor by which a free swing is faster than its times state, if it makes the energy balance far better; else 1.
+    """Factor by which a free swing was faster than its stated times; 1 unless the factor clearly improves the balance.
 
-    A camera in slow motion takes more frames per second than its video shows.
+    In a slow-motion video, for example, the camera recorded more frames per second than the video plays.
 
     Args:
         t: (n,) instants, s
@@ -258,8 +258,8 @@ def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
 def _residual(covariance: Array, added: Array) -> float:
     """Rms error of the balance with coefficients within bounds, relative to the potential energy.
 
-    It is infinite without potential energy. At other zeros, cosine and sine of an angle are linear combinations of
-    those given, so the covariance of the terms is sufficient.
+    The result is infinite without potential energy. If an angle is shifted, its cosine and sine become linear
+    combinations of the original ones. The covariance of the original terms is therefore sufficient.
 
     Args:
         covariance: (m, m) covariance of `_terms`
@@ -289,10 +289,10 @@ def _integral(t: Array, power: Array) -> Array:
 
 
 def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
-    """Factor of the times for which kinetic and potential energy are exchanged, apart from a trend and friction.
+    """Time scale factor s at which the total energy is conserved, apart from a trend and friction.
 
-    With the factor s, K / s^2 + V + x L + trend is constant. K is compared with V after the losses L by friction are
-    projected out of both. Nan if the energies are not exchanged, because the losses resemble one of them.
+    K / s^2 + V + x L + trend is then constant. K is compared with V after the frictional losses L are projected out of
+    both. The result is nan if K and V are not exchanged, because the losses resemble one of them.
 
     Args:
         kinetic: (n,) K

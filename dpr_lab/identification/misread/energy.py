@@ -1,4 +1,4 @@
-"""Test for an undescribed energy source that drives the rods.
+"""Test whether an energy source drives the rods that the description of the recordings does not contain.
 
 The energy of the rods over b is linear in their ratios, and the work of known torques over b is linear in 1/b:
 

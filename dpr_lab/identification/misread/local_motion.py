@@ -20,14 +20,14 @@ class LocalMotionSettings:
     window: tuple[int, int]
     """Minimum and maximum number of samples of a window."""
     gap: tuple[float, float] = (0.25, 4.0)
-    """Minimum interval between rows that is a gap, in periods and in median intervals; both limits must be exceeded.
+    """Minimum interval between rows that counts as a gap, in periods and in median intervals; both must be exceeded.
 
-    A gap lies outside all windows.
+    No window contains a gap.
     """
     looked_at_s: float = 10.0
-    """Duration of a table that is examined, s; a wrong interpretation is visible from the start."""
+    """Duration of a table that is examined, s; an incorrect interpretation is detectable from the start."""
     looked_at: int = 2000
-    """Minimum number of rows that are examined, because the unit of time may be wrong."""
+    """Minimum number of rows that are examined; needed because the unit of time may be incorrect."""
     fewest: int = 30
     """Minimum number of windows for a result."""
     instants: int = 1500
@@ -111,10 +111,10 @@ def _local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionS
 
 
 def shows_a_period(rods: Array) -> bool:
-    """Whether a rod turns back or turns over in (n, rods) angles, rad.
+    """Whether a rod reverses its direction or makes a full turn; the angles are (n, rods), rad.
 
-    A fall in one direction has no period. A wrong clock cannot be distinguished from an unknown initial speed or from
-    friction in it.
+    A fall in one direction has no period. An error of the time scale is then indistinguishable from an unknown initial
+    speed or from friction.
     """
     highest, lowest = np.maximum.accumulate(rods, axis=0), np.minimum.accumulate(rods, axis=0)
     both_ways = np.minimum((highest - rods).max(axis=0), (rods - lowest).max(axis=0))

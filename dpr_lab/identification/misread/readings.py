@@ -19,12 +19,12 @@ Angles = Callable[[Array, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True, slots=True)
 class Misreading:
-    """Another interpretation of a recording, which a mistake in its description would require."""
+    """Alternative interpretation of a recording, which corrects one possible mistake in its description."""
 
     cause: str
     """Description of the mistake, and the option or key of the rig file that corrects it."""
     read: Callable[[Run], Run | None]
-    """Function that returns the run with this interpretation; None if the interpretation does not apply."""
+    """Function that converts a run to this interpretation; it returns None if the interpretation does not apply."""
     arm: bool = False
     """Whether the arm moves in this interpretation; a compliant arm moves, too."""
     time_factor: float = 1.0
@@ -157,7 +157,7 @@ _ANGLES = (
 
 
 def _scaled(rig: Rig) -> Iterator[Misreading]:
-    """Interpretations in which the angles from the hanging position are a multiple of the readings.
+    """Interpretations in which the angles, measured from the hanging position, are multiples of the readings.
 
     The factors correspond to half, double and quadruple counts, of both joints, of one joint, or of one rod.
     """
@@ -281,7 +281,7 @@ def _arm(rig: Rig) -> Misreading:
 
 
 def _with_moving_arm(run: Run, above_noise: float = 20.0) -> Run | None:
-    """Run with the motion of the arm from its encoder; None if the arm does not move or was not measured.
+    """Return the run with the motion of the arm from its encoder; None if the arm did not move or was not measured.
 
     Args:
         run: a run with readings of theta0

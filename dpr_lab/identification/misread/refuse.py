@@ -1,7 +1,7 @@
-"""Refusal of recordings whose zero, unit, sign or order is specified wrongly.
+"""Refuse recordings whose zero, unit, sign or order is specified incorrectly.
 
-A fit with a wrong interpretation ends with physically impossible ratios or a large residual. An interpretation that
-explains the recordings ten times better is then the probable cause.
+A fit with an incorrect interpretation ends with physically impossible ratios or a large residual. If another
+interpretation explains the recordings ten times better, it is probably the correct one.
 """
 
 from collections.abc import Sequence
@@ -71,7 +71,7 @@ _UNKNOWN_DRIVE = (
 
 
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
-    """Fit of the recordings with the given interpretation, or the reason why there is no fit."""
+    """Fit the recordings with the given interpretation; if this fails, return the reason instead."""
     try:
         return fitted(runs, rig), None
     except RunError as error:

@@ -14,7 +14,7 @@ def per_degree() -> float:
 
 @dataclass(frozen=True, slots=True)
 class ScaledReadings:
-    """Interpretation in which true angles, of rods from the hanging position, are multiples of the readings."""
+    """Interpretation in which the true angles are multiples of the readings; rod angles count from hanging."""
 
     arm: float = 1.0
     """Ratio of the true angle of the arm to its reading."""

@@ -1,4 +1,4 @@
-"""Conversion of errors of linear algebra to messages on recordings that do not determine the model."""
+"""Convert linear algebra errors to messages about recordings that do not determine the model."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -15,8 +15,8 @@ Result = TypeVar("Result")
 def solvable(analysis: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Wrap an analysis so that it raises `IdentificationError` if its equations have no solution.
 
-    Readings after a failed integration are infinite or NaN. They are only compared, not printed, so warnings of NumPy
-    are suppressed.
+    NumPy warnings about infinite and NaN values are suppressed, because such readings after a failed integration are
+    only compared.
     """
 
     @wraps(analysis)

@@ -1,4 +1,4 @@
-"""Torque balance: whether the rods of the rig can have the accelerations of a table.
+"""Torque balance test of whether the accelerations in a table are consistent with the rods of the rig.
 
 With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md), delta = th1 - th2 and the
 torques f1, f2 of Coulomb friction, the equations of motion of both rods are
@@ -9,8 +9,9 @@ torques f1, f2 of Coulomb friction, the equations of motion of both rods are
 
 They are linear in all coefficients, which are fitted within bounds about the rig file's values. The balance needs
 accelerations, and thus more rows than the energy balance (`balance`). It compares friction and gravity at every
-instant. A wrong zero or scale of one rod is therefore not mistaken for friction. With one degree of freedom (a clamped
-elbow, or one rod as two equal halves) only the sum of both equations holds, in which the torques of joint 2 cancel.
+instant. An incorrect zero or scale of one rod is therefore not mistaken for friction. With one degree of freedom (a
+clamped elbow, or one rod represented by two equal halves), only the sum of both equations is used, in which the torques
+of joint 2 cancel.
 """
 
 from dataclasses import dataclass, field, replace
@@ -66,7 +67,7 @@ class TorqueBalance:
         return best_zeros(self._thinned().residual, self.rig, nearest=nearest)
 
     def inertias(self) -> tuple[float, Array]:
-        """Residual for a free L1, and fitted inertias relative to gravity, in the order of the function `inertias`."""
+        """Fit with a free L1: its residual, and the fitted inertias relative to gravity, ordered as in `inertias`."""
         columns, target, least, most = self._equations(self.moving.rods)
         gravity = self._gravity_of_outer(self.moving.rods)
         columns = np.column_stack([*columns.T[:2], columns[:, 2] - gravity, *columns.T[3:], gravity])

@@ -1,4 +1,4 @@
-"""Fits of other interpretations of recordings, compared with the fit of the given interpretation."""
+"""Fit other interpretations of recordings, and compare them with the fit of the given interpretation."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ from dpr_lab.shown import percent
 
 @dataclass(frozen=True, slots=True)
 class MisreadSettings:
-    """Limits beyond which an interpretation is doubted."""
+    """Thresholds beyond which an interpretation of recordings is considered doubtful."""
 
     looked_at_s: float = 5.0
-    """Duration of each run that is examined, s; a wrong interpretation is visible from the start."""
+    """Duration of each run that is examined, s; an incorrect interpretation is detectable from the start."""
     tried_s: float = 2.5
     """Duration of each run that is used in the test of other interpretations, s."""
     screened_s: float = 1.0
@@ -39,31 +39,31 @@ class MisreadSettings:
     The ratio is above 1 because the noise of a part is estimated from fewer readings.
     """
     suspicious: float = 0.02
-    """Residual, relative to the standard deviation of the angle, from which an interpretation is doubted.
+    """Residual, relative to the standard deviation of the angle, above which an interpretation is doubtful.
 
-    Free rods reach 2e-4 for a clean plant, and 0.002 and 0.065 for rigs with much friction. Wrong interpretations of a
-    clean plant start at 0.05.
+    With correct interpretations, it is up to 2e-4 for a simulated rig without effects, and was 0.002 and 0.065 for two
+    rigs with much friction. With incorrect interpretations of a rig without effects, it is at least 0.05.
     """
     hopeless: float = 0.3
     """Maximum ratio of the residual to the standard deviation of the angle for a fit that follows the swing."""
     better: float = 10.0
     """Minimum factor by which chi2 must be smaller in another interpretation for the recordings to be refused."""
     better_hint: float = 5.0
-    """Minimum factor by which the excess of chi2 must be smaller in another interpretation that is reported as a hint.
+    """Minimum factor by which another interpretation must reduce the excess of chi2 to be reported as a hint.
 
-    Correctly interpreted rods with an effect reach 3.
+    The factor is up to 3 for correctly interpreted rods with an effect.
     """
     explained: float = 20.0
     """Maximum reduced chi-square of another interpretation, unless it is far better than the given one.
 
-    A wrong interpretation may fit better by chance.
+    The limit is needed because an incorrect interpretation may fit better by chance.
     """
     far_better: float = 1000.0
     """Minimum factor by which the reduced chi-square of a far better interpretation is smaller."""
     spare: float = 1.05
     """Factor on the physical limits of the ratios, because fitted ratios are uncertain."""
     slow: float = 2.5
-    """Period relative to the period of a mass point at L1, above which a longer beginning of the run is examined."""
+    """Period, relative to that of a point mass at L1, above which a longer part of the run is examined."""
     rate_hz: float = 250.0
     """Sample rate for fits of other interpretations, Hz; their difference must be far above the noise."""
     iterations: int = 20
@@ -73,9 +73,8 @@ class MisreadSettings:
     wrong_inertia: float = 300.0
     """Maximum factor between the inertia b of a fit and its value in the rig file.
 
-    Beyond it known torques are contradictory.
-
-    Wrong masses and unknown gears reach 100; a wrong unit is a factor of 1000.
+    With a larger factor, the known torques are considered contradictory. Incorrect masses and unknown gears cause
+    factors up to 100; an incorrect unit causes a factor of 1000.
     """
 
 
@@ -160,10 +159,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
-    """Reduced chi-square of the rods in the given interpretation.
-
-    Infinite if the beginning of a run shows no motion.
-    """
+    """Reduced chi-square of the rods in the given interpretation; infinite if a run begins without motion."""
     try:
         ratio_fit = fitted(runs, rig, quick=quick)
     except RunError:
@@ -174,14 +170,12 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 def better_readings(
     runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> list[tuple[Misreading, RatioFit]]:
-    """Other interpretations that explain the runs far better, best first.
+    """Find other interpretations that explain the runs far better, best first; far worse ones are omitted.
 
-    Interpretations far worse than the best are omitted.
-
-    In an interpretation with slower times, segments of the same length contain less of the swing. The residual then
-    accumulates less, in chi2 with the fourth power of the time. In an interpretation with smaller angles, the noise of
-    the same readings may count as a larger part of the swing, so that chi2 is too small. chi2 is therefore compared at
-    the same ratio of noise to swing.
+    The values of chi2 are made comparable in two ways. If an interpretation slows down the times, segments of the same
+    length contain less of the swing. The model error then accumulates less, and chi2 falls with the fourth power of the
+    time. If an interpretation reduces the angles, the ratio of noise to swing may increase, so that chi2 is too small.
+    chi2 is therefore compared at the same ratio of noise to swing.
 
     Args:
         runs: runs with the given interpretation
@@ -199,9 +193,9 @@ def better_readings(
 def _explaining(
     tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> Iterator[tuple[Misreading, RatioFit]]:
-    """Interpretations among `tried` that explain the runs far better, with their fits.
+    """Fit the interpretations `tried`, and return those that explain the runs far better, with their fits.
 
-    The other arguments are the same as of `better_readings`.
+    The other arguments are those of `better_readings`.
     """
     limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
@@ -303,9 +297,9 @@ def fitted(
 
 
 def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> bool:
-    """Whether an interpretation is hopeless compared with one of reduced chi-square `worst`.
+    """Whether a part of the first run suffices to reject an interpretation.
 
-    This is the case if a part of the first run alone has a larger chi-square than all runs have at `worst`.
+    This is the case if the chi-square of this part alone exceeds that of all runs at the reduced chi-square `worst`.
     """
     try:
         part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)

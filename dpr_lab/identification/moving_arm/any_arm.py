@@ -36,13 +36,15 @@ def identify(
 ) -> Model | MovingArmModel:
     """Identify the parameters of a rig from recordings, including arm and drive if the arm is free or driven.
 
-    With a clamped or prescribed arm the search (IGA by default) finds the basin inside the rig file's bounds. Least
-    squares over segments of 0.25 s, then over longer and longer segments while the model follows them, gives the ratios
-    and their covariance. With a free or driven arm, the same least-squares fit starts from the rig file, and the search
-    options below have no effect. A genetic algorithm searches for initial values only if this start fails.
+    With a clamped or prescribed arm, a global search (by default the improved genetic algorithm, IGA) finds initial
+    values within the bounds of the rig file. A least-squares fit then gives the ratios and their covariance. It starts
+    with segments of 0.25 s, which are lengthened as long as the model follows the readings.
+
+    With a free or driven arm, the same least-squares fit starts from the values of the rig file, and the search options
+    below have no effect. A genetic algorithm searches for initial values only if this fit fails.
 
     Args:
-        runs: one or several runs; of free swings, releases from two different poses are enough
+        runs: one or several runs; two free swings from different poses are sufficient
         rig: bounds, measured values, encoders
         objective: a name of `OBJECTIVES`: `segments` (default) or `paper` (E(Z), docs/theory.md equation 2)
         search: a name of `ALGORITHMS`
@@ -61,8 +63,8 @@ def identify(
     Raises:
         ConfigError: unknown objective or search.
         RunError: there are no runs, or a run cannot be used.
-        IdentificationError: no candidate inside the bounds could be simulated, the fit determines nothing, or the
-            recordings do not match the rig: zero, unit, sign or order of the readings is specified wrongly.
+        IdentificationError: no candidate inside the bounds could be simulated, the recordings determine no parameter,
+            or they do not match the rig because zero, unit, sign or order of the readings is specified incorrectly.
     """
     runs = as_runs(runs)
     if has_arm_model(runs, rig):
@@ -86,8 +88,8 @@ def identify(
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
     """Whether `identify` returns a `MovingArmModel`.
 
-    One rod with a clamped arm determines only ratios to its own inertia. The rig file of a rotary pendulum expects
-    these ratios.
+    This includes recordings of a rotary pendulum with a single rod and a clamped arm, which determine only ratios to
+    the inertia of this rod.
     """
     alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
     return moves(runs) or (alone and bool(runs) and not any(run.arm_mode == "prescribed" for run in runs))
@@ -97,23 +99,23 @@ def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
 def identifiability(
     runs: Run | Sequence[Run], rig: Rig, tell: Callable[[str], object] | None = None
 ) -> Identifiability | ArmIdentifiability:
-    """Parameters that recordings of a rig determine or do not determine, and recommended measurements.
+    """Analyse which parameters of a rig its recordings determine, and recommend bench measurements.
 
     Example: `dpr.identifiability(runs, rig).null_space`, or `dpr.identifiability([], rig)` before any recording.
 
     Args:
-        runs: one or several recordings; none: simulated releases from the poses of the rig, with the values of the rig
-            file
+        runs: one or several recordings; if empty, releases from the poses of the rig are simulated with the values of
+            the rig file
         rig: bounds, measured values, encoders, poses and motor
         tell: function that is called with each notice or warning
 
     Returns:
-        `ArmIdentifiability` if the arm of a run, or without runs that of the rig file, is free or driven; else
+        `ArmIdentifiability` if the arm is free or driven in a run (without runs: in the rig file); otherwise
         `Identifiability`.
 
     Raises:
-        ConfigError: there are neither runs nor poses, or no runs of a rig with a prescribed joint, whose motion only
-        runs show.
+        ConfigError: there are neither runs nor poses; or a joint of the rig is prescribed, and there are no runs that
+            contain its motion.
         RunError: a run cannot be used.
         IdentificationError: the fitted values are physically impossible, or cannot be simulated.
     """

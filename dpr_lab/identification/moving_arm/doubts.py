@@ -50,7 +50,7 @@ DOUBTS = DoubtSettings()
 
 
 def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_seen: bool = True) -> list[str]:
-    """Sentences on probable faults, the cause first; empty if the fit is reliable.
+    """Describe probable faults of the recordings or of their description, the cause first; empty if there are none.
 
     Args:
         fit: fit of the recordings with the given description
@@ -95,7 +95,7 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
 
 
 def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Sentence on recordings that fit much better with the opposite sign of theta0; otherwise empty."""
+    """Compose a message if the recordings fit much better with the opposite sign of theta0; otherwise empty."""
     other = fit_moving_arm([_reversed(recording) for recording in recordings], rig)
     if not DESCRIPTION.better * other.misfit < fit.misfit:
         return ""
@@ -104,7 +104,7 @@ def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> 
 
 
 def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Sentence on recordings that fit much better with another zero or scale of the angles; otherwise empty."""
+    """Compose a message if the recordings fit much better with another zero or scale of the angles; otherwise empty."""
     before = _misfit_of(recordings, rig)
     tried = [(_misfit_of([_reinterpreted(r, other) for r in recordings], rig), other) for other in OTHER_ANGLES]
     after, other = min(tried, key=lambda pair: pair[0])
@@ -149,7 +149,7 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 
 
 def stop_sentence(run: Run, rig: Rig) -> str:
-    """Sentence on an arm that hits a stop, or whose cable tightens at one end of its range; otherwise empty.
+    """Compose a message if the arm hits a stop, or its cable tightens at one end of its range; otherwise empty.
 
     At a stop the speed of the arm jumps twice, or once before it stays there. At a soft stop, a torque acts beyond an
     angle.

@@ -162,11 +162,11 @@ class ArmIdentifiability(Shown):
 
 
 def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
-    """Identifiability of a rig with a free or driven arm.
+    """Analyse which parameters of a rig with a free or driven arm are identifiable.
 
     Args:
-        runs: recordings; none: simulated releases from the poses of the rig with the values of the rig file; a driven
-            rig without poses starts hanging
+        runs: recordings; if empty, releases from the poses of the rig are simulated with the values of the rig file (a
+            driven rig without poses starts from hanging rods)
         rig: bounds, measured values and motor
 
     Raises:

@@ -50,7 +50,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
 
     Raises:
         RunError: a run cannot be used.
-        IdentificationError: the rig file's values cannot be simulated, or the fit determines nothing.
+        IdentificationError: the values of the rig file cannot be simulated, or the runs determine no parameter.
     """
     recordings = recordings_of(runs, rig)
     try:

@@ -1,8 +1,8 @@
-"""Test whether the input of a driven arm acts at other instants than its rows, or changes between them.
+"""Test whether the recorded input of a driven arm acts with a delay, or varies continuously between its rows.
 
-A row contains the value of its instant; how long the value acts is not recorded (docs/decisions/0025). The fit holds
-each value until the next row. It is repeated with other delays, and with rows that are samples of a continuous signal.
-Chi-square is a parabola of the delay, because the readings change in proportion to the delay.
+A row contains the value at one instant; how long this value acts is not recorded (docs/decisions/0025). The fit holds
+each value until the next row. The test repeats the fit with other delays, and with rows interpreted as samples of a
+continuous signal. Chi-square is a parabola in the delay, because the readings change in proportion to the delay.
 """
 
 from collections.abc import Sequence
@@ -79,7 +79,7 @@ class _Tested:
         return _InputModel(delay_s, continuous, fit.chi2_per_dof)
 
     def near(self, centre: _InputModel, step_s: float) -> _InputModel:
-        """Model with a refined delay: minimum of a parabola through the misfits at three neighbouring delays."""
+        """Refine the delay: minimum of the parabola through the reduced chi-squares at three neighbouring delays."""
         before, after = (self.model(centre.delay_s + sign * step_s, centre.continuous).misfit for sign in (-1, 1))
         curvature = before - 2 * centre.misfit + after
         if curvature <= 0:
@@ -90,7 +90,7 @@ class _Tested:
 
 
 def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Sentence with import options that would describe the input better than the present options; may be empty.
+    """Compose a message with import options that describe the input better than the present ones; empty if none do.
 
     Args:
         fit: fit with the input as the runs state it
@@ -120,7 +120,7 @@ def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _InputModel]:
-    """Input as described in the runs, and its best description: held or continuous, with or without a delay."""
+    """Compare the described input with the best alternative: held or continuous, with or without a delay."""
     stated = tested.model(run.input_delay_s, run.continuous)
     step = max(interval / 2, INPUT_ROWS.step_s)
     best = tested.near(stated, step)
