@@ -1,4 +1,4 @@
-"""Errors of free runs of a corrected model over a given duration."""
+"""Errors of free runs (open-loop simulations) of a corrected model over a given duration."""
 
 from collections.abc import Sequence
 
@@ -15,12 +15,11 @@ from dpr_lab.run import Run
 
 
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
-    """Run -> root mean square error of a free run of the corrected model from the start of the swing, rad.
+    """Compute the rms error of a free run of the corrected model from the start of each recorded swing, rad.
 
-    Effects that occurred only once are omitted if the runs are not those of the diagnosis, because they refer to a run
-    by its number.
-
-    The error is not finite if the simulation fails before the horizon.
+    The result is a mapping from run names to errors. An error is not finite if the simulation fails before the horizon.
+    If the runs are not those of the diagnosis, effects that occurred only once are omitted, because they refer to a run
+    of the diagnosis by its number.
 
     Args:
         runs: the runs; runs that are shorter than the horizon are left out

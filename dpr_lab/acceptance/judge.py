@@ -1,19 +1,20 @@
 """Equivalence tests of limits at 95 %, based on a diagnosis.
 
-Two one-sided tests at 5 % each are one comparison with the 90 % interval [l, u] of a quantity:
+Two one-sided tests at 5 % each are equivalent to a comparison with the 90 % interval [l, u] of a quantity:
 
     pass           [l, u] lies inside the limits
     fail           [l, u] lies outside the limits
     not decidable  otherwise, or if these recordings do not give a valid interval
 
-The interval of a named effect comes from its fit. The interval of any other effect comes from the score test around the
-corrected model, a -+ 1.645 s, in which all amplitudes of the effect are fitted together. If the common scale b is
-uncertain, an absolute size is a ratio times b^k, and its interval covers both ends of the interval of b.
+The interval of a named effect comes from its fit. For any other effect, it is a -+ 1.645 s from the score test of the
+corrected model, in which all amplitudes of the effect are estimated together. If the common scale b is uncertain, an
+absolute size is a ratio times b^k, and its interval covers both ends of the interval of b.
 
-The largest friction torque of a joint over its speeds u passes if |T(u)| +- 1.645 s(u) is below the limit at every
-speed: an intersection-union test, which needs no correction for the number of speeds. It fails if |T(u)| exceeds the
-limit at some speed by more than s(u) sqrt(chi2_k(0.95)), a simultaneous band for the k values that T depends on. At
-joint 0 of a voltage drive T contains the back-EMF. Friction alone is smaller, so the limit can pass but not fail.
+The friction torque T(u) of a joint passes if |T(u)| + 1.645 s(u) is below the limit at every speed u up to the speed of
+the limit. This is an intersection-union test, which needs no correction for the number of speeds. The friction fails if
+|T(u)| exceeds the limit at some speed by more than s(u) sqrt(chi2_k(0.95)), the half width of a simultaneous band for
+the k parameters of T. At joint 0 with a voltage drive, T contains the back-EMF. Friction alone is smaller, so the
+friction limit can pass but not fail.
 
 Sources: R. L. Berger (1982), Multiparameter hypothesis testing and acceptance sampling, Technometrics 24, 295-300.
 H. Scheffe (1953), A method for judging all contrasts in the analysis of variance, Biometrika 40, 87-104.
@@ -37,8 +38,8 @@ from dpr_lab.gap.result.evidence import JointFriction
 from dpr_lab.shown import listed, percent
 
 SURE = 0.95
-"""Minimum probability of the statement behind a result: that the effect is the cause if a limit fails, that the effect
-is absent if a limit passes."""
+"""Minimum probability of the assumption of a result: if a limit fails, that the effect is the cause; if it passes, that
+the effect is absent."""
 
 NOT_OF_SPEED = tuple(
     f"{law}_joint{joint}" for law in ("load_friction", "hysteresis", "friction_drift") for joint in (0, 1, 2)
@@ -74,7 +75,7 @@ class Acceptance:
     """Results of the tests of all limits, from one diagnosis."""
 
     answer: Answer
-    """Overall result: `fail` if a limit fails, otherwise `not decidable` if one is not decidable, otherwise `pass`."""
+    """Overall result: `fail` if any limit fails, else `not decidable` if any limit is not decidable, else `pass`."""
     sentence: str
     """Sentence of the underlying diagnosis."""
     limits: tuple[JudgedLimit, ...]
@@ -82,8 +83,8 @@ class Acceptance:
     recordings: tuple[str, ...] = ()
     """Releases that are expected to decide further limits, in the recommended order."""
     would_decide: tuple[str, ...] = ()
-    """Quantities whose limits these releases are expected to decide. The forecast assumes that each value is half its
-    limit, or at the centre of its range."""
+    """Quantities that these releases are expected to decide, if each is half its limit, or at the centre of its
+    range."""
 
 
 def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float] | None = None) -> Acceptance:
@@ -92,8 +93,8 @@ def judge(diagnosis: Diagnosis, limits: Limits, free_run_rad: Mapping[str, float
     Args:
         diagnosis: the diagnosis of the recordings, with its evidence
         limits: the limits of the rig
-        free_run_rad: run -> error of a free run over the horizon of the limit, rad, not finite if the simulation
-            fails; None if free runs have no limit
+        free_run_rad: error of a free run over the horizon of the limit by the name of the run, rad, not finite if the
+            simulation failed; None if there is no limit for free runs
     """
     free = _free_run(diagnosis, limits, free_run_rad or {})
     judged = (*_effects(diagnosis, limits), *_frictions(diagnosis, limits), *_ratios(diagnosis, limits), *free)
@@ -143,9 +144,9 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
-    """Reason why the friction torque of a joint may not be a function of its speed, or may be another effect.
+    """Reason why the friction torque of a joint may not be a function of the speed alone, or may be another effect.
 
-    Empty if it is certainly a function of the speed.
+    Empty if it certainly is a function of the speed alone.
     """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:
@@ -170,7 +171,7 @@ def _ratios(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float]) -> Iterator[JudgedLimit]:
-    """Test of the median free-run error over releases; the logarithm of the error is assumed to be normal."""
+    """Test the median of the free-run errors over releases; their logarithms are assumed to be normally distributed."""
     from scipy.special import stdtrit  # slow to import, and every diagnosis imports this module
 
     if (limit := limits.free_run) is None:
@@ -253,7 +254,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Reason that another named effect may be present in place of this effect; empty if there is none."""
+    """Reason why a named effect may actually be this effect; empty if there is none."""
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:

@@ -130,8 +130,8 @@ def load_limits(path: Path, model: type[AnyLimits]) -> AnyLimits:
         model: `Limits`, or `PlanLimits` for a file that may also contain limits of a plan
 
     Raises:
-        ConfigError: the file is not readable, contains no limit, or has a wrong key, name, unit or value, which the
-            message names.
+        ConfigError: the file is not readable, contains no limit, or has an invalid key, name, unit or value; the
+            message names it.
     """
     limits = read_config(path, model)
     if not limits.has_any:

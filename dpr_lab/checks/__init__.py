@@ -1,1 +1,1 @@
-"""Results of recommended checks, and update of the diagnosis by a result."""
+"""Update a diagnosis by the result of a recommended check."""

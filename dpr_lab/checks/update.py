@@ -1,18 +1,19 @@
 """Update of a diagnosis by the result of a recommended check.
 
-The hypotheses about one named effect are its candidates and a cause that is none of them. The candidates are the
-members of its class, which are equally probable before any check, and its alternatives. With p_c the probability of
-hypothesis c, and L_c the predictive density of the result under it, Bayes' theorem gives
+The hypotheses about one named effect are its candidates and, in addition, a cause other than the candidates. The
+candidates are the members of the class of the effect, which are equally probable before any check, and its
+alternatives. Let p_c be the probability of hypothesis c, and L_c the predictive density of the result under c. Bayes'
+theorem gives
 
     p_c after  =  p_c L_c / sum over all of p_j L_j,          p_none = max(1 - sum over candidates of p_c, p_least),
 
     Bayes factor of c  =  L_c / (sum over j != c of p_j L_j / sum over j != c of p_j).
 
-The densities of a measured amplitude are those of `dpr_lab.gap.advice.measurement`. For a recording, the predictive
-cost of each candidate is used. The candidate is fitted together with the other named effects, and its density is
-tempered as in `dpr_lab.gap.classes.posterior`. A recording contains no information about a cause that was not fitted,
-so the probability of this cause does not change. The old recordings are not fitted again. Equations (57) and (58) of
-docs/theory.md.
+The densities of a measured amplitude are those of `dpr_lab.gap.advice.measurement`. For a recording, each candidate is
+fitted together with the other named effects. Its density follows from its predictive cost, tempered as in
+`dpr_lab.gap.classes.posterior`. A recording contains no information about causes other than the candidates, so their
+probability does not change. The earlier recordings are not fitted again. Source: docs/theory.md, equations (57) and
+(58).
 """
 
 from collections.abc import Mapping
@@ -30,7 +31,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 
 
 def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
-    """The check with this id.
+    """Find a recommended check by its id.
 
     Raises:
         RunError: the diagnosis has no such check.
@@ -44,7 +45,7 @@ def find_check(diagnosis: Diagnosis, name: str) -> AdvisedCheck:
 
 
 def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Diagnosis:
-    """Diagnosis after a check.
+    """Update a diagnosis by the result of a check.
 
     Args:
         diagnosis: the diagnosis that recommends the check
@@ -52,8 +53,8 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
         answer: its result
 
     Raises:
-        RunError: the answer has the wrong kind or an impossible value; an unconfirmed value is predicted by no
-        candidate; or runs cannot be fitted.
+        RunError: the answer has another kind than the check, or an impossible value; no candidate predicts the value,
+            and the value is not confirmed; or a run cannot be fitted.
     """
     kind = kind_of(check)
     if answer.given != kind.takes:
@@ -72,7 +73,7 @@ def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
 
 
 def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
-    """Probability of each candidate and of a cause that is none of them; they add up to one."""
+    """Probability of each candidate and of any other cause; the sum is one."""
     if (done := _done(diagnosis, about)) and NONE_OF_THEM in done[-1].after:
         return dict(done[-1].after)
     probabilities = candidates(diagnosis, about)
@@ -143,10 +144,10 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 
 
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
-    """Checks that are not done, with their expected information about the updated probabilities, the largest first.
+    """Checks that remain to be done, sorted by their expected information under the updated probabilities.
 
-    For an ideal measurement this is the remaining entropy. Any other check is assumed to give the same fraction of the
-    remaining entropy as before the result.
+    The expected information of an ideal measurement is the remaining entropy. For any other check, its fraction of the
+    entropy is assumed to be the same as before the result.
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(open_checks, key=lambda check: -check.expected_bits)
@@ -177,7 +178,7 @@ def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
 
 
 def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
-    """Remedies, without that of an effect which is no longer the most probable cause."""
+    """Remedies of the named effects, except of an effect that is no longer the most probable cause."""
     if likeliest(done.after) == about:
         return diagnosis.remedies
     return [remedy for remedy in diagnosis.remedies if not remedy.startswith(f"For {about}:")]

@@ -1,4 +1,4 @@
-"""Verdict and sentence of a diagnosis after a check."""
+"""Compose the verdict and the sentence of a diagnosis after a check."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
 
 
 def likeliest(probabilities: Mapping[str, float]) -> str:
-    """Hypothesis with the highest probability; the first one of several with equal probability."""
+    """Hypothesis with the highest probability; if several are equally probable, the first of them."""
     return max(probabilities, key=lambda name: probabilities[name])
 
 
@@ -46,7 +46,7 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
 
 
 def bayes_factor(done: CheckDone, name: str) -> str:
-    """Text of a Bayes factor, for example `25`, `0.04`, `3000` or `> 10^6`."""
+    """Format a Bayes factor, for example `25`, `0.04`, `3000` or `> 10^6`."""
     power = done.log10_bayes_factor.get(name, 0.0)
     if abs(power) > CHECK.largest_power:
         return f"{'>' if power > 0 else '<'} 10^{np.sign(power) * CHECK.largest_power:.0f}"

@@ -1,4 +1,4 @@
-"""Significant changes of parameters between groups of runs, with simultaneous intervals.
+"""Test for significant changes of parameters between groups of runs, with simultaneous intervals.
 
 The model of the parameter q of run k is
 
@@ -7,8 +7,7 @@ The model of the parameter q of run k is
 s is estimated from runs of the same group and pose, or from successive runs if no group has several runs. It is at
 least the standard deviation due to the noise of a single run. Contrasts c of the group means are tested: each group
 minus the first group, and for each change point the mean of all later groups minus the mean of all earlier groups. One
-critical
-value applies to all contrasts and all parameters simultaneously: the quantile of
+critical value applies to all contrasts and all parameters simultaneously: the quantile of
 
     max |c . mean| / (s |c|)
 
@@ -42,7 +41,7 @@ class DriftSettings:
     draws: int = 20_000
     """Number of simulated data sets. The critical value is then accurate to about 0.01."""
     fewest_repeats: int = 2
-    """Minimum degrees of freedom within groups and poses, for estimating the standard deviation of a run from them."""
+    """Minimum degrees of freedom for estimating the standard deviation of a run within groups and poses."""
     fewest_neighbours: int = 6
     """Minimum number of runs, for estimating the standard deviation of a run from successive runs."""
     within: float = 1e-9
@@ -138,7 +137,7 @@ class _Design:
 def changes(
     estimates: Estimates, group: Sequence[int], names: Sequence[str], settings: DriftSettings = SETTINGS, seed: int = 0
 ) -> Drift:
-    """Test which parameters changed between groups.
+    """Test which parameters changed significantly between groups.
 
     Args:
         estimates: estimates of each run, in chronological order
@@ -226,7 +225,7 @@ def _scatter(design: _Design, values: Array) -> Array:
 
 
 def _null_distribution(design: _Design, parameters: int, settings: DriftSettings, rng: np.random.Generator) -> Array:
-    """Largest contrast of any parameter, in standard errors, of simulated runs without drift: (draws,)."""
+    """Simulate runs without drift; (draws,) largest contrast of any parameter in each draw, in standard errors."""
     simulated = rng.standard_normal((design.contrasts.shape[1], settings.draws * parameters))
     t = np.abs(design.contrasts @ simulated).T / np.linalg.norm(design.contrasts, axis=1)
     largest = t.max(axis=1)

@@ -1,4 +1,4 @@
-"""Estimates of ratios and sizes of given effects from each run alone."""
+"""Estimate the ratios, and the sizes of given effects, from each run separately."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ def estimate_each(
     effects: Mapping[str, Mapping[str, float]] | None = None,
     start: Array | None = None,
 ) -> Estimates:
-    """Fit every run alone, in segments of 0.5 s.
+    """Fit each run separately, in segments of 0.5 s.
 
     Args:
         runs: the runs in chronological order

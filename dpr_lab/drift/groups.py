@@ -1,4 +1,4 @@
-"""Grouping of runs by day, session or label."""
+"""Group runs by day, session or label."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class GroupSettings:
     """Rules that separate groups."""
 
     pause: timedelta = timedelta(hours=1)
-    """Minimum pause between two sessions. A rig cools down during a pause."""
+    """Minimum pause between two sessions, during which the rig cools down."""
 
 
 GROUPS = GroupSettings()
@@ -95,4 +95,4 @@ KEYS: Mapping[str, Callable[[Sequence[Occasion]], list[str]]] = {
     "session": _sessions,
     "label": lambda runs: [run.label for run in runs],
 }
-"""Name of a grouping -> function that returns the group name of each run, for runs in chronological order."""
+"""Groupings by name: functions that return the group name of each run, for runs in chronological order."""

@@ -1,4 +1,4 @@
-"""Ratios of rods, arm and drive, fitted to each run of a free or driven arm alone."""
+"""Estimate the ratios of rods, arm and drive from each run with a free or driven arm separately."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from dpr_lab.run import Run
 
 @solvable
 def estimate_each_arm(runs: Sequence[Run], rig: Rig, clearest: float = 0.5) -> Estimates:
-    """Fit every run alone; ratios that at least one run does not determine are left out.
+    """Fit each run separately; ratios that at least one run does not determine are omitted.
 
     Args:
         runs: the runs in chronological order, all with the same mode of the arm

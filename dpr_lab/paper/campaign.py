@@ -1,4 +1,4 @@
-"""Repetition of the published search with several seeds, with true values on and off the coding grid."""
+"""Repeat the published search with several seeds, for true values on and off the coding grid."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -23,8 +23,8 @@ TRUTHS: dict[Grid, Array] = {
     "on": TRUE,
     "off": TRUE * np.random.default_rng(2012).uniform(0.85, 1.15, len(TRUE)),
 }
-"""Grid -> true parameters of a search. `on`: the published values, which are in the middle of the coding grid. `off`:
-each of these values multiplied by a random factor."""
+"""True parameters of a search by grid. `on`: the published values, which are in the middle of the coding grid. `off`:
+each of these values is multiplied by a random factor."""
 
 HISTORY = ("best_cost", "best_fitness", "population_fitness")
 
@@ -53,7 +53,7 @@ class Found:
     generations: int
     evaluations: int
     gate_opened: int | None
-    """First generation in which step (4) permits dynamic encoding and feedback mutation; None if there is none."""
+    """First generation with dynamic encoding and feedback mutation, according to step (4); None if there is none."""
     wall_s: float
     cpu_s: float
     history: dict[str, list[float]]

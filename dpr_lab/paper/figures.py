@@ -1,4 +1,4 @@
-"""Figures 2 to 4 of the publication for the repeated search."""
+"""Plot figures 2 to 4 of the publication for the repeated search."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -58,7 +58,7 @@ def save_figures(search: Found, rig: Rig, out_dir: Path) -> dict[str, Path]:
     """Write `figure2.png`, `figure3.png` and `figure4.png`.
 
     Returns:
-        path by name, in the order of `dpr_lab.paper.printed.FIGURES`
+        paths of the figures by name, in the order of `dpr_lab.paper.printed.FIGURES`
 
     Raises:
         DprError: the folder or a file cannot be written.

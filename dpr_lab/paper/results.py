@@ -1,4 +1,4 @@
-"""Results of the reproduction in a folder: `paper.json`, tables as CSV, figures, and `paper.md`."""
+"""Run the reproduction and write its results: `paper.json`, tables as CSV, figures, and `paper.md`."""
 
 import csv
 import io

@@ -31,7 +31,7 @@ TERMS: dict[str, Callable[[Array], Array]] = {
     "relative angles": lambda error: JointAngles(relative2=True).of_rods(_angles(error)),
     "angles and speeds": lambda error: error,
 }
-"""Interpretation of E(Z) -> function that returns the errors which are squared and summed.
+"""Interpretations of E(Z) by name: functions that return the errors to be squared and summed.
 
 docs/theory.md (2) contains angles and speeds, but the printed values are compatible with angles alone. An encoder at
 joint 2 measures theta2 - theta1.
@@ -61,7 +61,7 @@ def start_states(rig: Rig) -> Array:
 
 
 def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> Array:
-    """Zero-input responses for one set of parameters.
+    """Simulate the zero-input responses for one set of parameters.
 
     Args:
         Z: (9,) parameters, SI units
@@ -77,7 +77,7 @@ def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> Array:
 
 
 def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
-    """E(Z) of one set of parameters in every interpretation in `TERMS`.
+    """Compute E(Z) of one set of parameters in every interpretation in `TERMS`.
 
     Args:
         Z: (9,) parameters, SI units
@@ -85,14 +85,14 @@ def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
         rig: L1, g and poses
 
     Returns:
-        Name of an interpretation -> E (3,) from X1, X2, X3, in rad^2; with speeds also (rad/s)^2
+        E (3,) from X1, X2, X3 by the name of the interpretation, rad^2; with speeds also (rad/s)^2
     """
     error = swings(Z, rig) - truth
     return {name: np.sum(term(error) ** 2, axis=(1, 2)) for name, term in TERMS.items()}
 
 
 def objective(reading: Reading, truth: Array, rig: Rig) -> Objective:
-    """Cost function of a population in one interpretation of H.
+    """Create the cost function of a population for one interpretation of H.
 
     Args:
         reading: the interpretation: poses and terms

@@ -1,4 +1,4 @@
-"""Published tables, printed and recomputed, with the conclusions from them."""
+"""Build the tables of the publication, printed and recomputed, and the conclusions from them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -143,7 +143,7 @@ def ratios(results: Sequence[Found], rig: Rig) -> PaperTable:
 
 
 def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
-    """Sentences on the agreement with the publication, one for each interpretation of H and each grid."""
+    """Describe the agreement with the publication in one sentence for each interpretation of H and each grid."""
     return [
         _verdict(reading, grid, group, rig)
         for reading in READINGS
@@ -153,7 +153,7 @@ def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
 
 
 def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_percent: float = 1.0) -> str:
-    """Sentence on a group of searches: how many reach the published H and the published accuracy of all parameters."""
+    """State how many searches of a group reach the published H and the published accuracy of all parameters."""
     costs = [f.H for f in group]
     nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
     five = sum(bool((np.abs(f.ratio_percent(rig)) <= within_percent).all()) for f in group)

@@ -14,8 +14,8 @@ from dpr_lab.setup import Setup
 def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
     """States of the arm that a plan may use.
 
-    The states are the `modes` of the limits file. If the file states no modes, they are `held` and the mode of the rig
-    file. An arm is driven only if the limits file states the largest input. A prescribed arm, or an arm driven by an
+    These are the `modes` of the limits file or, without this key, `held` and the mode of the rig file. `driven` is
+    included only if the limits file contains the largest input. An arm that is prescribed, or driven by an
     acceleration, is held in all planned releases, because a plan does not choose its motion.
     """
     if limits.arm.modes is not None:
@@ -47,12 +47,12 @@ class Acting:
 
     @classmethod
     def of(cls, rig: Rig, limits: PlanLimits) -> "Acting":
-        """Parts that the rig file and the limits of a plan permit."""
+        """Select the parts that the rig file and the limits of a plan permit."""
         states, rods = arm_states(rig, limits), frozenset(allowed_rods(rig, limits))
         return cls(rods, limits.drive is not None, states != ("held",), "driven" in states)
 
     def including(self, setups: Sequence[Setup]) -> "Acting":
-        """This selection, extended by the parts that acted in the recordings."""
+        """Extend this selection by the parts that acted in the recordings."""
         driven = [setup.torques for setup in setups if setup.torques is not None]
         return replace(
             self,

@@ -25,14 +25,14 @@ class Search:
     alone_s: float = PIECES.from_s - 1.0
     """Maximum duration of a first release, s; a diagnosis does not divide such a recording into pieces."""
     best: int = 3
-    """Number of the best poses, which are then refined."""
+    """Number of the best poses that are refined."""
     neighbours: int = 4
     """Number of neighbours of each refined pose."""
     near_rad: float = 0.3
     """Standard deviation of the angles between a pose and its neighbours, rad. The second round uses half of this
     value."""
     finalists: int = 2
-    """Number of the best releases, whose duration is optimised."""
+    """Number of the best releases for which the duration is optimised."""
     placements: int = 2
     """Number of random placement errors over which the information of these releases is averaged."""
     quiet_deg: tuple[float, ...] = (5.0, 15.0, 40.0)
@@ -42,9 +42,9 @@ class Search:
     """
 
     repeated: float = 0.5
-    """Share of its value that a repeated release loses, because a model error affects both releases in the same way."""
+    """Fraction by which the value of a release falls if it repeats another one; model errors affect both equally."""
     alike_rad: float = 0.5
-    """Distance of two start poses, rad, at which most of this loss has disappeared."""
+    """Distance of two start poses, rad, at which most of this reduction has disappeared."""
 
 
 SEARCH = Search()
@@ -83,7 +83,7 @@ def near(
 
 
 def placements(release: CandidateRelease, std: float, count: int, rng: np.random.Generator) -> list[CandidateRelease]:
-    """Copies of a release with random placement errors of the start pose.
+    """Copy a release with random placement errors of the start pose.
 
     Args:
         release: the release
@@ -96,7 +96,7 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Share of its value that a release keeps after earlier releases; 1 if no earlier release is similar."""
+    """Fraction of its value that a release keeps after the releases `made`; 1 if none of these is similar."""
     alike = [
         np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
         for other in made

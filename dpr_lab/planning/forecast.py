@@ -1,4 +1,4 @@
-"""Forecast: probability that further releases decide the causes, by the rule of `dpr_lab.planning.stopping`.
+"""Forecast the probability that further releases decide the causes by the rule of `dpr_lab.planning.stopping`.
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
@@ -7,25 +7,26 @@ the amount from this distribution. The probability of a decision is the share of
 stopping rule, because a bench check distinguishes them.
 
 A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
-release. The setting `confirmed` takes this into account. It is a share from blind trials: among the planned releases
-that were expected, by the above probability, to decide the causes, the share that decided them. This share did not
-depend on the kind of the diagnosis: one cause 14 of 16, several causes 7 of 8, no gap 13 of 14, a remainder 4 of 5.
-Releases from a fixed menu are not counted, because they decide less often: 24 of 40, compared with 26 of 36 of all
-planned releases. With n of N such releases the share is (n + 1/2) / (N + 1), the mean of the posterior from the prior
-of Jeffreys.
+release. The setting `confirmed` takes this into account. It is the fraction of planned releases in blind trials that
+decided the causes although the above probability predicted this for all of them. The fraction did not depend on the
+kind of the diagnosis: it was 14 of 16 for one cause, 7 of 8 for several causes, 13 of 14 for no gap, and 4 of 5 for a
+remainder. Releases from a fixed menu are not counted, because they decide less often: 24 of 40 did, compared with 26 of
+all 36 planned releases. If n of N releases decided the causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean
+for the Jeffreys prior.
 
-The share of an individual plant differs from this mean. On some plants the causes stay undecided for a reason that a
-forecast cannot take into account. The prior of this share is a beta distribution with the above mean and a weight of
-`weight` releases. After `failed` releases that left the causes undecided, k more releases decide with the beta-binomial
-probability
+For an individual plant, the probability of a decision differs from this mean, because the causes may stay undecided for
+reasons that a forecast cannot take into account. The prior of this probability is a beta distribution with the above
+mean and a weight of `weight` releases. After `failed` releases that left the causes undecided, k more releases decide
+with the beta-binomial probability
 
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
-No gap is visible, but an effect may not be excluded. Let z be its estimate in standard deviations, and g the factor by
-which further releases increase the information about it. If the effect is absent, the next estimate has mean z /
-sqrt(g) and variance 1 - 1/g, in the new standard deviations. If it is present, with a flat prior of its size, the mean
-is z sqrt(g) and the variance g - 1. Both cases are equally probable. The releases decide if the estimate is then small
-enough to exclude the effect, or large enough to name it.
+If no gap is visible, there may still be an effect that is not excluded. Let z be the estimate of this effect in
+standard deviations, and g the factor by which further releases increase the information about it. If the effect is
+absent, the next estimate has the mean z / sqrt(g) and the variance 1 - 1/g, in units of the new standard deviation. If
+the effect is present, with a flat prior of its size, the mean is z sqrt(g) and the variance g - 1. Both cases are
+assumed to be equally probable. The releases decide if the new estimate is small enough to exclude the effect, or large
+enough to name it.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
@@ -50,9 +51,9 @@ class ForecastSettings:
     """Settings of the forecast."""
 
     confirmed: float = 0.875
-    """Share of the planned releases in blind trials that decided the causes as expected: 38 of 43."""
+    """Fraction of the planned releases in blind trials that decided the causes as expected: 38 of 43."""
     weight: float = 4.0
-    """Weight of this share in the prior of one plant, expressed as a number of releases."""
+    """Weight of `confirmed` in the prior of one plant, expressed as a number of releases."""
     likely: float = 0.8
     """Minimum probability of a decision for which a number of releases is recommended."""
     draws: int = 256
@@ -93,9 +94,9 @@ def decision_probability(
 
 
 def _decided(p: Array, d2: Array, together: Flags) -> float:
-    """Share of random draws in which the cause of one named effect is decided.
+    """Fraction of random draws in which the cause of one named effect is decided.
 
-    Causes that count as one are decided together.
+    Causes in `together` count as one cause.
     """
     from scipy.special import ndtri  # slow to import
     from scipy.stats.qmc import Sobol

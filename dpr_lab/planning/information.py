@@ -1,19 +1,16 @@
 """Fisher information of planned releases about ratios and effects.
 
-Many releases are simulated at once.
-
-A release is simulated with the present estimate and cut into the segments that a diagnosis fits. Let A_s be the
+A release is simulated with the present estimate and cut into the segments that a diagnosis would fit. Let A_s be the
 whitened Jacobian of segment s with respect to ratios and amplitudes, from which the initial state of the segment is
 projected out. The information is
 
     H = sum over segments of A_s^T A_s.
 
-The horizon is the predictability horizon of the planned swing. With Phi(t) the sensitivity of the angles to the start
-pose and s the standard deviation of a manually placed pose, it is the time at which s |Phi(t)| exceeds a limit. Beyond
-the horizon the actual swing differs from the planned one. Each later segment still contains information, because its
-initial state is fitted. The best releases are therefore rated by the mean of H over manually placed poses
-(`dpr_lab.planning.sequence`). The columns of the Jacobian, all releases and all segments are computed as lanes of one
-batch.
+Let Phi(t) be the sensitivity of the angles to the start pose, and s the standard deviation of a manually placed pose.
+The predictability horizon of the planned swing is the time at which s |Phi(t)| exceeds a limit. Beyond this horizon the
+actual swing differs from the planned one. Later segments still contain information, because their initial states are
+fitted. The best releases are therefore rated by the mean of H over random placement errors
+(`dpr_lab.planning.sequence`). All columns of the Jacobian, all releases and all segments are computed in one batch.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,7 +37,7 @@ class SwingSettings:
     rate_hz: int = 50
     """Rate of the compared readings, Hz. Each reading represents all samples up to the next reading."""
     path_hz: int = 200
-    """Rate of the simulated swing, Hz; the speeds at the start of segments are differences of its angles."""
+    """Rate of the simulated swing, Hz; speeds at the start of segments are finite differences of its angles."""
     step_s: float = 5e-3
     """Longest Runge-Kutta step, s; the Jacobian is computed with twice this step."""
     horizon_hz: int = 20
@@ -154,7 +151,7 @@ def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) ->
 
 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
-    """Fit problem of releases of one duration, cut into segments whose readings are zero.
+    """Build the fit problem of releases of equal duration, cut into segments; all readings are set to zero.
 
     A segment starts one sample (`PAD`) before its first reading; the first segment starts at the release.
 

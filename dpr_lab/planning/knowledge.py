@@ -1,4 +1,4 @@
-"""Knowledge before the next release: estimate, information, and undecided causes.
+"""Knowledge of the rig before the next release: estimates, Fisher information, and undecided causes.
 
 The unknowns are the ratios, b and p/b, and the amplitudes of every effect that is detectable in a release. The
 information about the unknowns comes from the prior of the rig file and from the runs recorded so far, F = P^-1 + H / f,
@@ -51,7 +51,7 @@ class HeldRatios:
     """Narrow prior of the ratios that no release determines, which keeps them at their values."""
 
     exactness: float = 1e6
-    """Quotient of a ratio and the standard deviation of its prior."""
+    """Value of a ratio divided by the standard deviation of its prior."""
 
 
 HELD = HeldRatios()
@@ -100,7 +100,7 @@ class Knowledge:
 
 
 def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
-    """Knowledge from the rig file alone.
+    """Derive the knowledge from the rig file alone, before any recording.
 
     Args:
         rig: the rig
@@ -115,7 +115,7 @@ def known_before(rig: Rig, acting: Acting = GRAVITY_ONLY) -> Knowledge:
 
 
 def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Acting = GRAVITY_ONLY) -> Knowledge:
-    """Knowledge from the rig file, the recorded runs and their diagnosis.
+    """Derive the knowledge from the rig file, the recorded runs and their diagnosis.
 
     Args:
         runs: the runs that were diagnosed
@@ -183,9 +183,9 @@ def _model(rig: Rig, ratios: Array, params: Array, noise: Array, acting: Acting)
 
 
 def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
-    """Model of a rod that is mounted alone, without the effects that need two rods.
+    """Remove effects that need two rods from the model, if a rod is mounted alone.
 
-    No reading of such a rod depends on any of their amplitudes.
+    The readings of a single rod do not depend on the amplitudes of these effects.
     """
     swings = [CandidateRelease(2.0, 2.0, LENGTHS.working, mounting) for mounting in acting.rods]
     powers = np.diag(np.sum([swing.information for swing in informed(swings, model)], axis=0))

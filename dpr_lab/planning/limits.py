@@ -25,8 +25,8 @@ rate_hz = 200
 modes = ["driven", "held"]
 input = 4.0
 
-A file may also contain the limits of `dpr-lab accept` ([effects], [friction], [ratios]); a plan then states which it
-decides.
+A file may also contain the limits of `dpr-lab accept` ([effects], [friction], [ratios]). A plan then states which of
+these limits its releases are expected to decide.
 """
 
 import math
@@ -59,7 +59,7 @@ class ReachablePoses(RigTable):
     theta2_rad: Range = (0.0, 2 * math.pi)
     """Range of the angle of the outer rod."""
     elbow_rad: Range | None = None
-    """Range of theta2 - theta1 modulo full turns, for an elbow that cannot make a full turn; None: no such limit."""
+    """Range of theta2 - theta1 modulo full turns, for an elbow that cannot make a full turn; None: unlimited."""
 
     @model_validator(mode="after")
     def _in_order(self) -> "ReachablePoses":
@@ -195,9 +195,8 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
     """Read the limits of a plan from a file.
 
     Raises:
-        ConfigError: the file is not readable, a key or value is wrong, or the limits permit no release; the message
-            names
-            the cause.
+        ConfigError: the file is not readable, a key or value is not valid, or the limits permit no release; the message
+            names the cause.
     """
     limits = read_config(path, PlanLimits)
     refuse_other_limits(path, limits)

@@ -1,4 +1,4 @@
-"""Planning of recordings: the next releases, their expected information, and when to stop."""
+"""Plan recordings: the next releases, their expected information, and when to stop recording."""
 
 import time
 from collections.abc import Sequence

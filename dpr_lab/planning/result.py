@@ -76,9 +76,9 @@ class PlannedRelease(_Record):
     None before any recording, and if no further release is necessary now.
     """
     simulated: Number | None = None
-    """Ratio of the simulated to the linearised squared distance between the two most probable causes.
+    """Squared distance between the two most probable causes by simulation, divided by the linearised distance.
 
-    None if there is no open pair.
+    None if there is no undecided pair of causes.
     """
     _torques: Torques | None = PrivateAttr(default=None)
 
@@ -88,7 +88,7 @@ class PlannedRelease(_Record):
         return self._torques
 
     def driven_by(self, torques: Torques | None) -> Self:
-        """Copy of the release with an input signal."""
+        """Return a copy of the release with an input signal."""
         release = self.model_copy()
         release._torques = torques
         return release
@@ -131,7 +131,7 @@ class LimitForecast(_Record):
     """Distance from the limit within which a value remains undecided after the plan; None if the quantity is not
     detectable."""
     reached_rad_per_s: Number | None = None
-    """Speed that the joint of a friction limit reaches, rad/s; None if it reaches the speed of the limit."""
+    """Speed that the joint reaches, rad/s, if it is below the speed of a friction limit; otherwise None."""
     decides: bool
     """Whether a quantity at half its limit, or in the middle of its range, would pass after the plan."""
 

@@ -83,7 +83,7 @@ class Planner:
     """Candidate releases with input signals of drives."""
 
     def sequence(self, count: int, budget_min: float | None) -> list[SequenceStep]:
-        """Sequence of releases; each release is the best one given the previous releases.
+        """Choose a sequence of releases; each release is the best one given the previous releases.
 
         Args:
             count: maximum number of releases
@@ -103,10 +103,10 @@ class Planner:
         return steps
 
     def _longer(self, steps: Sequence[SequenceStep], left: float) -> list[SequenceStep]:
-        """Extend the durations of the releases by the minutes of the budget in which no further release fits.
+        """Use the remaining minutes of a budget, in which no further release fits, to extend the releases.
 
-        The last releases are extended first. Continuing a recording requires no new placing of the rods, and the
-        accuracy of the ratios grows with its duration.
+        The last releases are extended first. A longer recording does not require placing the rods again, and it
+        increases the accuracy of the ratios.
         """
         extended = list(steps)
         for k in reversed(range(len(steps))):

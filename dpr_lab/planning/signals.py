@@ -1,12 +1,13 @@
 r"""Input signals of drives at the joints and the arm: multi-sines and chirps within limits of torque, speed and angle.
 
-A multi-sine of duration T is a sum of harmonics of 1/T. The phases of Schroeder keep its peak low:
+A multi-sine of duration T is a sum of harmonics of the frequency 1/T. Schroeder phases keep its peak low:
 
     tau(t) = A sum over k of cos(2 pi k t / T + phi_k),    phi_k = -pi k (k - 1) / K.
 
-A chirp sweeps its frequency linearly from the lowest to the highest. Each signal acts on joint 1, on joint 2, on both
-joints, or on the motor of the arm, whose input is the torque over the gain of the drive. The amplitude is the largest
-at which the simulated swing respects the limits of speed and angle, and at most the limit of torque or input.
+The frequency of a chirp increases linearly from the lowest to the highest frequency. Each signal acts on joint 1, on
+joint 2, on both joints, or on the motor of the arm, whose input is the torque divided by the gain of the drive. The
+amplitude is at most the limit of torque or input. It is reduced until the simulated swing respects the limits of speed
+and angle.
 
 Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, IEEE
 Trans. Information Theory 16, 85-89.
@@ -31,9 +32,9 @@ from dpr_lab.setup import Torques
 from dpr_lab.shown import percent
 
 COLUMNS = ("t_s", "tau1_Nm", "tau2_Nm")
-"""Columns of the file of an input signal.
+"""Columns of the file of an input signal: time since the release, and torque of each joint.
 
-They are the time since the release and the torque of each joint, which holds until the next row.
+Each torque is held until the next row.
 """
 
 INPUTS = {"torque": "tau0_Nm", "current": "current_A", "voltage": "voltage_V"}
@@ -81,7 +82,7 @@ SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
     "multisine": multisine,
     "chirp": chirp,
 }
-"""Function of each kind of signal, which computes its values at given instants between two frequencies."""
+"""Functions that compute the values of each kind of signal, for given instants and a range of frequencies."""
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:

@@ -1,8 +1,8 @@
-"""Nonlinear check of a planned release: one cause is simulated, and another is fitted to the simulated readings.
+"""Check a planned release with the nonlinear model: simulate one cause, and fit another to the simulated readings.
 
-The linearised distance of two causes is valid near the estimate. Therefore the best releases are simulated under the
-more probable cause. The other cause is fitted to the readings by Gauss-Newton steps, with the information of the runs
-as prior:
+The linearised distance of two causes is valid only near the estimate. The best releases are therefore simulated with
+the more probable cause. The other cause is fitted to the simulated readings by Gauss-Newton steps, with the information
+of the runs as prior:
 
     min over p and initial states of chi2(p) + (p - p*)^T F (p - p*),
 
@@ -39,7 +39,7 @@ SIMULATED_FIT = SimulatedFit()
 def simulated_distance(
     release: CandidateRelease, known: Knowledge, pairs: OpenPairs, truth: int, other: int
 ) -> float | None:
-    """Nonlinear Delta D^2 of a release between two causes; None if the fit does not remain finite.
+    """Delta D^2 of a release between two causes, by nonlinear simulation; None if the fit becomes non-finite.
 
     Args:
         release: the release

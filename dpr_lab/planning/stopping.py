@@ -1,19 +1,22 @@
 """Stopping rule: whether the recordings decide the causes, and which questions are still open.
 
-A cause is decided under two conditions. One effect of a class and of its alternatives has a probability of at least
-`SURE`, and this effect is validated by data that were not fitted: by another release, or by the quarters of a single
-release. The quarters, and the pieces of a long recording, share the pose and all other conditions of the release. A
-single release therefore decides one cause only, and with a margin: its amplitudes a, with covariance C, have a
-significance sqrt(a^T C^-1 a) of at least `margin`, twice the value that counts as detectable, and every other effect is
-excluded as described below. The stiffness and the cubic term of a spring are correlated, so that each of them alone is
-less significant. If a small second cause is visible in the first release but cannot be named, a second release is
-therefore recorded. Several causes, and the absence of a gap, are confirmed by a second release.
+A cause is decided under two conditions. First, one effect among the members of a class and its alternatives has a
+probability of at least `SURE`. Second, this effect is validated by data that were not fitted: by another release, or by
+the quarters of a single release.
 
-"No gap" is a statement about sizes: every effect of the library that recurs is excluded at its minimum detectable size
-in these recordings (`Exclusion.is_excluded`). An effect whose estimate is too large to be excluded and too small to be
-named is decided by the next release. Effects that occur only once are not tested, because no further release shows them
-again. Causes that two releases decide remain decided even if other effects are not excluded. The plan and the report
-then list these effects, and an optional release that tests them (`reservation`).
+The quarters of a release, and the pieces of a long recording, share the pose and all other conditions. A single release
+therefore decides at most one cause, and only under two further conditions. The amplitudes a of the cause, with
+covariance C, have a joint significance sqrt(a^T C^-1 a) of at least `margin`, twice the value that counts as
+detectable. (The joint significance is used because amplitudes such as the stiffness and the cubic term of a spring are
+correlated, so that each of them alone is less significant.) In addition, every other effect is excluded as described
+below. If a small second cause may be present, a second release is therefore recorded. Several causes, and the absence
+of a gap, are always confirmed by a second release.
+
+"No gap" is a statement about sizes: every recurring effect of the library is excluded at its minimum detectable size in
+these recordings (`Exclusion.is_excluded`). An effect with an estimate too large to be excluded and too small to be
+named is decided by the next release. Effects that occur only once are not tested, because further releases do not show
+them again. Causes that two releases decide remain decided even if other effects are not excluded. The plan and the
+report then list these effects, and an optional release that tests them (`reservation`).
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -57,10 +60,7 @@ class Causes:
 
 
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
-    """Candidate causes of each named effect.
-
-    They are the members of its class, weighted by their odds, and its alternatives.
-    """
+    """Candidate causes of each named effect, with their probabilities: members of its class, and its alternatives."""
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         alternatives = {name: effect.probability * share for name, share in odds.items()}
@@ -108,7 +108,7 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
 
 
 def reservation(diagnosis: Diagnosis) -> str:
-    """Sentence that lists the effects which a decision does not exclude.
+    """Compose a sentence with the effects that are not excluded although the causes are decided.
 
     Empty if all other effects are excluded, or if the causes are not decided.
     """
@@ -132,7 +132,7 @@ def possible(diagnosis: Diagnosis) -> list[str]:
 
 
 def _most_significant(diagnosis: Diagnosis) -> str:
-    """List, in words, of the effects that are not excluded, by decreasing estimate in standard deviations."""
+    """Describe the effects that are not excluded, by decreasing estimate in standard deviations."""
     ranked = sorted(not_excluded(diagnosis), key=lambda tested: -abs(tested.estimate) / tested.size)
     names = list(dict.fromkeys(tested.effect for tested in ranked))
     rest = len(names) - STOPPING.listed + 1

@@ -1,6 +1,6 @@
-"""Result of planning, composed from a sequence of releases.
+"""Compose the plan from a sequence of releases.
 
-It contains the reasons of the releases, the forecast, and the causes that no release decides.
+The plan contains the reasons of the releases, the forecast, and the causes that no release separates.
 """
 
 from collections.abc import Collection, Sequence
@@ -29,7 +29,7 @@ State = Literal["first", "record", "enough", "bench check"]
 
 
 def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanLimits, seconds: float) -> Plan:
-    """Plan that consists of a sequence of releases.
+    """Compose the plan for a sequence of releases.
 
     Args:
         objective: the function that the plan maximises
@@ -138,7 +138,7 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
 
 
 def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
-    """Pairs of causes that even several of the best releases do not decide, with their bench checks."""
+    """Pairs of causes that even several of the best releases do not separate, with their bench checks."""
     if not steps:
         return []
     stuck = []

@@ -1,4 +1,4 @@
-"""Name, version and source hash of plugins as one text, for data that depend on the code of plugins."""
+"""Compute a text that identifies the installed plugins, for caches that depend on the code of plugins."""
 
 import hashlib
 import importlib.util

@@ -1,4 +1,4 @@
-"""Rows that plugins add to a table."""
+"""Load the rows that plugins add to the tables of dpr-lab."""
 
 import sys
 import traceback
@@ -15,7 +15,7 @@ _origins: dict[tuple[str, str], Plugin] = {}
 
 
 def skipped() -> tuple[str, ...]:
-    """Sentences with the reason why a plugin was skipped, one for each skipped plugin."""
+    """Messages for skipped plugins, each with the reason why the plugin was skipped."""
     return tuple(f"plugin {plugin} is skipped: {reason}" for plugin, reason in _skipped.items())
 
 
@@ -30,7 +30,7 @@ def origin(group: str, row: str) -> Plugin | None:
 
 
 def failure(error: BaseException) -> str:
-    """Sentence on an exception raised by a plugin, or by a library that it called; empty for others."""
+    """Compose a message for an exception raised by a plugin or by a library that it called; empty for others."""
     by_module = {plugin.module.partition(".")[0]: plugin for plugin in announced()}
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
@@ -53,7 +53,7 @@ def plugin_rows(
     name_of: Callable[[str, Row], str] = lambda name, row: name,
     refusal: Callable[[Row], str] = lambda row: "",
 ) -> dict[str, Row]:
-    """Rows that plugins add to a table: name -> row.
+    """Load the rows that plugins add to a table, by their names.
 
     Args:
         group: name of the table, one of `GROUPS`
@@ -82,10 +82,10 @@ def plugin_rows(
 
 
 def _load(plugin: Plugin, kind: type[Row]) -> tuple[Row, ...]:
-    """The rows of a plugin.
+    """Import a plugin and return its rows.
 
     Raises:
-        TypeError: an object of another kind.
+        TypeError: the object of the plugin is not a row of this kind, or a tuple of such rows.
     """
     with without_current_folder():
         value = plugin.entry.load()

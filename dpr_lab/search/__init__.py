@@ -1,4 +1,4 @@
-"""Global search: minimise a cost over a box, one operator or algorithm per file."""
+"""Global search algorithms that minimise a cost within bounds; each file contains one algorithm or operator."""
 
 from pathlib import Path
 from typing import Any

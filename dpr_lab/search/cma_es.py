@@ -17,7 +17,7 @@ from dpr_lab.search.problem import Bounds, Generation, Objective, SearchProblem
 from dpr_lab.search.settings import Count, Positive, SearchSettings
 
 FEWEST_GENES = 2
-"""Minimum number of dimensions that the package `cma` accepts; a single gene is supplemented by a dummy dimension."""
+"""Minimum number of dimensions that the package `cma` accepts; a dummy dimension is added to a single gene."""
 
 LARGEST_GROWTH = 64
 """Largest population of a restart, as a multiple of the population of the first search."""

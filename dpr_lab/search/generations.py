@@ -29,9 +29,10 @@ def generations(
 
 
 def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
-    """Whether the relative decrease of the best cost in the last generations is too small to count as progress.
+    """Whether the search stagnates.
 
-    The setting `stagnation_generations` gives their number, `stagnation_improvement` the required decrease.
+    This is the case if the relative decrease of the best cost over `stagnation_generations` is at most
+    `stagnation_improvement`.
     """
     patience = settings.stagnation_generations
     if patience is None or len(best_costs) <= patience:

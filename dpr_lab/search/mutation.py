@@ -10,8 +10,8 @@ from dpr_lab.search.problem import Bounds
 def mutate(genes: Array, rate: float, box: Bounds, rng: np.random.Generator) -> tuple[Array, Flags]:
     """Mutate some of the chromosomes: genes receive new values from the grid of hybrid coding.
 
-    Each chromosome mutates with probability `rate`. With equal probability one gene changes, or several genes, whose
-    random number lies between two and all.
+    Each chromosome mutates with probability `rate`. With equal probability, either one gene changes, or a random number
+    of genes between two and all.
 
     Args:
         genes: (size, n) chromosomes

@@ -54,9 +54,10 @@ def array_for(name: str, genes: int) -> Levels:
 
 
 def experiment(x: Array, y: Array, levels: Levels, costs: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Best combination of each pair of chromosomes.
+    """Find the best combination of the genes of each pair of chromosomes.
 
-    The candidates of a pair are all its trials and the combination that the main effects of the genes predict.
+    The candidates of a pair are the combinations of the orthogonal array, and the combination that is optimal according
+    to the main effects of the genes.
 
     Args:
         x: (pairs, n) chromosomes, level 0 of each gene
@@ -80,7 +81,7 @@ def experiment(x: Array, y: Array, levels: Levels, costs: Callable[[Array], Arra
 
 
 def better_levels(tried: Array, levels: Levels) -> Levels:
-    """The better level of each gene, at which the mean cost of the trials is lower.
+    """Find the level of each gene at which the mean cost of the trials is lower.
 
     The combination of these levels is optimal if the cost is a sum over genes.
 

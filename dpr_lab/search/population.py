@@ -30,6 +30,6 @@ def ranked(genes: Array, cost: Array) -> Population:
 def merged(first: Population, second: Population) -> Population:
     """Merge two populations, best first.
 
-    If two individuals have equal costs, the individual from `first` precedes.
+    If two individuals have equal costs, the individual from `first` comes first.
     """
     return ranked(np.vstack([first.genes, second.genes]), np.concatenate([first.cost, second.cost]))

@@ -58,7 +58,7 @@ class Algorithm(Generic[Settings]):
 class SearchProblem:
     """Objective of a search as a function of the free genes, with one cost per candidate.
 
-    An instance counts the evaluations.
+    The instance counts the evaluations.
     """
 
     objective: Objective

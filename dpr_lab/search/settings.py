@@ -19,7 +19,7 @@ class SearchSettings(BaseModel, extra="forbid", frozen=True):
     aggregate: Literal["sum", "max", "min"] = "sum"
     """Combination of the errors E of the poses to the cost H."""
     stagnation_generations: Count | None = None
-    """Number of generations without progress after which the search stops; default: no such limit."""
+    """Number of generations without progress after which the search stops; None: it does not stop early."""
     stagnation_improvement: Share = 0.01
     """Relative decrease of the best cost up to which the search counts as stagnant."""
     delta: Positive = 35.0

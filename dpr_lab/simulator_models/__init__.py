@@ -1,7 +1,7 @@
-"""Models of simulators (MJCF, URDF, SDFormat), interpreted as a double pendulum.
+"""Read simulator models (MJCF, URDF, SDFormat) and find the double pendulum in them.
 
 Each reader converts a file to a `SimulatorModel`: parts, joints and gravity, with all joints at zero. `double_pendulum`
-finds the two rods in this model, and the arm if it has one.
+finds the two rods in this model, and the arm if there is one.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ READERS: dict[str, Callable[[Path, bytes | None], SimulatorModel]] = {
 
 
 def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read a model of MuJoCo, URDF or SDFormat.
+    """Read an MJCF, URDF or SDFormat file.
 
     The root element of the file determines its format.
 

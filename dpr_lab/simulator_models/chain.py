@@ -19,11 +19,11 @@ class ChainLimits:
     parallel: float = math.radians(10.0)
     """Maximum angle between axes that are treated as parallel, rad. A model with a larger angle is refused."""
     noticed: float = math.radians(0.01)
-    """Maximum angle between parallel axes that is not noted, rad."""
+    """Maximum angle between axes treated as parallel for which no note is given, rad."""
     elbow: float = 1e-3
-    """Distance of a part's centre of mass from the axis of joint 2, over L1, below which its mass belongs to mb."""
+    """Distance of a part's centre of mass from the axis of joint 2, relative to L1, below which it belongs to mb."""
     offset: float = 1e-7
-    """Maximum distance of the centre of mass from the line of the inner rod that is not noted, m."""
+    """Maximum distance of the centre of mass from the axis of the inner rod for which no note is given, m."""
 
 
 CHAIN = ChainLimits()
@@ -31,7 +31,7 @@ CHAIN = ChainLimits()
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
-    """Term of a joint of the model for which a rig file has no key."""
+    """Property of a joint of the model for which a rig file has no key."""
 
     joint: str
     quantity: str

@@ -1,4 +1,4 @@
-"""Rods and arm of a double pendulum, from the parts that move with each joint."""
+"""Combine the parts that move with each joint to the rods and the arm of a double pendulum."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vect
 
 
 def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
-    """Parts that move with a joint of the chain; the part of the joint comes first."""
+    """Parts that are rigidly connected to the part at `index` of the chain; this part comes first."""
     fixed = [i for i in range(len(model.parts)) if i not in chain and carrier(model, i, chain) == index]
     return [model.parts[index], *(model.parts[i] for i in fixed)]
 

@@ -1,4 +1,4 @@
-"""Double pendulum of a model, or its one rod on an arm, with the terms and parts that a rig file cannot contain."""
+"""Find the double pendulum, or the single rod on an arm, in a model, and note parts that a rig file cannot contain."""
 
 import math
 from collections.abc import Sequence

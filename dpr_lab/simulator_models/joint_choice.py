@@ -1,4 +1,4 @@
-"""Choice of the hinges of a model that are the joints of inner rod, outer rod and arm."""
+"""Choose the hinges of a model that are the joints of inner rod, outer rod and arm."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ class Hinges(NamedTuple):
     """Indices of the parts that carry the joints of the rods and of the arm."""
 
     rods: tuple[int, ...]
-    """Index for the inner rod, and for the outer rod if there are two. A single rod is on an arm."""
+    """Index for the inner rod and, if there are two rods, for the outer rod; a single rod is always on an arm."""
     arm: int | None
 
     @property
@@ -42,7 +42,7 @@ def _hinges(model: SimulatorModel) -> list[int]:
 
 
 def carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
-    """Nearest of the parts `among` on the way from a part to the world; -1 if there is none."""
+    """Nearest ancestor of a part that is in `among`; -1 if there is none."""
     above = model.parts[index].parent
     while above >= 0 and above not in among:
         above = model.parts[above].parent
@@ -54,7 +54,7 @@ def _names(model: SimulatorModel, indices: Sequence[int]) -> str:
 
 
 def named(model: SimulatorModel, names: Sequence[str]) -> Hinges:
-    """Rods and arm of a model, from the names of their joints.
+    """Find the rods and the arm of a model by the names of their joints.
 
     Raises:
         ConfigError: a joint is unknown, there are not two or three joints, or the joints are not in a chain.
@@ -83,11 +83,11 @@ def named(model: SimulatorModel, names: Sequence[str]) -> Hinges:
 
 
 def only_choice(model: SimulatorModel) -> Hinges:
-    """Rods and arm of a model that has no other hinges.
+    """Find the rods and the arm of a model that has no other hinges.
 
     Raises:
-        ConfigError: the model has not two or three hinges, the hinges are not in a chain, or the axes of the rods are
-            not parallel.
+        ConfigError: the number of hinges is not 2 or 3, the hinges do not form a chain, or the axes of the rods are not
+            parallel.
     """
     hinges = _hinges(model)
     if len(hinges) < 2:

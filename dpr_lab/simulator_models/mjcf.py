@@ -29,7 +29,7 @@ IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom
 """Elements that are removed, because they do not influence the motion of rods or contain names of other files."""
 
 REFUSED = {"composite", "flexcomp", "replicate", "attach"}
-"""Elements from which MuJoCo generates bodies; files with them are refused."""
+"""Elements from which MuJoCo generates bodies; files that contain such elements are refused."""
 
 LISTED = {
     "plugin": "plugins, not loaded",

@@ -1,6 +1,6 @@
-"""Check of the numbers in a simulator's file before the library of its format reads them.
+"""Check the numbers in a simulator's file before the library of its format reads them.
 
-The libraries misread some numbers: the library of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as zero.
+The libraries accept invalid numbers: that of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as zero.
 """
 
 import math
@@ -57,7 +57,7 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
 
 
 def _problem(text: str) -> str:
-    """Description of invalid numbers in a text; empty if all are valid."""
+    """Describe invalid numbers in a text; empty if all numbers are valid."""
     parts = text.split()
     if not parts:
         return "is empty: give a number, or remove the entry"

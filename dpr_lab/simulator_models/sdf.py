@@ -178,7 +178,7 @@ def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_
 
 
 def _mimic(element: Element | None) -> dict[str, str]:
-    """Joint that a joint follows, from `<mimic>` of its axis or `<drake:mimic>` of the joint; else empty."""
+    """Name of the joint that a joint mimics (`<mimic>` of its axis, or `<drake:mimic>`); empty if there is none."""
     if element is None:
         return {}
     if (mimic := element.find("axis/mimic")) is not None:

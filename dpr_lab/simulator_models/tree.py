@@ -1,4 +1,4 @@
-"""Model of a simulator as parts on joints, in world coordinates with every joint at zero, SI units."""
+"""Tree of parts and joints of a simulator model, in world coordinates with all joints at zero, SI units."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -53,7 +53,7 @@ class Part:
     inertia: Vector
     """(3, 3) inertia about the centre of mass, kg m^2."""
     ends: tuple[Vector, ...] = ()
-    """Points of the shapes of the part, m, which determine the length of a rod."""
+    """Points on the shapes of the part, m, from which the length of a rod is determined."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Changes of attributes and texts in an XML file; all other bytes of the file are preserved."""
+"""Change attributes and texts in an XML file; all other bytes of the file are preserved."""
 
 import re
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class XmlEdit:
         """Read the positions of all elements.
 
         Raises:
-            ConfigError: as for `parse_xml`, or another encoding than UTF-8.
+            ConfigError: as for `parse_xml`, or the encoding is not UTF-8.
         """
         parse_xml(data, name)
         try:

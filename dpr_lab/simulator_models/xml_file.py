@@ -1,4 +1,4 @@
-"""Reader for untrusted XML files: without entities, document types, or files outside the folder of the model."""
+"""Read untrusted XML files; entities, document types and includes from outside the model's folder are refused."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,9 +82,9 @@ def parse_xml(data: bytes, name: str) -> Element:
 
 
 def with_includes(path: Path, data: bytes | None = None) -> Element:
-    """Document in which each `<include file="...">` is replaced by the content of the file.
+    """Read a document and replace each `<include file="...">` by the content of that file.
 
-    If `data` is given, it replaces the content of the document.
+    If `data` is given, it is used instead of the content of the document.
 
     Raises:
         ConfigError: an include is outside the folder of the model or includes itself, or there are too many.

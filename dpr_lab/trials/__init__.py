@@ -1,4 +1,1 @@
-"""Blind trials: a random plant is sealed, recorded and diagnosed.
-
-Its truth is then revealed and the diagnosis scored.
-"""
+"""Blind trials: random simulated rigs are sealed, recorded, diagnosed and revealed, and the diagnoses are scored."""

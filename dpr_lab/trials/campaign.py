@@ -1,6 +1,6 @@
-"""Campaigns of many trials with numbered cases.
+"""Run campaigns of many numbered blind trials.
 
-The results are stored line by line, so that an interrupted campaign can be continued.
+Each result is stored as one line when its trial ends, so that an interrupted campaign can be continued.
 
     campaign.json   definition of the campaign; a folder contains one campaign
     trials.jsonl    one line for each finished trial
@@ -35,7 +35,7 @@ SETTINGS, TRIALS, LOCK = "campaign.json", "trials.jsonl", ".lock"
 class Campaign:
     """Definition of a campaign.
 
-    Trial `number` hides content of the kind `kinds[number % len(kinds)]`, drawn with the seed `seed + number`.
+    The hidden content of trial `number` has the kind `kinds[number % len(kinds)]` and the seed `seed + number`.
     """
 
     kinds: tuple[Kind, ...]
@@ -175,9 +175,9 @@ def _claim(folder: Path, campaign: Campaign) -> None:
 
 
 def read_trials(folder: Path) -> dict[int, TrialOutcome]:
-    """Outcomes of the trials in a folder, by number.
+    """Read the outcomes of the trials in a folder, by number.
 
-    A process that was killed can leave an incomplete last line, which is removed from the file.
+    An incomplete last line, which a killed process can leave, is removed from the file.
 
     Raises:
         RunError: a complete line is not a valid trial.

@@ -1,7 +1,7 @@
-"""One trial of a campaign, run in any process; the case and its outcome are JSON values.
+"""Run one trial of a campaign in any process; the case and its outcome are JSON values.
 
-The device records its plant directly, without link and without waiting. The counts are the same as through the link,
-and hundreds of trials are feasible.
+To make hundreds of trials feasible, the simulated device records its plant directly, without a link and faster than
+real time. The recorded counts are the same as through the link.
 """
 
 import time
@@ -27,8 +27,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 
     Args:
         case: `kind`, `level`, `seed` and `arm` of the plant; `rig`, the text of a rig file; `plant`, a name or a file
-            on
-            this machine; `version` of the calling program
+            on this machine; `version` of the calling program
 
     Returns:
         `outcome`, the dict of `TrialOutcome.to_json`
@@ -51,7 +50,7 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def plant_of(case: dict[str, Any], *, direct: bool = True) -> Iterator[HeldPlant]:
-    """Sealed plant of a case, whose trial uses one thread; `direct` as for `sealed_in_memory`.
+    """Seal the plant of a case, and restrict this process to one thread; `direct` as for `sealed_in_memory`.
 
     Raises:
         DprError: the device failed, or another version is installed here.
@@ -69,7 +68,7 @@ def plant_of(case: dict[str, Any], *, direct: bool = True) -> Iterator[HeldPlant
 
 
 def run_of(recording: dict[str, Any], rig: Rig) -> Run:
-    """The run that `load_run` would return for a run file of this recording."""
+    """Convert a recording to the run that `load_run` would read from its run file."""
     t, counts, pose = np.array(recording["t"]), np.array(recording["counts"], dtype=np.int64), recording["pose"]
     theta = rig.theta(counts)
     return Run(

@@ -1,7 +1,7 @@
-"""A revealed trial as a table: each hidden effect with its diagnosis, followed by wrongly named effects.
+"""Table of a revealed trial: each hidden effect with its diagnosis, followed by incorrectly named effects.
 
-If only ratios to b are identified, true and estimated sizes are both given as ratios, followed by absolute values with
-the assumed b.
+If only ratios to b are identified, true and estimated sizes are given as ratios, followed by absolute values for the
+assumed b.
 """
 
 from dpr_lab.gap.result.causes import NamedEffect
@@ -19,7 +19,7 @@ COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % inte
 
 
 def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
-    """Table rows, one for each hidden effect and one for each wrongly named effect.
+    """Table rows, one for each hidden effect and one for each incorrectly named effect.
 
     A cell has one line for each size.
     """

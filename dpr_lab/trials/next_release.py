@@ -1,4 +1,4 @@
-"""Selection of the next release of a sequential trial: by a plan, from a fixed menu, or at random."""
+"""Choose the next release of a sequential trial: by a plan, from a fixed menu, or at random."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -32,11 +32,11 @@ EQUAL_TIMES = RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENT
 
 
 def limits_of(rig: Rig, largest_input: float | None = None, times: RecordingTimes = EQUAL_TIMES) -> PlanLimits:
-    """Limits of the plans in a sequential trial: a plan may use the same kinds of releases as the other strategies.
+    """Limits of the plans in a sequential trial, which permit the same kinds of releases as the other strategies.
 
     Args:
         rig: the rig; its mounted rods and the mode of its arm do not change
-        largest_input: largest input of the arm's motor in the program that the other strategies use
+        largest_input: largest input of the arm's motor in the input signal that the other strategies use
         times: permitted durations
     """
     return PlanLimits(recording=times, arm=ArmPlan(modes=(arm_of(rig),), input=largest_input))
@@ -98,7 +98,7 @@ def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
 
 @dataclass(frozen=True, slots=True)
 class Strategy:
-    """A strategy: how the releases of a sequential trial are chosen."""
+    """Strategy by which the releases of a sequential trial are chosen."""
 
     choose: Chooser
     """Function that selects the next release."""

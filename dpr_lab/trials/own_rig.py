@@ -1,9 +1,9 @@
-"""Blind trials on plants that resemble one rig.
+"""Blind trials on simulated plants that resemble one rig.
 
-Each plant is the corrected model of the rig, recorded in the same way with different noise. dpr-lab's own model
-simulates the readings with a quarter of its step. The trials therefore show how reliable the names are for this rig,
-these recordings and this noise, but not for effects outside the library. `dpr-lab trials` uses plants of an independent
-program.
+Each plant is the corrected model of the rig, recorded in the same way with different noise. The readings are simulated
+by the model of dpr-lab itself, with a quarter of the integration step. The trials therefore show how reliable the named
+effects are for this rig, these recordings and this noise, but not for effects outside the library. (`dpr-lab trials`
+uses plants of an independent simulation program.)
 """
 
 import time
@@ -40,7 +40,7 @@ Effects = Mapping[str, Params]
 
 @dataclass(frozen=True, slots=True)
 class OwnRigSettings:
-    """Settings of the plants: their hidden content and their simulation."""
+    """Settings of the plants: hidden effects and simulation."""
 
     times_detectable: tuple[float, float] = (2.0, 20.0)
     """Range of the sizes of drawn effects, relative to the minimum detectable size.
@@ -79,7 +79,7 @@ def trust(
     processes: int = 1,
     on_trial: Callable[[int], None] = lambda done: None,
 ) -> Trust:
-    """Test a diagnosis on simulated plants whose truth is known.
+    """Test a diagnosis on simulated plants with known effects.
 
     Args:
         diagnosis: the diagnosis of the rig
@@ -139,7 +139,7 @@ class _Plan:
 
 
 def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Iterator[tuple[int, TrustTrial]]:
-    """Yield each finished trial with its number; the trials run in this process or in others."""
+    """Run the trials in this process or in others, and yield each finished trial with its number."""
     if processes < 2:
         yield from ((number, trial(number)) for number in range(count))
         return
@@ -166,7 +166,7 @@ def _original(run: Run, rig: Rig, estimate: Estimate) -> _Original:
 
 
 def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random.Generator) -> Effects:
-    """A random detectable effect that the diagnosis does not name, with a random size of one of its amplitudes."""
+    """Draw a detectable effect that the diagnosis does not name, with a random size of one of its amplitudes."""
     named = {effect.name for effect in diagnosis.effects}
     detectable = {name: {k: v for k, v in sizes.items() if v} for name, sizes in diagnosis.detectable.items()}
     names = [n for n in detectable if n in library and n not in named and detectable[n] and not library[n].event]
@@ -182,7 +182,7 @@ def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random
 
 
 def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
-    """Simulated readings of a plant at the instants of a recording; the readings before the release are unchanged."""
+    """Simulate the readings of a plant at the instants of a recording; readings before the release are not changed."""
     run, screened = original.run, original.seen
     swing = run.t > original.start_s
     finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
@@ -239,7 +239,7 @@ def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
 def _cells(trial: TrustTrial) -> list[tuple[str, str]]:
     """Cells of the confusion table, as (true, named) pairs.
 
-    A correctly named effect is paired with itself. Missed effects are paired with wrong names.
+    A correctly named effect is paired with itself. Missed effects are paired with incorrect names.
     """
     missed = [name for name in trial.truth if name not in trial.right]
     count = max(len(missed), len(trial.wrong))

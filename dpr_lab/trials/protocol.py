@@ -67,9 +67,9 @@ class Opened:
 
 
 def keep_runs(folder: Path, seal: str, request: PlantRequest, files: Sequence[Path]) -> Trial:
-    """Write `trial.json`, which states that a plant was drawn, sealed and recorded.
+    """Write `trial.json` after a plant was drawn, sealed and recorded.
 
-    The folder contains a trial once this file exists.
+    A folder counts as a trial as soon as this file exists.
     """
     names = [path.relative_to(folder).as_posix() for path in files]
     write_json({"seal": seal, "asked": f"{request.kind}:{request.level}", "runs": names}, folder / "trial.json")
@@ -93,7 +93,7 @@ def read_trial(folder: Path) -> Trial:
 
 
 def recordings(trial: Trial) -> list[Run]:
-    """Runs of the trial, read from their files.
+    """Read the runs of the trial.
 
     Raises:
         RunError: a run cannot be read.
@@ -113,7 +113,11 @@ def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
 
 
 def refuse_opened(trial: Trial) -> None:
-    """Raise RunError if the truth of the trial is already revealed."""
+    """Check that the truth of the trial is not revealed yet.
+
+    Raises:
+        RunError: the truth is already revealed.
+    """
     if trial.opened.exists():
         raise RunError(f"{trial.folder}: this trial was already opened, so a diagnosis would not be blind")
 
@@ -143,7 +147,7 @@ def _diagnosis(file: Path) -> dict[str, Any]:
 
 
 def read_json(file: Path) -> dict[str, Any]:
-    """JSON object from a file.
+    """Read a JSON object from a file.
 
     Raises:
         RunError: the file cannot be read, or is not a JSON object.

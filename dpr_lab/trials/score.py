@@ -1,4 +1,4 @@
-"""Score of one trial: comparison of the diagnosis with the hidden effects."""
+"""Score one trial by comparing the diagnosis with the hidden effects."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +13,7 @@ NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
 STEP = MISSED_COUNTS.name
 SURE = 0.5
-"""Probability above which a wrong name counts as claimed by the diagnosis."""
+"""Posterior probability above which an incorrectly named effect counts as a confident error."""
 
 Json = Mapping[str, Any]
 
@@ -67,7 +67,7 @@ class TrialOutcome:
     class_sizes: tuple[int, ...]
     """Number of effects in the class of each named effect.
 
-    This number is needed for comparison, because a class that contains the whole library would always be right.
+    The number is needed to judge the result, because a class that contains the whole library is always correct.
     """
     first: bool
     """Whether the first named effect is one of the causes."""
@@ -85,9 +85,7 @@ class TrialOutcome:
     """Whether the diagnosis reports that part of the gap is unexplained."""
     explained_share: float
     closed: float
-    """Share of the gap above the noise floor that closes on held-out data.
-
-    nan if the diagnosis does not state this share.
+    """Fraction by which the gap above the noise floor decreases on held-out data; nan if it is unknown.
     """
     sizes: tuple[SizeError, ...]
     claims: tuple[Claim, ...]
@@ -122,8 +120,8 @@ class TrialOutcome:
     def is_true(self) -> bool:
         """Whether the statement of the diagnosis is true.
 
-        This is the case if the grade is `right`, or if every unnamed effect is too small to be detected. "No gap", or a
-        list of causes, is a statement about effects above the minimum detectable sizes of the diagnosis.
+        This is the case if the grade is `right`, or if each effect that was not named is below its minimum detectable
+        size: "no gap", or a list of causes, is a statement only about effects above these sizes.
         """
         if self.grade == "right":
             return True
@@ -141,7 +139,7 @@ _NUMBERS = ("explained_share", "closed")
 
 
 def read_outcome(saved: Mapping[str, Any]) -> TrialOutcome:
-    """Outcome from the dict that `TrialOutcome.to_json` returns."""
+    """Restore an outcome from the dict that `TrialOutcome.to_json` returns."""
     lists = {name: tuple(saved[name]) for name in _LISTS}
     sizes, claims = (
         tuple(make(**record) for record in saved[name]) for name, make in (("sizes", SizeError), ("claims", Claim))
@@ -206,7 +204,7 @@ def score(
 def _named(diagnosis: Json) -> list[Json]:
     """Effects that the diagnosis names.
 
-    A step that only the sensor screening found counts as a named effect without a probability.
+    A jump of a reading that only the sensor screening found counts as a named effect without a probability.
     """
     effects: list[Json] = list(diagnosis["effects"]) if diagnosis["verdict"] in NAMING else []
     steps = any(finding["name"] == STEP for finding in diagnosis["sensor_findings"])
@@ -243,7 +241,7 @@ def _faults(truth: Truth) -> list[str]:
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:
-    """Index of the true cause that an effect of a diagnosis, or a member of its class, names, or None."""
+    """Index of the true cause to which a named effect, or a member of its class, corresponds; None if there is none."""
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
 
@@ -264,7 +262,7 @@ def _claimed(effects: Sequence[Json], hits: Sequence[int | None]) -> list[Claim]
 def _sizes(effects: Sequence[Json], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
     """Errors of the estimated amplitudes of correctly named effects.
 
-    An effect that was named only through an indistinguishable one has no estimate of its own and is left out.
+    True effects of which only an indistinguishable effect was named are omitted, because they have no estimate.
     """
     errors: list[SizeError] = []
     for effect in effects:

@@ -1,4 +1,4 @@
-"""Requests to the process of the simulated device, which draws, seals and reveals a plant.
+"""Send requests to the process of the simulated device, which draws, seals and reveals a plant.
 
 The truth stays in a folder of the device, which dpr-lab never reads. dpr-lab receives a seal, a rig file and
 recordings.
@@ -78,7 +78,7 @@ class PlantRequest:
     seed: int | None = None
     """Seed of the draw; None: 128 random bits, so that nobody can repeat the draw.
 
-    A small seed could be guessed, and with it the plant.
+    A small seed could be guessed, which would reveal the plant.
     """
     rig: str = "paper"
     """Rig file or built-in name of the rig about which the random rig is drawn."""
@@ -173,7 +173,7 @@ def sealed_in_memory(request: PlantRequest, rig: str, *, direct: bool = True) ->
 
 
 def unseal(folder: Path) -> dict[str, Any]:
-    """Truth and salt of the plant that the device keeps in a folder.
+    """Reveal truth and salt of the plant that the device keeps in a folder.
 
     Raises:
         ConfigError: the folder contains no sealed plant.

@@ -1,4 +1,4 @@
-"""A sequential trial of a sealed plant: releases are chosen, recorded and diagnosed until the cause is decided."""
+"""Sequential trials of a sealed plant: choose, record and diagnose releases until the causes are decided."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     """Run a sequential trial of one sealed plant with each strategy.
 
     Args:
-        case: as the case of `run_case`, and `strategies`, names of `STRATEGIES`
+        case: the case as for `run_case`, with the additional entry `strategies`: names of `STRATEGIES`
 
     Returns:
         `outcome`, the score of the last diagnosis of the first strategy, and `strategies`, which contains for each
@@ -71,8 +71,7 @@ class SequentialLook:
     decided: bool
     """Whether the recordings decide the causes."""
     bench_check: bool
-    """Whether all causes are decided except for causes that no release separates, between which a bench check must
-    decide."""
+    """Whether all causes are decided, except between causes that no release, but only a bench check, separates."""
     forecast: tuple[float, ...]
     """Probabilities that the causes are decided after this release, after the next release, and so on.
 

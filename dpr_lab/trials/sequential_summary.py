@@ -1,4 +1,4 @@
-"""Summary of sequential trials by strategy: number of releases, share of right results, calibration of forecasts."""
+"""Summarise sequential trials by strategy: number of releases, share of correct results, calibration of forecasts."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +16,7 @@ Outcome = Mapping[str, Any]
 
 
 def read_strategies(folder: Path, n: int) -> list[dict[str, Outcome]]:
-    """Results of the first `n` trials in the folder of a campaign; each result is a dict by strategy."""
+    """Read the results of the first `n` trials in the folder of a campaign; each result is a dict by strategy."""
     file = folder / TRIALS
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # no results if every trial failed
     trials = [json.loads(line) for line in lines if line]
@@ -57,11 +57,11 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def forecast_claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
-    """Yield the forecasts that k more releases are enough, and whether each forecast was right.
+    """Yield the forecast probabilities that k more releases are sufficient, each with the observed result.
 
-    The releases are also enough if only a bench check can decide between the remaining causes, because a forecast
-    counts causes that no release separates as one. A trial that ends at the maximum number of releases contains no
-    information about a later release.
+    The releases also count as sufficient if only a bench check can decide between the remaining causes, because a
+    forecast counts causes that no release separates as one. A trial that ends at the maximum number of releases
+    contains no information about further releases.
 
     Args:
         looks: states after each release, with `forecast`, `decided` and `bench_check`

@@ -45,10 +45,10 @@ def calibration_error(claims: Sequence[Claim]) -> float:
 
 
 def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
-    """Calibration error that an exact forecast would have by chance, as a mean over random draws.
+    """Expected calibration error of a perfectly calibrated forecast with the same probabilities, by simulation.
 
-    The outcomes of the claims are drawn with the stated probabilities. Bins with few claims have an error by chance
-    alone. A forecast is miscalibrated only if its error exceeds this mean.
+    The outcomes of the claims are drawn with the stated probabilities. The error is above zero by chance, mainly in
+    bins with few claims. A forecast is miscalibrated only if its error exceeds this value.
 
     Source: J. Broecker & L. A. Smith (2007), Increasing the reliability of reliability diagrams, Weather and
     Forecasting 22, 651-661.
@@ -65,7 +65,7 @@ def brier(claims: Sequence[Claim]) -> float:
 
 
 def wilson90(held: int, of: int) -> tuple[float, float]:
-    """90 % Wilson score interval of a share, if `held` of `of` trials have a property."""
+    """90 % Wilson score interval of a proportion, for `held` successes in `of` trials."""
     from scipy.stats import binomtest  # slow import
 
     interval = binomtest(held, of).proportion_ci(0.9, method="wilson")
@@ -73,9 +73,10 @@ def wilson90(held: int, of: int) -> tuple[float, float]:
 
 
 def summary(outcomes: Sequence[TrialOutcome]) -> dict[str, Any]:
-    """All scores of the given trials; a share is nan if there are no trials.
+    """Compute all scores of the given trials; a share is nan if there are no trials to which it applies.
 
-    Names are scored if the library contains the cause. Otherwise the cause should be reported as unexplained.
+    Named effects are scored only if the library contains the cause. Otherwise, the correct result is an unexplained
+    gap.
     """
     sizes = [size for o in outcomes for size in o.sizes]
     claims = [claim for o in outcomes for claim in o.claims]
@@ -117,7 +118,7 @@ SHARES: dict[str, tuple[str, Callable[[TrialOutcome], bool]]] = {
     "wrong_name": ("all", lambda o: o.wrong_name),
     "faults_missed": ("all", lambda o: bool(o.faults_missed)),
 }
-"""Shares in the summary: for each key, the trials that are considered and the property that is counted."""
+"""Shares in the summary: for each key, the condition on the trials considered, and the property that is counted."""
 
 
 def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
@@ -206,7 +207,7 @@ def by_size(
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:
-    """Summary of a failed trial, including the arguments that reproduce the trial."""
+    """Summarise a trial with an incorrect result, including the arguments that reproduce the trial."""
     names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
     return {name: getattr(outcome, name) for name in names}
 

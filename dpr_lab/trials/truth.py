@@ -25,7 +25,7 @@ class Truth:
     foreign: str | None
     """Effect that is not in the library, or not in this functional form; None if there is none."""
     family: tuple[str, ...]
-    """Effects of the library that count as right answers for the out-of-library effect."""
+    """Effects of the library that count as correct names of the out-of-library effect."""
     held_back: bool
     """Whether the out-of-library effect was excluded from all tuning of dpr-lab."""
     parameters: Mapping[str, float]
@@ -37,7 +37,7 @@ class Truth:
 
     @property
     def answers(self) -> tuple[tuple[str, ...], ...]:
-        """Right names for each cause."""
+        """Correct names for each cause."""
         known = tuple((name,) for name in self.effects)
         return (*known, self.family) if self.family else known
 
@@ -54,9 +54,9 @@ class Truth:
     def sizes(self, rig: Rig, assumed: float) -> dict[str, dict[str, float]]:
         """True amplitudes of the library effects, converted to the scale that dpr-lab assumes.
 
-        A free swing does not determine the common scale of torques and inertias. dpr-lab's values are relative to an
-        assumed inertia (`assumed_inertia`). True torques and inertias are therefore multiplied by the ratio of the
-        assumed inertia to that of the plant.
+        A free swing does not determine the common scale of torques and inertias, so a diagnosis assumes an inertia
+        (`assumed_inertia`). For comparison, true torques and inertias are multiplied by the ratio of the assumed
+        inertia to that of the plant.
         """
         Z = np.array([self.parameters[name] for name in PARAMETERS])
         l1, _, m1, *_, J1, _ = Z.tolist()
@@ -90,7 +90,7 @@ def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
 
 
 def read_truth(opened: Mapping[str, Any]) -> Truth:
-    """Truth from the content of a revealed plant."""
+    """Read the truth from the content of a revealed plant."""
     foreign = next(iter(opened["foreign"]), None)
     return Truth(
         effects=opened["effects"],
@@ -104,7 +104,7 @@ def read_truth(opened: Mapping[str, Any]) -> Truth:
 
 
 def unsealed(opened: Mapping[str, Any], seal: str) -> Truth:
-    """Truth of a revealed plant, after verification of its published seal.
+    """Verify the published seal of a revealed plant, and return its truth.
 
     Raises:
         DprError: the revealed truth does not match the seal.

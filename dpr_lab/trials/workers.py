@@ -1,6 +1,6 @@
-"""Workers for the cases of a campaign: processes of this machine, or workers of a cluster.
+"""Run the cases of a campaign in parallel, in processes of this machine or on a cluster.
 
-A case and its result are JSON values. Each worker runs one case at a time, on one thread.
+A case and its result are JSON values. Each worker runs one case at a time, in one thread.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ and execute any code that they receive.
 
 
 def exposure(scheduler: str) -> str | None:
-    """Warning about the access that a scheduler address gives to others; None on the local interface, or with TLS."""
+    """Compose a warning if others can access a scheduler address; None for the local interface, or with TLS."""
     address = ADDRESS.fullmatch(scheduler)
     if address is None or address["scheme"] == "tls" or _loopback(address["host"].strip("[]")):
         return None
@@ -143,9 +143,9 @@ def _wait_for_workers(wait: Callable[[], object], scheduler: str) -> None:
 
 
 def _result(future: Any) -> dict[str, Any]:
-    """Result of a case from a future of a process pool or of dask; a killed process raises an error.
+    """Get the result of a case from a future of a process pool or of dask.
 
-    The message of every other error becomes the result.
+    The error of a killed process is raised. Any other error becomes a result that contains its message.
     """
     error = future.exception()
     if isinstance(error, BrokenProcessPool):

@@ -4,8 +4,8 @@ First a set of effects is drawn with its posterior probability, then the values 
 normal distribution for a further recording. The covariance is that of the fit plus the covariance between recordings
 (`dpr_lab.gap.conclusion.scatter`). The distribution is truncated: a draw is repeated if a quantity that must be
 positive is negative, or if the inertias are physically impossible. Negative values are not set to zero, because this
-would break the correlations. For example, a large Coulomb friction is drawn together with a negative viscous friction. With zero
-viscous friction instead, the total friction would be too large.
+would break the correlations. For example, a large Coulomb friction is drawn together with a negative viscous
+friction. With zero viscous friction instead, the total friction would be too large.
 
 If the recordings determine the scale b, it is drawn together with the other values, because under a known torque tau
 the motion depends on tau / b. A free swing does not determine b. In this case b is drawn from a log-normal distribution

@@ -1,1 +1,1 @@
-"""Value of the information from a release: bits about causes, library, ratios and limits, and texts of reasons."""
+"""Value of the expected information from a release, in bits about causes, library effects, ratios and limits."""

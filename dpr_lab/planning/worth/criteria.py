@@ -1,7 +1,7 @@
 """Value of information: bits about the causes, about other effects of the library, and about the ratios.
 
-**Causes (T-optimality).** Suppose that A is the cause, with amplitudes a. The squared distance of its readings from the
-nearest readings under B, with ratios and all other effects of the model fitted, is
+**Causes (T-optimality).** Suppose that A is the true cause, with amplitudes a. The squared distance between the
+readings under A and the nearest readings under B, with ratios and all other effects of the model fitted, is
 
     D^2(A, B) = a^T (G_AA - G_AB G_BB^-1 G_BA) a + trace((G_AA - G_AB G_BB^-1 G_BA) cov(a)),
 
@@ -14,9 +14,9 @@ value of the recording is the expected reduction of the entropy between both cau
 each pair of amplitudes of the library, and for each amplitude against no effect, at several sizes and even odds. The
 value is their mean.
 
-**Effects that are not excluded.** If no gap is visible, or causes explain it, the answer is open as long as other
-amplitudes may have their minimum detectable size. For each of these amplitudes the same bits are computed against no
-effect, at this size and even odds.
+**Effects that are not excluded.** Even if no gap is visible, or the named causes explain it, other amplitudes may still
+have their minimum detectable size. For each such amplitude, the same bits are computed against no effect, at this size
+and even odds.
 
 **Ratios (D-optimality).** The value is log2 of the factor by which the volume of the covariance of the ratios
 decreases, with the effects of the model fitted.
