@@ -84,7 +84,7 @@ def refuse_impossible_inner(rig: "Rig", inner: InnerMode, arm: ArmMode) -> None:
     if inner == "free":
         return
     if rig.rods.mounting != "both":
-        raise ValueError("an inner rod that is prescribed needs the outer rod, free to swing on it")
+        raise ValueError("a prescribed inner rod needs an outer rod that swings on it")
     if arm in ("free", "driven"):
         raise ValueError(f"joint 1 is prescribed, so the arm has to be clamped or prescribed as well, not {arm}")
 

@@ -52,15 +52,15 @@ class Parameter(RigTable):
     """Kinetic parameter: searched between bounds, or measured with a standard uncertainty."""
 
     nominal: Positive
-    """Best guess: initial value of a search and a diagnosis."""
+    """Nominal value: initial value of a search and of a diagnosis."""
     lower: Positive | None = None
     """Lower bound of the search. Both bounds may be omitted if the value is measured. The lower bound of a friction
     coefficient that may be zero must be small but positive, for example 1e-6, because the search works with ratios."""
     upper: Positive | None = None
     """Upper bound of the search."""
     measured: Positive | None = None
-    """Value measured with a balance or a calliper: the search does not change it, and it determines the scale of the
-    result.
+    """Value measured with a balance or a calliper. The search does not change it, and it determines the scale of all
+    masses, inertias and torques.
     """
     std: Positive | None = None
     """Standard uncertainty of `measured`."""
@@ -91,13 +91,13 @@ class Encoders(RigTable):
     """
 
     counts_per_rev: tuple[CountsPerRev, CountsPerRev, CountsPerRev] = (16384, 16384, 16384)
-    """Counts per turn of arm, inner and outer rod; the device reports the same."""
+    """Counts per turn of the encoders of arm, inner and outer rod; they must equal those that the device reports."""
     noise_counts: Annotated[float, Field(ge=0, le=1e6, strict=True)] = 0.5
-    """Standard deviation of a reading at rest, counts; used for limits of rest and rounding."""
+    """Standard deviation of a reading at rest, without rounding, counts."""
     joint2: Literal["relative", "absolute"] = "relative"
     """Reference of the encoder of joint 2: the inner rod (`relative`), or the arm (`absolute`)."""
     zero_counts: tuple[Count, Count, Count] = (0, 0, 0)
-    """Readings with the rods hanging and the arm at 0; capture warns if the readings differ."""
+    """Readings with the rods hanging and the arm at 0, counts; `capture` warns if the actual readings differ."""
     direction: tuple[Literal[-1, 1], Literal[-1, 1], Literal[-1, 1]] = (1, 1, 1)
     """Sign of the counts: 1, or -1 for an encoder that counts backwards."""
     rezeroed: bool = False
@@ -122,7 +122,7 @@ class Pose(RigTable):
     theta2: Angle
     """Angle of the outer rod, rad."""
     tolerance: Positive = 0.05
-    """Permitted deviation of a rod at the release, rad."""
+    """Permitted deviation of each angle from the pose at the release, rad."""
 
     @property
     def theta(self) -> Array:
@@ -131,10 +131,10 @@ class Pose(RigTable):
 
 
 class AddedMass(RigTable):
-    """Known point mass attached to a rod; an additional release with it determines the scale of all masses."""
+    """Known point mass attached to a rod; an additional release with this mass determines the scale of all masses."""
 
     rod: Literal["inner", "outer"]
-    """Rod to which it is attached."""
+    """Rod to which the mass is attached."""
     mass: Positive
     """Attached mass, kg."""
     position: Positive

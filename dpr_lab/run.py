@@ -309,8 +309,8 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
     if turned > MOUNTED.still:
         given = "the elbow is specified as clamped" if mounting == "clamped" else f"only the {mounting} rod is mounted"
         raise RunError(
-            f"{name}: joint 2 turns by {turned:.2f} rad although {given}: both rods swing; remove --rods"
-            f" and --elbow, or name the column of the swinging rod theta1"
+            f"{name}: joint 2 turns by {turned:.2f} rad although {given}. If both rods swing, remove --rods and"
+            " --elbow; if one rod swings, name its column theta1"
         )
     return theta[:, [0, 1, 1]] if mounting in ("inner", "outer") else theta
 

@@ -97,7 +97,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
 
 def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
     """Comments of a description: scale, omitted effects, and torque of the arm's drive."""
-    omitted = [f"omitted: {json.dumps(dict(lost), ensure_ascii=False)}"] if lost else []
+    omitted = [f"omitted effects: {json.dumps(dict(lost), ensure_ascii=False)}"] if lost else []
     arm = made.arm
     drive = [f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}"] if arm is not None and arm.input else []
     return [model.scale_sentence, *omitted, *drive]

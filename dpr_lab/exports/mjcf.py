@@ -185,7 +185,7 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
         "mjcf.xml",
         name=model.rig.name,
         scale=model.scale_sentence,
-        left_out=f"Not expressed here: {', '.join(left)}." if left else "All named effects are expressed.",
+        left_out=f"Effects not in this file: {', '.join(left)}." if left else "This file contains all named effects.",
         made=made,
         read=read,
         frictions=rest_friction(model.effects, rig),

@@ -240,7 +240,7 @@ def _warnings(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty) -> list[
     ]
     if hardly:
         warnings.append(
-            f"these runs hardly determine {', '.join(hardly)}: value and interval depend on the nominal"
+            f"these runs only poorly determine {', '.join(hardly)}: value and interval depend on the nominal"
             f" values and bounds"
             " of the rig file; record longer and larger swings, or both rods free"
         )

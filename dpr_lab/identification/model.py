@@ -58,9 +58,7 @@ class EstimatedValue(_Record):
     profile90: tuple[Number | None, Number | None] | None = None
     """90 % interval by profile likelihood, if requested; an end without a bound is None."""
     fixed_by: Literal["data", "bound"] = "data"
-    """Source of the value.
-
-    `bound`: the runs hardly determine the value, which then depends on values and bounds of the rig file.
+    """Source of the value: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file.
     """
 
 

@@ -33,7 +33,7 @@ def test_mjcf_contains_the_effects_that_it_can_and_lists_the_others(paper: Rig):
     assert float(second["damping"]) == pytest.approx(paper.nominal[6])
     assert "frictionloss" not in second
     assert [body.attrib["name"] for body in root.iter("body")] == ["inner", "encoder2", "outer"]
-    assert next(root.iterfind("custom/text")).attrib["data"] == "Not expressed here: latency_joint2."
+    assert next(root.iterfind("custom/text")).attrib["data"] == "Effects not in this file: latency_joint2."
 
 
 HOSTILE = [
