@@ -22,7 +22,7 @@ from sim_device.plant.operator import HABITS
 from sim_device.plant.rods import SimulatedRods
 
 DOC = Path(__file__).parents[2] / "docs" / "reliability.md"
-HEAD = "| what goes wrong | link | what the operator reads | exit code | what survives |"
+HEAD = "| fault | link | message to the operator | exit code | surviving data |"
 WRITE = "DPR_LAB_WRITE_DOCS"
 SEED = 5
 

@@ -60,8 +60,8 @@ CASES = (
     Case("a bit in a million flipped", 0, COUNTED, ("flip=8e-6",), (SERIAL,), rare=True),
     Case("a bit in ten thousand flipped", 6, COUNTED, ("flip=8e-4",), (SERIAL,)),
     Case("a bit in a thousand flipped", 6, COUNTED, ("flip=8e-3",), (SERIAL,), rare=True),
-    Case("the link silent for 200 ms again and again", 0, ALL, ("stall_ms=200",), device={"clock": "realtime"}),
-    Case("the board too late for 1 % of the samples", 6, COUNTED, ("overrun=0.01",)),
+    Case("the link repeatedly silent for 200 ms", 0, ALL, ("stall_ms=200",), device={"clock": "realtime"}),
+    Case("the board reads 1 % of the samples too late", 6, COUNTED, ("overrun=0.01",)),
     Case("the device restarts before the release", 7, HELD, ("reset_after_s=0.2",)),
     Case("the device restarts during the swing", 7, UNTIL, (f"reset_after_s={IN_THE_SWING_S}",), words=LONG),
     Case("cable pulled before the release", 7, HELD, ("cut_after_s=0.2",)),
@@ -102,13 +102,13 @@ CASES = (
         device={"clock": "realtime", "drift_ppm": 1e6},
     ),
     Case(
-        "the sample timer 5 % fast, PONG from a right one",
+        "the sample timer 5 % fast, PONG from a correct timer",
         6,
         MARKED,
         (f"pong_scale={1 / 1.05:.7f}",),
         device={"clock": "realtime", "drift_ppm": 50_000.0},
     ),
-    Case("STATUS says latched throughout the swing", 6, MARKED, ("stuck_latch=1",)),
+    Case("STATUS reports latched throughout the swing", 6, MARKED, ("stuck_latch=1",)),
 )
 
 

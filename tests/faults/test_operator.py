@@ -130,7 +130,7 @@ def test_a_disk_without_room(operate, serve, matrix) -> None:
     done = operate(serve(), "--duration", "1e12")
     assert (done.code, done.runs) == (3, [])
     assert "MB are free" in done.said
-    matrix.show("a disk without room for it", "any", done.said, done.code, "no RELEASE sent, no file created")
+    matrix.show("a disk without enough free space", "any", done.said, done.code, "no RELEASE sent, no file created")
 
 
 @pytest.mark.long
@@ -184,5 +184,5 @@ def test_a_killed_capture_keeps_all_but_the_last_quarter_second(tmp_path: Path, 
     assert recover(path, tmp_path / "saved.mcap") == about.samples
     said = verify(path).faults[0]
     matrix.show(
-        "SIGKILL, at any instant", "serial, CAN", f"`run verify`: {said}", 137, "every sample but the last 250 ms"
+        "SIGKILL, at any instant", "serial, CAN", f"`run verify`: {said}", 137, "every sample except the last 250 ms"
     )
