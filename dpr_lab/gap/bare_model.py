@@ -8,7 +8,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import whole_parameters
 from dpr_lab.errors import RunError
 from dpr_lab.fitting.cut import carried
-from dpr_lab.fitting.disturbance import disturbance
+from dpr_lab.fitting.disturbance import disturbance, likeliest_noise, most_noise
 from dpr_lab.fitting.estimate import SCALE, Estimate, unknown_ratios, with_scale
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
@@ -16,7 +16,6 @@ from dpr_lab.fitting.robust import refit_lost, student_weights
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.hypothesis.residuals import lone_readings
-from dpr_lab.gap.known_torques import with_likeliest_noise
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.screen.tracking_noise import tracking_noise
 from dpr_lab.identification.prior_update import assumed_b
@@ -85,6 +84,26 @@ def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
             f"{run}: the model cannot follow the readings from {failed_s:.2f} s on: check the rig file and the"
             f" encoder, or exclude the run"
         )
+
+
+def with_likeliest_noise(
+    recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
+) -> Recordings | None:
+    """Recordings with a smaller noise of their measured torques, if a fitted model makes it more likely; else None.
+
+    Args:
+        recordings: the runs
+        problem: segments of the runs
+        model: fit to these segments
+        less: ratio of two estimates of the noise below which the smaller one is fitted too
+    """
+    before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
+    if problem.disturbance is None or not before.any():
+        return None
+    noise = np.minimum(likeliest_noise(problem, model.fit), before)
+    if not (noise < less * before).any():
+        return None
+    return replace(recordings, torque_noise_Nm=(float(noise[0]), float(noise[1])))
 
 
 def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:

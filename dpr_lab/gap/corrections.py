@@ -1,26 +1,48 @@
-"""Corrections of the recordings that a set of effects implies; after each correction, the effects are searched again.
+"""Corrections of the recordings that the result of forward selection implies; the search is repeated after each one.
 
-    noise of torques    smaller than at rest, or zero, if the set shows it
+    noise of torques    smaller than estimated from the recorded torques, or zero
     earlier torques     torques that act before their rows, which looks like a negative delay
     kicks and steps     disturbances that a larger cause hid in the residuals of the bare model
     rolling shutter     correction of the readings of a film, in two passes
 
 The first pass for the rolling shutter uses the delay of the bare model, because an effect may imitate a part of the
-delay. The second pass uses the delay of the set, which includes other causes.
+delay. The second pass uses the delay of the selected set, which includes other causes.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from dpr_lab.effects import without_events
+import numpy as np
+
+from dpr_lab.effects import param_index, without_events
+from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.bare_model import with_likeliest_noise
 from dpr_lab.gap.damage.disturbances import without_jumps
 from dpr_lab.gap.damage.jumps import JUMP
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.known_torques import earlier_share, no_worse, with_other_noise
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, far_from_noise
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.state import Drafted
+from dpr_lab.gap.state import Drafted, ScreenedRuns
+
+
+@dataclass(frozen=True, slots=True)
+class RowRules:
+    """Rules for known torques that change between the rows of a file."""
+
+    earlier: float = 1.0
+    """Maximum time by which known torques act before their rows, as a share of the interval between rows.
+
+    The share is one half for samples of a continuous signal. It is smaller if the drive updates its torque several
+    times per row, and larger if the last update was long before the row.
+    """
+    slack: float = 0.1
+    """Uncertainty of the share `earlier`. A torque that acts even earlier was logged too late."""
+
+
+ROWS = RowRules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +57,33 @@ class Correction:
     """Maximum number of corrections in succession."""
 
 
+def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Drafted:
+    """Apply each correction that the result of a search implies, and repeat the search with the corrected recordings.
+
+    Args:
+        drafted: result of the first search
+        search: function that fits the bare model to recordings and selects effects
+    """
+    for correction in CORRECTIONS:
+        for _ in range(correction.most):
+            changed = correction.correct(drafted)
+            if changed is None:
+                break
+            again = search(changed)
+            drafted = again if correction.better(drafted, again) else drafted
+    return drafted
+
+
+def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
+    """Recordings with a smaller noise of their torques, or with exact torques, if a selected model requires it.
+
+    None if nothing changes.
+    """
+    if problem.disturbance is not None and far_from_noise(model):
+        return replace(recordings, exact_torques=True)
+    return with_likeliest_noise(recordings, problem, model)
+
+
 def _other_noise(state: Drafted) -> Drafted | None:
     """State with a smaller noise of known torques, or with none; None if the noise does not change."""
     changed = with_other_noise(state.recordings, state.problem, state.search.current)
@@ -42,11 +91,30 @@ def _other_noise(state: Drafted) -> Drafted | None:
 
 
 def _earlier_torques(state: Drafted) -> Drafted | None:
-    share = earlier_share(state.recordings, state.search.current)
+    share = _earlier_share(state.recordings, state.search.current)
     if not share:
         return None
     recordings, held_out = (runs.with_earlier_torques(share) for runs in (state.recordings, state.held_out))
     return replace(state, recordings=recordings, held_out=held_out)
+
+
+def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
+    """Time by which known torques act before their rows, as a share of the interval between rows; 0 if they are held.
+
+    The value of a row is the torque at its instant. The time for which it acted before and after is not recorded. A
+    negative delay of less than a row is therefore not a property of the drive.
+    """
+    if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
+        return 0.0
+    early = -float(model.fit.estimate.params[param_index(INPUT_DELAY.name, "delay_s")])
+    intervals = [float(np.median(np.diff(r.setup.torques.t))) for r in recordings.records if r.setup.torques]
+    share = early / max(intervals, default=np.inf)
+    return min(share, ROWS.earlier) if 0.0 < share <= ROWS.earlier + ROWS.slack else 0.0
+
+
+def _no_worse(held: Hypothesis, earlier: Hypothesis) -> bool:
+    """Whether torques that act before their rows fit as well as held torques with a delay, up to the noise."""
+    return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation
 
 
 def _jumps(state: Drafted) -> Drafted | None:
@@ -88,7 +156,7 @@ def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
 
 CORRECTIONS = (
     Correction(_other_noise, lambda before, after: True, most=2),
-    Correction(_earlier_torques, lambda before, after: no_worse(before.search.current, after.search.current)),
+    Correction(_earlier_torques, lambda before, after: _no_worse(before.search.current, after.search.current)),
     Correction(_jumps, lambda before, after: True),
     Correction(lambda state: _shutter(state, state.bare), _shutter_explains_more),
     Correction(lambda state: _shutter(state, state.search.current), _shutter_explains_more),

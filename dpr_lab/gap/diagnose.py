@@ -17,30 +17,17 @@ from dpr_lab.gap.conclusion.at_bounds import second_moments
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
-from dpr_lab.gap.corrections import CORRECTIONS
+from dpr_lab.gap.corrections import corrected, with_other_noise
 from dpr_lab.gap.damage.at_rest import without_touch
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.evidence.evidence import evidence
-from dpr_lab.gap.known_torques import with_other_noise
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.input import refuse_wrong_input
 from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.time_scale import with_time_scale
-from dpr_lab.gap.state import (
-    Advised,
-    Classified,
-    Drafted,
-    Event,
-    Fitted,
-    Located,
-    Request,
-    ScreenedRuns,
-    Selected,
-    Supported,
-    Transferred,
-)
+from dpr_lab.gap.state import Advised, Drafted, Event, Fitted, Request, ScreenedRuns, Selected, Transferred
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
 from dpr_lab.gap.transfer.gap_size import gap
@@ -104,14 +91,13 @@ def diagnose(
         on_progress=on_progress or _silent,
     )
     screened = _screened(request)
-    fitted = _fitted(screened)
-    located = _located(fitted)
-    selected = _selected(located)
-    classified = _classified(selected)
-    transferred = _transferred(classified)
+    drafted = corrected(_drafted(screened), _drafted)
+    selected = _selected(drafted)
+    transferred = _transferred(selected)
     advised = _advised(transferred)
-    supported = _supported(advised)
-    return conclude(supported, seconds=time.perf_counter() - started)
+    _begin(request, "evidence")
+    support = evidence(advised)
+    return conclude(advised, support, seconds=time.perf_counter() - started)
 
 
 def _begin(request: Request, stage: str) -> None:
@@ -142,6 +128,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
     held_out = without_disturbances(screened.held_out, bare.fit.estimate.ratios)
     held_out = replace(held_out, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     held_out = held_out.with_tracking(recordings.tracking).with_shutter(recordings.shutter)
+    _begin(screened.request, "where")
     return Fitted.after(
         screened,
         recordings=recordings,
@@ -149,72 +136,52 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
         problem=problem,
         bare=bare,
         held_out_prediction=held_out_prediction(held_out, bare) if held_out.records else None,
+        places=locate(problem, bare),
     )
 
 
-def _located(fitted: Fitted) -> Located:
-    _begin(fitted.request, "where")
-    return Located.after(fitted, places=locate(fitted.problem, fitted.bare))
-
-
-def _drafted(located: Located) -> Drafted:
-    """State with the result of forward selection."""
-    request, prediction = located.request, located.held_out_prediction
+def _drafted(screened: ScreenedRuns) -> Drafted:
+    """State with the bare model and the result of forward selection."""
+    fitted = _fitted(screened)
+    request, prediction = fitted.request, fitted.held_out_prediction
     _begin(request, "which")
-    library = applicable(request.library, located.problem, of_points=located.recordings.of_points)
+    library = applicable(request.library, fitted.problem, of_points=fitted.recordings.of_points)
     sets = FittedSets(
-        located.recordings,
-        located.problem,
+        fitted.recordings,
+        fitted.problem,
         library,
-        located.bare,
+        fitted.bare,
         request.on_progress,
         expected=frozenset(expected_of(request.rig.joints.geared)) & library.keys(),
         held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
     )
-    return Drafted.after(located, sets=sets, search=forward(sets, request.max_effects))
+    return Drafted.after(fitted, sets=sets, search=forward(sets, request.max_effects))
 
 
-def _searched_again(corrected: Drafted) -> Drafted:
-    """Fit the bare model to corrected recordings and repeat forward selection."""
-    return _drafted(_located(_fitted(corrected)))
+def _selected(drafted: Drafted) -> Selected:
+    """State with the selected set of effects and their classes.
 
-
-def _selected(located: Located) -> Selected:
-    """State with the selected set of effects.
-
-    The recordings are corrected before the set is refined, because the refinement takes most of the time. The noise of
+    The recordings were corrected before the set is refined, because the refinement takes most of the time. The noise of
     known torques is corrected once more for the refined set.
     """
-    drafted = _drafted(located)
-    for correction in CORRECTIONS:
-        for _ in range(correction.most):
-            corrected = correction.correct(drafted)
-            if corrected is None:
-                break
-            again = _searched_again(corrected)
-            drafted = again if correction.better(drafted, again) else drafted
     selection = refined(drafted.sets, drafted.search)
     if changed := with_other_noise(drafted.recordings, drafted.problem, selection.chosen):
-        drafted = _searched_again(replace(drafted, recordings=changed))
+        drafted = _drafted(replace(drafted, recordings=changed))
         selection = refined(drafted.sets, drafted.search)
-    refuse_impossible_scale(selection.chosen.fit.estimate.ratios, located.request.runs, located.request.rig)
-    return Selected.after(drafted, selection=selection)
-
-
-def _classified(selected: Selected) -> Classified:
-    _begin(selected.request, "classes")
-    selection = selected.selection
+    request = drafted.request
+    refuse_impossible_scale(selection.chosen.fit.estimate.ratios, request.runs, request.rig)
+    _begin(request, "classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
-    return Classified.after(selected, posteriors=posteriors)
+    return Selected.after(drafted, selection=selection, posteriors=posteriors)
 
 
-def _transferred(before: Classified) -> Transferred:
+def _transferred(before: Selected) -> Transferred:
     request, recordings, problem, selection = before.request, before.recordings, before.problem, before.selection
     _begin(request, "transfer")
     everything = recordings.only([*recordings.records, *before.held_out.records])
     runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in selection.models.items()}
-    swings = free_swings(runs_by_model["before"], selection.base)
-    expected = expected_errors(swings, selection.base.residuals.independent_noise)
+    swings = free_swings(runs_by_model["before"], selection.bare)
+    expected = expected_errors(swings, selection.bare.residuals.independent_noise)
     transferred = transfer(before, runs_by_model, expected)
     budget = gap_budget(recordings, everything, problem, selection)
     remainder = discrepancy(problem, selection.chosen)
@@ -238,11 +205,6 @@ def _advised(before: Transferred) -> Advised:
         covariance=covariance(before.problem, chosen, before.request.rig, before.remainder)
         + second_moments(before.problem, chosen.fit, chosen.residuals.inflation),
     )
-
-
-def _supported(before: Advised) -> Supported:
-    _begin(before.request, "evidence")
-    return Supported.after(before, evidence=evidence(before))
 
 
 def _silent(event: Event) -> None:

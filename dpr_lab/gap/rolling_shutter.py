@@ -18,7 +18,7 @@ from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, excess, scatter
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, bounded_excess, scatter
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.shutter import NORMALS, Shutter
 
@@ -56,7 +56,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
     noise = model.residuals.independent_noise
     if now is not None:
         return shutter if gain > PENALTY.parameter * noise else None
-    return shutter if gain > max(THRESHOLDS.chance * noise, SHUTTER.share * excess(model)) else None
+    return shutter if gain > max(THRESHOLDS.chance * noise, SHUTTER.share * bounded_excess(model)) else None
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:

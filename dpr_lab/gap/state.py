@@ -1,14 +1,11 @@
 """State of a diagnosis: one frozen record, which each stage extends by its results.
 
     ScreenedRuns    request, recordings, held-out recordings
-    Fitted        + segments, bare model
-    Located       + places
+    Fitted        + segments, bare model, locations of the gap
     Drafted       + result of forward selection
-    Selected      + selected set of effects
-    Classified    + classes with their probabilities
+    Selected      + selected set of effects, classes with their probabilities (without the fields of Drafted)
     Transferred   + performance on held-out recordings, size of the gap
     Advised       + covariance, advice
-    Supported     + evidence
 
 A function that accepts a state also accepts every later state.
 """
@@ -30,7 +27,6 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.gap_size import Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
@@ -98,17 +94,12 @@ class Fitted(ScreenedRuns):
     bare: Hypothesis
     held_out_prediction: OutOfSample | None
     """Prediction of the held-out recordings by any model; None if there are no held-out recordings."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Located(Fitted):
-    """State after the location of the gap, by maps over the coordinates at which it may arise."""
-
     places: tuple[Place, ...]
+    """Residual maps of the locations at which the gap may arise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drafted(Located):
+class Drafted(Fitted):
     """State after forward selection; the result may show that the recordings need a correction."""
 
     sets: FittedSets
@@ -116,24 +107,18 @@ class Drafted(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Selected(Located):
-    """State after the selection of a set of effects."""
-
-    selection: Selection
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Classified(Selected):
-    """State with the class of each selected effect.
+class Selected(Fitted):
+    """State with the selected set of effects, and with the class of each effect.
 
     A class contains effects that are indistinguishable in these recordings, with their probabilities.
     """
 
+    selection: Selection
     posteriors: tuple[EffectPosterior, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Transferred(Classified):
+class Transferred(Selected):
     """State with the performance of the selected set on recordings that were not fitted."""
 
     free_runs: Mapping[str, FreeRuns]
@@ -188,12 +173,5 @@ class Advised(Transferred):
             reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
             return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data")
         visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
-        assumed = assumed_b(self.selection.base.fit.estimate.ratios, self.recordings.rig)
+        assumed = assumed_b(self.selection.bare.fit.estimate.ratios, self.recordings.rig)
         return scale_of(assumed.model_copy(update={"value": b}), unknown, self.recordings.rig, visible)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Supported(Advised):
-    """State with the evidence for the result."""
-
-    evidence: Evidence

@@ -10,7 +10,7 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, excess, explains_as_much
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, bounded_excess, explains_as_much
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
@@ -81,8 +81,10 @@ def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted:
     both = grown(sets, SCALE, FRICTION)
     scale = sets.without(both, FRICTION)
     assert not at_noise_floor(both)
-    assert excess(scale) < THRESHOLDS.keeps * excess(both)
-    assert excess(scale) - excess(both) < THRESHOLDS.large * excess(sets.bare)  # negligible next to the wrong counts
+    assert bounded_excess(scale) < THRESHOLDS.keeps * bounded_excess(both)
+    assert bounded_excess(scale) - bounded_excess(both) < THRESHOLDS.large * bounded_excess(
+        sets.bare
+    )  # negligible next to the wrong counts
     for move in (SMALLEST_ADEQUATE, DROP):
         assert apply(move, sets, SearchState(both, sets.fits, sets.tests, 4)).current.effects == (SCALE, FRICTION)
 

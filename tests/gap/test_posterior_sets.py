@@ -74,7 +74,7 @@ def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_th
     assert chosen.effects == (name,)
     better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.residuals.inflation)
     near, far = (
-        replace(found, base=replace(base, residuals=replace(base.residuals, chi2=chi2)), fitted={better.key: better})
+        replace(found, bare=replace(base, residuals=replace(base.residuals, chi2=chi2)), fitted={better.key: better})
         for chi2 in (chosen.residuals.chi2 + 1e3, 1e8)
     )
     (alternative,) = effect_posterior(near, name).alternatives

@@ -112,14 +112,14 @@ def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
     probabilities: tuple[float, ...], named: list[str]
 ) -> None:
     causes = [EffectPosterior(name, (name,), (), p) for name, p in zip("abc", probabilities, strict=False)]
-    selection = Mock(expected=frozenset(), base=Mock(residuals=Mock(excess=1.0, uncertainty=0.0)), path=())
+    selection = Mock(expected=frozenset(), bare=Mock(residuals=Mock(excess=1.0, uncertainty=0.0)), path=())
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
     assert [cause.name for cause in verdict._causes_named(state)] == named
 
 
 def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> None:
     base, large, both = (Mock(residuals=Mock(excess=excess, uncertainty=0.0)) for excess in (1000.0, 8.0, 4.0))
-    selection = Mock(expected=frozenset(), base=base, path=[("a", large), ("b", both)])
+    selection = Mock(expected=frozenset(), bare=base, path=[("a", large), ("b", both)])
     causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
     assert [cause.name for cause in verdict._causes_named(state)] == ["a"]

@@ -35,8 +35,8 @@ def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> fl
     """Share of the excess chi2 that returns if all effects of a family are removed, 0 to 1."""
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
-        return refit_without(problem, model, name, selection.base)
+        return refit_without(problem, model, name, selection.bare)
 
-    chosen, total = selection.chosen, selection.base.residuals.excess
+    chosen, total = selection.chosen, selection.bare.residuals.excess
     returned = reduce(without, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
     return float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else 0.0

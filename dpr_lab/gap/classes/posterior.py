@@ -35,7 +35,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.hypothesis.detectable import detectable, linear_exclusions
+from dpr_lab.gap.hypothesis.detectable import linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
@@ -198,7 +198,7 @@ def _class_members(
 
     The indistinguishable effects are given with the prior of their sizes, the most plausible one first.
     """
-    least = detectable(selection.chosen, selection.final_test)
+    least = selection.detectable
     same = [other for other, score in others.items() if _in_one_class(selection, without, test, named, score)]
     hidden = [other for other in _hidden(selection, named.effect, least) if other in others and other not in same]
     forms = tuple(
@@ -230,7 +230,7 @@ def _alternatives(
 def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:
     """Prior odds of an alternative against the named effect; below one for a drift that one decay cannot separate."""
     instead = selection.fitted.get(without.key | {alternative.name})
-    drifts = instead is not None and follows_decay(selection.base, instead, selection.chosen)
+    drifts = instead is not None and follows_decay(selection.bare, instead, selection.chosen)
     return calibration.drifting if drifts else 1.0
 
 
@@ -245,16 +245,16 @@ def _added_cost(selection: Selection, name: str, alternative: Alternative) -> fl
     added = max(alternative.cost - chosen.cost, 0.0)
     if name not in EFFECTS[alternative.name].nested:
         return added
-    return added + form_indifference(selection.base, chosen) - THRESHOLDS.chance * chosen.residuals.inflation
+    return added + form_indifference(selection.bare, chosen) - THRESHOLDS.chance * chosen.residuals.inflation
 
 
 def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
     """Whether another effect is a curve that would only imitate the named effect or fit small unknown causes."""
     with_both = selection.fitted.get(selection.chosen.key | {other})
     instead = selection.fitted.get(without.key | {other})
-    if instead is None or follows_decay(selection.base, instead, selection.chosen):
+    if instead is None or follows_decay(selection.bare, instead, selection.chosen):
         return False
-    if follows_remainder(selection.base, instead, selection.chosen):
+    if follows_remainder(selection.bare, instead, selection.chosen):
         return True
     return with_both is not None and substitute_curve(with_both, instead) == other
 
@@ -291,7 +291,7 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
     alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
     if not (alike or absorbed) or score.effect.name in other.effect.nested:
         return False
-    margin = indifference(selection.base, selection.chosen)
+    margin = indifference(selection.bare, selection.chosen)
     if fitted is not None:
         return fitted.cost - selection.chosen.cost < margin
     as_good = score.gain - other.gain < max(margin, CALIBRATION.same_score * score.gain)

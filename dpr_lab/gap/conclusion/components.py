@@ -81,7 +81,7 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
     """
     refuted = set(selection.misleading) & model.key or model.key in selection.impossible
     return (
-        bool(np.isfinite(model.cost)) and not refuted and not follows_remainder(selection.base, model, selection.chosen)
+        bool(np.isfinite(model.cost)) and not refuted and not follows_remainder(selection.bare, model, selection.chosen)
     )
 
 

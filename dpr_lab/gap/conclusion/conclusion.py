@@ -15,13 +15,14 @@ from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
 from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
-from dpr_lab.gap.hypothesis.detectable import detectable, visible
+from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
+from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.state import Advised, Supported
+from dpr_lab.gap.state import Advised
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.locate import Place, where_sentence
 from dpr_lab.setup import only_inner
@@ -30,9 +31,15 @@ PLACES_SHOWN = 6
 """Maximum number of residual maps in a diagnosis; they are sorted by share, largest first."""
 
 
-def conclude(state: Supported, seconds: float) -> Diagnosis:
-    """Build the result of a diagnosis; `seconds` is its computing time, s."""
-    chosen, minimum_sizes = state.selection.chosen, detectable(state.selection.chosen, state.selection.final_test)
+def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
+    """Build the result of a diagnosis.
+
+    Args:
+        state: results of all stages
+        evidence: evidence for the result
+        seconds: computing time, s
+    """
+    chosen, minimum_sizes = state.selection.chosen, state.selection.detectable
     withheld, transfer = state.description.withholds, state.transfer
     visible_counts = visible(minimum_sizes, state.recordings.prior.limits)
     kind = verdict(state, visible_counts)
@@ -79,7 +86,7 @@ def conclude(state: Supported, seconds: float) -> Diagnosis:
         posterior=components(state.problem, state.selection, state.recordings.rig, state.remainder),
         model_effects=sizes,
         assumptions=assumptions(state, minimum_sizes),
-        evidence=state.evidence,
+        evidence=evidence,
         seconds=seconds,
     )
 

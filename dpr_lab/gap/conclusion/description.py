@@ -10,7 +10,7 @@ from dpr_lab.effects.hard_stop import HARD_STOP_JOINT0
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.conclusion.other_scale import other_scale
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor
 from dpr_lab.gap.screen.record import Record
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.selected import Selection
@@ -34,11 +34,6 @@ class DescriptionRules:
     """Maximum deficit of the share of the excess that another description explains, compared with the selected effects.
 
     Up to this deficit the description counts as equally good.
-    """
-    closed: float = 0.93
-    """Share of the excess above which an apparent energy input is not evidence of a wrong description.
-
-    The share is explained by effects. An encoder error also causes an apparent energy input.
     """
     torque_step: float = 0.08
     """Maximum median change of a known torque between rows, relative to its range, for a delay within a row.
@@ -70,20 +65,21 @@ def description(
     if moves(record.run for record in records):  # other interpretations were tested before (`gap.screen.input`)
         return _stopped(records, rig, selection)
     open_ = not at_noise_floor(selection.chosen) or transferred.withdrawn or transferred.oversized
-    residuals = selection.base.residuals
+    residuals = selection.bare.residuals
     # With a wrong sign of its motion, an arm acts on small swings like a spring, which closes a small gap too.
     carried = any(record.run.arm is not None for record in records) and selection.chosen.effects
     if not (carried or (residuals.chi2 > DESCRIPTION.gap * residuals.dof and open_)):
         return Description()
     look = second_look([_trusted(record) for record in records], rig)
-    if not look.tried and selection.share_explained >= DESCRIPTION.closed:
+    # an encoder error also causes an apparent energy input
+    if not look.tried and selection.share_explained >= THRESHOLDS.explained:
         return Description()
     return Description(look.sentence, bool(look.sentence) and _as_good(look, selection))
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
     """Description of an arm that hits a stop, or of an undescribed drive, if no effect explains the motion."""
-    if at_noise_floor(selection.chosen) or selection.share_explained >= DESCRIPTION.closed:
+    if at_noise_floor(selection.chosen) or selection.share_explained >= THRESHOLDS.explained:
         return Description()
     runs = [record.run.swing for record in records]
     stops = [] if HARD_STOP_JOINT0.name in selection.chosen.effects else [stop_sentence(run, rig) for run in runs]

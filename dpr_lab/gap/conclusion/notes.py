@@ -41,7 +41,7 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
 
 def _small_effects(state: Advised, kind: Verdict) -> Iterator[str]:
     """Sentence on the effects that the verdict omits because they explain little of the gap."""
-    of_model = small_effects(state.selection.base, state.selection.path)
+    of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
     small = [name for name in listable if name in of_model and name not in state.transfer.withdrawn]
     if small and kind in ("named", "partly_explained"):

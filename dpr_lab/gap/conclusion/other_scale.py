@@ -6,7 +6,7 @@ rods determine their scale, and so do the accelerations of a rod on a moving arm
 freedom do not determine it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,16 +19,6 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.rig import Rig
 
-
-@dataclass(frozen=True, slots=True)
-class OtherScaleRules:
-    """Limit for a message about the scale of the readings."""
-
-    explains: float = 0.93
-    """Minimum share of the bare model's excess chi-square that the model at the other scale explains."""
-
-
-OTHER_SCALE = OtherScaleRules()
 SCALES = (2.0, 0.5)
 """Tested ratios of the true angle to the reading, for example for a wrong number of counts per turn."""
 
@@ -49,7 +39,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     if not chosen.effects or not alone:
         return ""
     smaller = (chosen.key - {name} for name in chosen.effects)
-    bare = selection.base.fit.estimate.ratios  # an effect of the angle has changed the gravity of the selected set
+    bare = selection.bare.fit.estimate.ratios  # an effect of the angle has changed the gravity of the selected set
     tried = [(factor, _scaled_fit(problem, chosen, bare, factor, names)) for names in smaller for factor in SCALES]
     factor, best = min(tried, key=lambda pair: pair[1].cost)
     if best.cost > chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation or not _closes(best, selection):
@@ -70,8 +60,8 @@ def _closes(scaled: Hypothesis, selection: Selection) -> bool:
 
     If both models leave the gap open, the result is no evidence for either scale.
     """
-    before, after = selection.base.residuals.excess, max(scaled.residuals.excess, 0.0)
-    return at_noise_floor(scaled) or after <= (1 - OTHER_SCALE.explains) * before
+    before, after = selection.bare.residuals.excess, max(scaled.residuals.excess, 0.0)
+    return at_noise_floor(scaled) or after <= (1 - THRESHOLDS.explained) * before
 
 
 def _scaled_fit(

@@ -51,7 +51,7 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
         fit: the common fit
     """
     inside = list(fit.inside)
-    fold = np.unique(folds(problem), return_inverse=True)[1]
+    fold = folds(problem)
     followed = np.isfinite(fit.linear.chi2_by_segment)
     covariance = np.zeros((len(fit.free), len(fit.free)))
     parts = [(fit.linear.A[segments][:, :, inside], fit.linear.e[segments]) for segments in _masks(fold, followed)]

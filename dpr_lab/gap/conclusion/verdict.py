@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, small_effects
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, small_effects
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
@@ -18,11 +18,6 @@ from dpr_lab.shown import listed, percent
 class VerdictRules:
     """Limits of the verdicts, set on blind trials whose library lacks the cause."""
 
-    named_share: float = 0.93
-    """Minimum share of the excess that a named set explains.
-
-    Correct models explained at least 0.97 of the excess, and models from a library without the cause at most 0.91.
-    """
     partly_share: float = 0.5
     """Minimum share of the excess chi-square that effects must explain; below it the verdict is "unexplained"."""
     sure: float = 0.6
@@ -81,7 +76,7 @@ def _verdict(state: Transferred) -> Verdict:
     chosen, share = selection.chosen, selection.share_explained
     if not chosen.effects:
         return "no_gap" if _small(chosen) and not _only_held_out(transferred) else "unexplained"
-    complete = share >= VERDICT.named_share or at_noise_floor(chosen)
+    complete = share >= THRESHOLDS.explained or at_noise_floor(chosen)
     most = max(posterior.probability for posterior in posteriors)
     sure = most >= VERDICT.sure
     tested = transferred.tested and transferred.basis != "one release"
@@ -94,7 +89,7 @@ def _verdict(state: Transferred) -> Verdict:
     if (complete or share >= VERDICT.partly_share) and not no_reduction and likely:
         return "partly_explained"
     only_expected = set(chosen.effects) <= selection.expected
-    return "no_gap" if _small(selection.base) and only_expected else "unexplained"
+    return "no_gap" if _small(selection.bare) and only_expected else "unexplained"
 
 
 def shows_reduction(transferred: Transfer) -> bool:
@@ -139,7 +134,7 @@ def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int])
     if kind == "inconclusive":
         return _inconclusive(visible_counts)
     if state.description.withholds:
-        return f"Unexplained: a gap of {_in_noise(state.selection.base.residuals.noise_ratio)}. {hint}"
+        return f"Unexplained: a gap of {_in_noise(state.selection.bare.residuals.noise_ratio)}. {hint}"
     return f"{_sentence(kind, state)} {hint}".rstrip()
 
 
@@ -154,7 +149,7 @@ def _inconclusive(visible_counts: tuple[int, int]) -> str:
 
 def _sentence(kind: Verdict, state: Transferred) -> str:
     if kind == "no_gap":
-        return _no_gap(state.selection.base)
+        return _no_gap(state.selection.bare)
     if kind == "unexplained":
         return _unexplained(state)
     causes, reduction = _causes_named(state), how_far(state.transfer)
@@ -232,17 +227,17 @@ def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
     likely = [cause for cause in carrying if cause.probability >= VERDICT.rather]
-    small = small_effects(state.selection.base, state.selection.path)
+    small = small_effects(state.selection.bare, state.selection.path)
     large = [cause for cause in likely if cause.name not in small]
     return large or likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
 
 
-def _no_gap(base: Hypothesis) -> str:
-    if at_noise_floor(base):
+def _no_gap(bare: Hypothesis) -> str:
+    if at_noise_floor(bare):
         return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
     return (
         "No gap above the noise. No effect of the library explains the remainder of"
-        f" {_in_noise(base.residuals.noise_ratio)}."
+        f" {_in_noise(bare.residuals.noise_ratio)}."
     )
 
 

@@ -89,7 +89,7 @@ def without_disturbances(recordings: Recordings, ratios: Array) -> Recordings:
         the corrected recordings; the same object if there are no disturbances
     """
     records = [
-        without_hand(recordings, _without_slips(record), ratios) if _free(record) else record
+        without_hand(recordings, _without_slips(record), ratios) if _undriven(record) else record
         for record in recordings.records
     ]
     if any(before is not record for before, record in zip(recordings.records, records, strict=True)):
@@ -169,7 +169,7 @@ def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
     return replace(jump, joint=None) if near else jump
 
 
-def _free(record: Record) -> bool:
+def _undriven(record: Record) -> bool:
     """Whether no known torque and no moving arm drives the rods, whose errors could look like a disturbance."""
     return record.run.setup.free and not record.encoder0_moves
 
@@ -184,15 +184,15 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
 
     The search uses two overlapping divisions into segments, so that no jump lies at the end of a segment in both.
     """
-    free = [_free(record) and not _shifted(record, estimate) for record in recordings.records]
+    undriven = [_undriven(record) and not _shifted(record, estimate) for record in recordings.records]
     kicks, steps = list[Jump](), list[Jump]()
-    if recordings.arm_moves or not any(free):
+    if recordings.arm_moves or not any(undriven):
         return []
     for begin in (0.0, 0.5 * LENGTHS.working):
         later = [_later(record, begin) for record in recordings.records]
         problem, followed = _followed(recordings.only(later), estimate)
         for best, candidates in zip((kicks, steps), jumps_of_segments(problem, followed), strict=True):
-            best += [jump for jump in candidates if free[jump.run]]
+            best += [jump for jump in candidates if undriven[jump.run]]
     # Readings that are shifted change the gains of kicks, so that steps come first.
     steps = [step for step in outstanding(steps, JUMP.outstanding) if shows(recordings.records[step.run], step)]
     return steps or outstanding(kicks, ratio)

@@ -22,7 +22,7 @@ JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
@@ -33,10 +33,8 @@ from dpr_lab.fitting.covariance import considered, shifted
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import UncertaintySource
+from dpr_lab.gap.transfer.free_swing import FreeSwings
 from dpr_lab.rig import MASSES, Rig
-
-if TYPE_CHECKING:
-    from dpr_lab.gap.transfer.free_swing import FreeSwings
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +66,7 @@ class _Source:
     name: str
     kind: Kind
     how: str
-    variance: Callable[["FreeSwings"], list[Array]]
+    variance: Callable[[FreeSwings], list[Array]]
     """Function that returns the (n, 2) variance of the predicted readings of each recording, rad^2."""
     left: float = 1.0
     """Factor by which the recordings reduce the given standard uncertainty of the source."""
@@ -97,7 +95,7 @@ class _Refit:
         remaining = fit.linear.projected(change[:, :, None])[:, :, 0] + fit.linear.A @ step
         return cls(step, float((1 + np.sum(remaining**2) / model.residuals.inflation) ** -0.5))
 
-    def variance(self, swings: "FreeSwings", changes: Sequence[Array], factor: float) -> list[Array]:
+    def variance(self, swings: FreeSwings, changes: Sequence[Array], factor: float) -> list[Array]:
         """(n, 2) squared change of each free run after the refit, rad^2.
 
         Args:
@@ -128,7 +126,7 @@ def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Sourc
     for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
         refit = _Refit.of(problem, model, replace(problem, model=problem.model.with_constants(constants)))
 
-        def variance(swings: "FreeSwings", refit: _Refit = refit, constants: RigConstants = constants) -> list[Array]:
+        def variance(swings: FreeSwings, refit: _Refit = refit, constants: RigConstants = constants) -> list[Array]:
             return refit.variance(swings, swings.otherwise(constants), refit.reduction)
 
         yield _Source(name, "input", description, variance, refit.reduction)
@@ -139,11 +137,11 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
     level, noise = model.residuals.level, model.residuals.independent_noise
     spread = considered(model.fit, noise)
 
-    def of_values(swings: "FreeSwings") -> list[Array]:
+    def of_values(swings: FreeSwings) -> list[Array]:
         moves = [swing.settled(swing.by_values) for swing in swings.each]
         return [np.einsum("nij,jk,nik->ni", D, spread, D) for D in moves]
 
-    def of_readings(swings: "FreeSwings") -> list[Array]:
+    def of_readings(swings: FreeSwings) -> list[Array]:
         weights = [swing.weight for swing in swings.each]
         return [np.where(weight > 0, level / np.maximum(weight, 1e-140) ** 2, 0.0) for weight in weights]
 
@@ -175,7 +173,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
             yield name, f"{1e3 * weighed:.2g} g, from the rig file", changed
 
 
-def mean_squares(parts: Sequence[_Source], swings: "FreeSwings", compared: Sequence[Flags]) -> Array:
+def mean_squares(parts: Sequence[_Source], swings: FreeSwings, compared: Sequence[Flags]) -> Array:
     """(sources, swings) mean variance by each source over the compared readings of each swing, rad^2."""
     by_source = [
         [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts

@@ -7,7 +7,6 @@ from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.joint_friction import joint_friction
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
-from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.result.evidence import Closing, Evidence, RecordingUsed
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Advised
@@ -18,7 +17,7 @@ def evidence(state: Advised) -> Evidence:
     """Compute the evidence of a diagnosis."""
     recordings, problem, selection = state.recordings, state.problem, state.selection
     budget, curves = validation(recordings, problem, selection.models, state.free_runs)
-    least, rig = detectable(selection.chosen, selection.final_test), recordings.rig
+    rig = recordings.rig
     return Evidence(
         version=__version__,
         made_utc=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -28,7 +27,7 @@ def evidence(state: Advised) -> Evidence:
         coverage=coverage(recordings, state.held_out),
         closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in state.transfer.closing],
         residuals=residual_look(problem, selection.models),
-        exclusions=exclusions(problem, selection.chosen, selection.final_test, least),
+        exclusions=exclusions(problem, selection.chosen, selection.final_test, selection.detectable),
         friction=joint_friction(problem, selection.chosen, rig.motor is not None and rig.motor.input == "voltage"),
         budget=budget,
         curves=curves,

@@ -20,9 +20,12 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import KnownMotion, arm_effects_along, effect_torques_along
-from dpr_lab.effects import EFFECTS, SLICES, param_index
+from dpr_lab.effects import SLICES, param_index
+from dpr_lab.effects.coulomb import COULOMB, COULOMB_JOINT0
 from dpr_lab.effects.free_arm import FREE_ARM
+from dpr_lab.effects.friction_curve import FRICTION_CURVE, FRICTION_CURVE_JOINT0
 from dpr_lab.effects.quantities import RigConstants
+from dpr_lab.effects.stribeck import STRIBECK, STRIBECK_JOINT0
 from dpr_lab.fitting.estimate import (
     EFFECTS_BEGIN,
     FRICTION,
@@ -39,8 +42,11 @@ from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.evidence import JointFriction
 
-LAWS = ("coulomb", "stribeck", "friction_curve")
-"""Friction laws that depend only on the speed of the joint."""
+FRICTION_CURVES = (FRICTION_CURVE_JOINT0, *FRICTION_CURVE)
+"""Free-form friction curves of joints 0, 1 and 2."""
+
+LAWS = ((COULOMB_JOINT0, *COULOMB), (STRIBECK_JOINT0, *STRIBECK), FRICTION_CURVES)
+"""Friction laws that depend only on the speed of the joint, each for joints 0, 1 and 2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +69,7 @@ GRID = SpeedGrid()
 
 def laws_of(joint: int) -> tuple[str, ...]:
     """Names of the effects that are friction laws of joint 0, 1 or 2."""
-    return tuple(f"{law}_joint{joint}" for law in LAWS)
+    return tuple(law[joint].name for law in LAWS)
 
 
 def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) -> dict[str, JointFriction]:
@@ -107,7 +113,7 @@ def _reached(swings: Trajectory) -> dict[int, float]:
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
     """Amplitudes of the free-form friction curve that the model does not fit already."""
     fitted = {column.place for column in free}
-    every = effect_parameters(EFFECTS[f"friction_curve_joint{joint}"])
+    every = effect_parameters(FRICTION_CURVES[joint])
     return [column for column in every if column.place not in fitted]
 
 

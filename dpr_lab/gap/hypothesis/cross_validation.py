@@ -50,7 +50,7 @@ FOLDS = FoldSettings()
 
 
 def folds(problem: Problem) -> Integers:
-    """(segments,) fold of each segment: its run or, for a single run, its quarter of the run.
+    """(segments,) fold of each segment, from 0 without gaps: its run or, for a single run, its quarter of the run.
 
     Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each quarter.
     A controller may keep the joints at rest for most of the recording, and data at rest cannot predict the other
@@ -58,14 +58,20 @@ def folds(problem: Problem) -> Integers:
     """
     run, starts = problem.segments.run, problem.segments.offsets[:-1]
     if run.min() < run.max():
-        return run
+        return np.unique(run, return_inverse=True)[1]
     path = np.ones(len(run))
     if problem.segments.setups[run[0]].torques is not None:
         steps = np.abs(np.diff(problem.measured, axis=0, prepend=problem.measured[:1])).sum(axis=1)
         steps[starts] = 0.0
         path = np.add.reduceat(steps, starts)
     before = np.cumsum(path) - path
-    return np.asarray(FOLDS.quarters * before / max(float(path.sum()), np.finfo(float).tiny), dtype=np.int64)
+    quarter = (FOLDS.quarters * before / max(float(path.sum()), np.finfo(float).tiny)).astype(np.int64)
+    return np.unique(quarter, return_inverse=True)[1]
+
+
+def scaled_columns(fit: Fit, columns: Sequence[int]) -> Array:
+    """(segments, m, k) Jacobian with respect to some free parameters, each divided by its prior standard deviation."""
+    return fit.linear.A[:, :, columns] * np.array([PRIOR * fit.free[i].size for i in columns])
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +93,7 @@ class _Folds:
 
     def __init__(self, fit: Fit, fold: Integers) -> None:
         free = _within_bounds(fit)
-        self.A = fit.linear.A[:, :, free] * np.array([PRIOR * fit.free[i].size for i in free])
+        self.A = scaled_columns(fit, free)
         self.zeros = np.array([fit.free[i].block == "zeros" for i in free], dtype=np.bool_)
         effects = [fit.free[i].effect for i in free]
         self.shapes = np.array([bool(name) and name in effects[:k] for k, name in enumerate(effects)], dtype=np.bool_)
@@ -132,7 +138,7 @@ def _within_bounds(fit: Fit) -> list[int]:
     free = fit.inside
     while free:
         sizes = np.array([PRIOR * fit.free[i].size for i in free])
-        A = fit.linear.A[:, :, free].reshape(-1, len(free)) * sizes
+        A = scaled_columns(fit, free).reshape(-1, len(free))
         step = sizes * np.linalg.solve(A.T @ A + np.eye(len(free)), A.T @ fit.linear.e.ravel())
         at_minimum = fit.values[free] + step
         within = [i for i, v in zip(free, at_minimum, strict=True) if fit.free[i].lower < v < fit.free[i].upper]

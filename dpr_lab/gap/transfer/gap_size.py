@@ -17,7 +17,7 @@ from dpr_lab.gap.result.gap_budget import GapBudget
 from dpr_lab.gap.result.gap_size import ClosedShare, Gap
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.state import Classified
+from dpr_lab.gap.state import Selected
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
@@ -37,7 +37,7 @@ There is one function per quarter of a second. The number of readings in a segme
 
 
 def gap(
-    state: Classified,
+    state: Selected,
     transferred: Transfer,
     runs_by_model: Mapping[str, FreeRuns],
     budget: GapBudget,
@@ -54,13 +54,13 @@ def gap(
         remainder: discrepancy term of the selected set; None if only noise remains
     """
     problem, selection = state.problem, state.selection
-    base, chosen = selection.base, selection.chosen
+    bare, chosen = selection.bare, selection.chosen
     errors = {name: runs.errors_rad for name, runs in runs_by_model.items()}
     return Gap(
         floor_rad=floor_rad(problem),
-        before_rad=gap_rad(problem, base),
+        before_rad=gap_rad(problem, bare),
         after_rad=gap_rad(problem, chosen),
-        before_Nm=gap_torque(problem, base),
+        before_Nm=gap_torque(problem, bare),
         explained_share=selection.share_explained,
         closed_held_out=ClosedShare(
             estimate=transferred.closed.estimate,

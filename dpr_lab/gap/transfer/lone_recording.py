@@ -19,7 +19,7 @@ import numpy as np
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.hypothesis.cross_validation import PRIOR
+from dpr_lab.gap.hypothesis.cross_validation import scaled_columns
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom
 
@@ -78,7 +78,7 @@ def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
 
 def _refitted(fit: Fit, chosen: Flags) -> Array:
     """(segments,) chi2 of all segments after one Gauss-Newton step that fits the model to the chosen segments."""
-    A = fit.linear.A[:, :, fit.inside] * np.array([PRIOR * fit.free[i].size for i in fit.inside])
+    A = scaled_columns(fit, fit.inside)
     X, e = A[chosen].reshape(-1, A.shape[2]), fit.linear.e[chosen].ravel()
     step = np.linalg.solve(X.T @ X + np.eye(A.shape[2]), X.T @ e)
     return np.asarray(np.sum((fit.linear.e - A @ step) ** 2, axis=1))

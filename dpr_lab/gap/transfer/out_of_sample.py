@@ -75,10 +75,10 @@ def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
     return _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
 
 
-def held_out_prediction(recordings: Recordings, base: Hypothesis) -> OutOfSample:
+def held_out_prediction(recordings: Recordings, bare: Hypothesis) -> OutOfSample:
     """Prediction of whole recordings that the diagnosis did not fit."""
     problem, initial = recordings.cut(recordings.working_length)
-    states = descend(problem, base.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
+    states = descend(problem, bare.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
     @cache
     def chi2(model: Hypothesis) -> Array:

@@ -24,6 +24,14 @@ class TransferSettings:
 
     An effect is not refuted if its interval reaches this ratio.
     """
+    comparable: float = 0.5
+    """Minimum share of the gap that all effects together close on held-out data, for a smaller `kept` to apply.
+
+    Held-out data may show less of every effect. The minimum ratio of one effect is then reduced by the ratio of all
+    effects together.
+    """
+    least_fitted: float = 0.5
+    """Lower limit, in this ratio, of the share of the gap that all effects together close in the fitted recordings."""
     gap_from: float = 0.25
     """Minimum ratio of the excess chi2 to the chi2 of the noise for a meaningful share.
 

@@ -34,7 +34,7 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY
-from dpr_lab.gap.hypothesis.cross_validation import PRIOR, folds, left_out_chi2
+from dpr_lab.gap.hypothesis.cross_validation import PRIOR, folds, left_out_chi2, scaled_columns
 from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom, residual_statistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.mounted_ratios import ratio_of
@@ -80,12 +80,12 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
         problem: segments of the fitted runs
         selection: the selected set of effects
     """
-    before, after = selection.base.fit, selection.chosen.fit
+    before, after = selection.bare.fit, selection.chosen.fit
     if len(everything.records) > len(recordings.records):
         problem, before, after = _fitted_to_all(everything, problem, before, after)
     names = [record.run.name for record in everything.records]
     followed = np.isfinite(before.linear.chi2_by_segment) & np.isfinite(after.linear.chi2_by_segment)
-    fold = np.unique(folds(problem), return_inverse=True)[1]
+    fold = folds(problem)
     residuals = residual_statistics(problem, after)
     dof = degrees_of_freedom(problem)
     noise, total = residuals.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
@@ -219,8 +219,8 @@ class _Parts:
     def of(cls, problem: Problem, fit: Fit, fold: Integers, followed: Flags) -> Self:
         """Residuals and columns of the model alone, for segments that can be simulated."""
         inside = [fit.free[i] for i in fit.inside]
-        A = fit.linear.A[:, :, fit.inside] * np.array([PRIOR * parameter.size for parameter in inside])
-        A, e = np.where(followed[:, None, None], A, 0.0), np.where(followed[:, None], fit.linear.e, 0.0)
+        A = np.where(followed[:, None, None], scaled_columns(fit, fit.inside), 0.0)
+        e = np.where(followed[:, None], fit.linear.e, 0.0)
         zeros = [i for i, parameter in enumerate(inside) if parameter.block == "zeros"]
         columns = tuple(i for i in zeros if len(np.unique(fold[_used(A[:, :, i])])) == 1)
         others = tuple(i for i in range(len(inside)) if i not in columns and _used(A[:, :, i]).any())

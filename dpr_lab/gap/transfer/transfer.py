@@ -33,7 +33,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import Basis
-from dpr_lab.gap.state import Classified
+from dpr_lab.gap.state import Selected
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
 from dpr_lab.gap.transfer.lone_recording import lone_recording
 from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
@@ -41,9 +41,7 @@ from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
 from dpr_lab.gap.which.selected import Selection
 
 
-def transfer(
-    state: Classified, runs_by_model: Mapping[str, FreeRuns], expected: Mapping[str, FreeRunError]
-) -> Transfer:
+def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: Mapping[str, FreeRunError]) -> Transfer:
     """Test the selected effects on held-out recordings; if there are none, each fitted run is held out in turn.
 
     Args:
@@ -58,17 +56,17 @@ def transfer(
         basis = "one release"
     test = _Test(held_out or left_out(recordings, problem), selection.chosen.residuals.level, rng)
     tested = held_out is not None or len(test.data.dof) >= FOLDS.quarters
-    models: dict[str, Hypothesis] = {"": selection.base, **selection.without_substitute}
-    chosen = test.excess(selection.chosen)
-    pairs = {name: np.stack([test.excess(model), chosen]) for name, model in models.items()}
+    models: dict[str, Hypothesis] = {"": selection.bare, **selection.without_substitute}
+    chosen = test.above_noise(selection.chosen)
+    pairs = {name: np.stack([test.above_noise(model), chosen]) for name, model in models.items()}
     shares = {name: test.by_run(pair) for name, pair in pairs.items()}
     of_fitted_runs = shares[""]
     if held_out:
         of_others = _Test(left_out(recordings, problem), test.level, rng)
-        ends = np.stack([of_others.excess(model) for model in (selection.base, selection.chosen)])
+        ends = np.stack([of_others.above_noise(model) for model in (selection.bare, selection.chosen)])
         of_fitted_runs = of_others.by_run(ends)
     closed = test.reduction(pairs[""])
-    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.kept else 1.0)
+    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.comparable else 1.0)
     failed = tuple(
         name
         for name, smaller in selection.without_substitute.items()
@@ -108,7 +106,7 @@ class _Test:
         """(segments,) expected chi2 of the noise."""
         return np.asarray(self.level * self.data.dof, dtype=np.float64)
 
-    def excess(self, model: Hypothesis) -> Array:
+    def above_noise(self, model: Hypothesis) -> Array:
         """(segments,) chi2 of a model above the noise."""
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
@@ -167,7 +165,7 @@ def worse_free_run(
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[tuple[str, float, float]]:
     """Added effect, remaining gap, rad, and closed share, for each set from the bare model to the selected set."""
-    between = [test.excess(model) for _, model in selection.path[:-1]]
+    between = [test.above_noise(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
         rms = test.data.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.data.dof.sum())
@@ -184,8 +182,8 @@ def _helps(test: OutOfSample, reductions: Array) -> bool:
 
 def _of_fitted(closed: GapReduction, selection: Selection) -> float:
     """Share of the gap that all effects together close on held-out data, relative to the fitted recordings."""
-    fitted = _share_of_fitted(selection.base, selection.chosen)
-    return float(np.clip(closed.estimate / max(fitted, TRANSFER.kept), 0.0, 1.0))
+    fitted = _share_of_fitted(selection.bare, selection.chosen)
+    return float(np.clip(closed.estimate / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 
 
 def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:

@@ -62,12 +62,12 @@ class Place:
     sentence: str
 
 
-def locate(problem: Problem, base: Hypothesis) -> tuple[Place, ...]:
+def locate(problem: Problem, bare: Hypothesis) -> tuple[Place, ...]:
     """Residual maps of all locations, largest share first; empty if there is no gap."""
-    if base.residuals.z < SIGNIFICANT:
+    if bare.residuals.z < SIGNIFICANT:
         return ()
-    reference = trajectory(problem, base.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    places = [_place(problem, base, reference, joint, residual_map) for joint, residual_map in _maps(problem)]
+    reference = trajectory(problem, bare.fit.estimate, spacing=TRAJECTORY.coarse_s)
+    places = [_place(problem, bare, reference, joint, residual_map) for joint, residual_map in _maps(problem)]
     return tuple(sorted(places, key=lambda place: -place.share))
 
 
@@ -164,13 +164,13 @@ MAPS: Sequence[ResidualMap] = (
 )
 
 
-def _place(problem: Problem, base: Hypothesis, reference: Trajectory, joint: int, residual_map: ResidualMap) -> Place:
-    columns, linear, fitted = residual_map.columns(problem, reference, joint), base.fit.linear, len(base.fit.free)
+def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, joint: int, residual_map: ResidualMap) -> Place:
+    columns, linear, fitted = residual_map.columns(problem, reference, joint), bare.fit.linear, len(bare.fit.free)
     projected = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
     space = space.given(slice(0, fitted), slice(fitted, None))
-    values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * base.residuals.inflation)
-    share = float(np.clip((space.gain() - len(space)) / base.residuals.excess, 0.0, 1.0))
+    values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * bare.residuals.inflation)
+    share = float(np.clip((space.gain() - len(space)) / bare.residuals.excess, 0.0, 1.0))
     kind, coordinate = residual_map.kind, residual_map.coordinate
     site = ALL_AXES[joint].replace("joint", "encoder") if kind == "error" else ALL_AXES[joint]
     sentence = _sentence(site, kind, coordinate, share, columns.knots, values, std)

@@ -43,6 +43,9 @@ from dpr_lab.progress import FitBegan, ScoreTestBegan
 
 Progress = Callable[[FitBegan | ScoreTestBegan], None]
 
+Arguments = tuple[Hypothesis] | tuple[Hypothesis, ScoreTest, Score] | tuple[Hypothesis, str, Score]
+"""Arguments of a fit: of `escaped`, of the best shape of an additional effect, or of `imaged`."""
+
 
 @dataclass(frozen=True, slots=True)
 class FittedSets:
@@ -64,8 +67,10 @@ class FittedSets:
     """Pairs of a smaller and a larger set, if the smaller one was fitted from the larger one."""
     _short: list[tuple[Problem, Hypothesis]] = field(default_factory=list)
     """Recordings in short segments, and the bare model fitted to these segments; empty until a move needs them."""
-    _results: dict[tuple[object, ...], Hypothesis] = field(default_factory=dict)
+    _results: dict[Arguments, Hypothesis] = field(default_factory=dict)
     """Fits by their arguments, because several moves request the same fits."""
+    is_short: bool = False
+    """Whether the problem consists of the short segments."""
 
     def __post_init__(self) -> None:
         self.keep(self.bare)
@@ -97,7 +102,7 @@ class FittedSets:
             self._fits[model.key] = best = model
         return best
 
-    def _once(self, arguments: tuple[object, ...], result: Callable[[], Hypothesis]) -> Hypothesis:
+    def _once(self, arguments: Arguments, result: Callable[[], Hypothesis]) -> Hypothesis:
         if arguments not in self._results:
             self._results[arguments] = result()
         return self._results[arguments]
@@ -181,7 +186,7 @@ class FittedSets:
         self.on_progress(FitBegan(tuple(sorted(key))))
         larger = self._best_shape(model, score)
         failed = far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
-        if failed and not self._is_short:
+        if failed and not self.is_short:
             from_short = refit_with_from_short(self.problem, self.short(), model, score, EFFORT.short, beating(larger))
             larger = min(larger, from_short, key=_chi2)
         return self.keep(larger)
@@ -215,15 +220,10 @@ class FittedSets:
             self._short.append((cut, hypothesis(cut, (), fitted)))
         return self._short[0]
 
-    @property
-    def _is_short(self) -> bool:
-        """Whether these sets are fitted to the short segments already."""
-        return any(problem is self.problem for problem, _ in self._short)
-
     def on_short(self) -> "FittedSets":
         """The same sets, fitted to short segments, in which the influence of an effect is closer to linear."""
         cut, bare = self._in_short_segments()
-        return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, _short=self._short)
+        return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, is_short=True)
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:
         """Fit of a set to the working segments, starting from its fit to short segments."""
@@ -250,7 +250,7 @@ class FittedSets:
         if not at_noise_floor(model):
             model = self._in_best_order(model)
             model = self._better(without_outstanding(self.problem, model.fit, settings=PRELIMINARY), model)
-        if not at_noise_floor(model) and model.effects and not self._is_short:
+        if not at_noise_floor(model) and model.effects and not self.is_short:
             cut, initial = self.short()
             start = model.fit.estimate.changed(initial=initial)
             near = preliminary_fit(cut, start, model.fit.free, iterations=EFFORT.rough)

@@ -14,7 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     accepted,
     at_noise_floor,
-    excess,
+    bounded_excess,
     far_from_noise,
     follows_decay,
     follows_remainder,
@@ -71,7 +71,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
     Far from the noise, the search continues after one effect that does not reduce the excess, because two effects of
     similar size may reduce it only together. The search ends as soon as it refutes the noise of known torques, because
-    it is then repeated without this noise (`dpr_lab.gap.known_torques`). With `to_floor`, one effect is fitted before
+    it is then repeated without this noise (`dpr_lab.gap.corrections`). With `to_floor`, one effect is fitted before
     this test, because a linear test predicts the reduction by a backlash poorly.
     """
     best, front, passed = start, [start], False
@@ -80,8 +80,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
             return
         level: dict[frozenset[str], Hypothesis] = {}
         for model in front:
-            for larger in _with_one_more(sets, best, model, level, last=passed or room == 1):
-                level[larger.key] = larger
+            level = _with_one_more(sets, best, model, level, last=passed or room == 1)
             if len(sets.unexpected(model)) + 2 <= max_effects and (pair := _with_two_losses(sets, model)):
                 level[pair.key] = pair
         if not level:
@@ -146,7 +145,7 @@ def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Prop
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
     """Next best sets, if their excess is close to the excess of the best set and they are not other forms of it."""
     separate = [model for model in others if not _are_forms(sets, model, best)]
-    return [model for model in separate[: BEAM.sets - 1] if excess(model) < BEAM.worse * excess(best)]
+    return [model for model in separate[: BEAM.sets - 1] if bounded_excess(model) < BEAM.worse * bounded_excess(best)]
 
 
 def _with_one_more(
@@ -156,8 +155,10 @@ def _with_one_more(
     level: Mapping[frozenset[str], Hypothesis],
     *,
     last: bool,
-) -> Iterator[Hypothesis]:
-    """Sets with each of the most promising effects added; if only noise remains, with equally promising ones only.
+) -> dict[frozenset[str], Hypothesis]:
+    """Sets of a level, extended by the sets that add one of the most promising effects to a smaller set.
+
+    Once only noise remains, only equally promising effects are fitted.
 
     Far from the noise, a candidate is not fitted if even twice its predicted reduction would leave its set too poor to
     be extended or accepted (`_deciding_excess`).
@@ -166,19 +167,20 @@ def _with_one_more(
         sets: the fitted sets
         best: best smaller set
         model: set that is extended
-        level: sets of the same size so far, to which the caller adds
+        level: sets of the next larger size so far
         last: whether the search ends after this level unless it accepts a set
     """
-    least = 0.0
+    extended, least = dict(level), 0.0
     for score in _candidates(model, sets.test(model)):
-        reached = excess(model) - BEAM.exceeded * score.gain
+        reached = bounded_excess(model) - BEAM.exceeded * score.gain
         if score.gain > least and not (
-            far_from_noise(model) and reached > _deciding_excess(sets, best, list(level.values()), last)
+            far_from_noise(model) and reached > _deciding_excess(sets, best, list(extended.values()), last)
         ):
             larger = sets.with_one(model, score)
             if at_noise_floor(larger):
                 least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
-            yield larger
+            extended[larger.key] = larger
+    return extended
 
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
@@ -186,10 +188,10 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
     sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
-        return min([most_excess(sets.bare, best), *map(excess, ahead[:1])])
+        return min([most_excess(sets.bare, best), *map(bounded_excess, ahead[:1])])
     if len(ahead) == BEAM.sets:
-        return excess(ahead[-1])
-    return BEAM.worse * min(map(excess, ahead), default=np.inf)
+        return bounded_excess(ahead[-1])
+    return BEAM.worse * min(map(bounded_excess, ahead), default=np.inf)
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:

@@ -9,7 +9,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     accepted,
     at_noise_floor,
-    excess,
+    bounded_excess,
     explains_as_much,
     need,
     scatter,
@@ -26,14 +26,14 @@ def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]
 
     It may lie on another branch of the search.
     """
-    gap = excess(sets.described(grown))
+    gap = bounded_excess(sets.described(grown))
     adequate = [
         model
         for model in sets.fits.values()
         if 0 < len(model.effects) < len(grown.effects)
         and grown.key & sets.expected <= model.key
-        and excess(model) < THRESHOLDS.keeps * excess(grown)
-        and excess(model) - excess(grown) < THRESHOLDS.large * gap
+        and bounded_excess(model) < THRESHOLDS.keeps * bounded_excess(grown)
+        and bounded_excess(model) - bounded_excess(grown) < THRESHOLDS.large * gap
         and (
             _as_likely(sets, model, grown) if at_noise_floor(grown) else model.cost - grown.cost < scatter(model, grown)
         )
@@ -54,8 +54,8 @@ def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Pro
     """Set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
-        base = sets.described(current)
-        needs = {name: need(base, current, sets.without_substitute(current, name)) for name in removable}
+        described = sets.described(current)
+        needs = {name: need(described, current, sets.without_substitute(current, name)) for name in removable}
         least = min(needs, key=lambda name: needs[name])
         yield Proposal(sets.without(current, least), needs[least])
 
@@ -78,7 +78,7 @@ def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     """Accept by cross-validation: an effect that worsens the prediction of a run from the other runs is not a cause."""
     smaller, tolerance = proposal.model, THRESHOLDS.chance * current.residuals.inflation
-    if excess(smaller) > excess(sets.bare):  # its fit diverged and predicts nothing
+    if bounded_excess(smaller) > bounded_excess(sets.bare):  # its fit diverged and predicts nothing
         return Decision(False, "without it the fit does not converge")
     if (current.predictive_loss - smaller.predictive_loss > tolerance).any():
         return Decision(True, "without it, a run is predicted better from the other runs")
@@ -100,13 +100,13 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
     """
     if at_noise_floor(current) or len(current.effects) < 2:
         return
-    closest = min(map(excess, sets.fits.values()))
-    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * excess(sets.bare))
+    closest = min(map(bounded_excess, sets.fits.values()))
+    limit = min(THRESHOLDS.keeps_if_small * closest, THRESHOLDS.still_open * bounded_excess(sets.bare))
     removable = [name for name in sets.unexpected(current) if not sets.library[name].universal]
     smaller_sets = {
         name: smaller
         for name, smaller in ((name, sets.without(current, name)) for name in removable)
-        if excess(smaller) <= limit
+        if bounded_excess(smaller) <= limit
         and sets.as_possible(smaller, current)
         and not _between(sets, smaller, current)
         and not _returns(sets, smaller, current)

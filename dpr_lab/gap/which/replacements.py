@@ -8,7 +8,7 @@ from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
-    excess,
+    bounded_excess,
     explains_as_much,
     follows_remainder,
     form_indifference,
@@ -57,7 +57,11 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     Above the noise floor a richer form may compensate for an effect outside the set. It must then explain more.
     """
     model, margin = proposal.model, form_indifference(sets.bare, current)
-    alike = at_noise_floor(model) if at_noise_floor(current) else excess(model) < THRESHOLDS.slow * excess(current)
+    alike = (
+        at_noise_floor(model)
+        if at_noise_floor(current)
+        else bounded_excess(model) < THRESHOLDS.slow * bounded_excess(current)
+    )
     if alike and model.cost - current.cost < margin:
         return Decision(True, f"the criterion grows by less than {margin:.3g}")
     return Decision(False, "explains less")
@@ -123,7 +127,11 @@ def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterato
 
 def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
-    if sets.possible(model) and not sets.possible(current) and excess(model) < THRESHOLDS.slow * excess(current):
+    if (
+        sets.possible(model)
+        and not sets.possible(current)
+        and bounded_excess(model) < THRESHOLDS.slow * bounded_excess(current)
+    ):
         return Decision(True, "fewer parameters explain nearly as much, with sizes that a rig can have")
     better = model.cost < current.cost and at_noise_floor(model) >= at_noise_floor(current)
     return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
@@ -155,7 +163,7 @@ def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     model = proposal.model
-    if excess(current) >= THRESHOLDS.slow * excess(model):
+    if bounded_excess(current) >= THRESHOLDS.slow * bounded_excess(model):
         return Decision(True, f"the excess decreases by more than a factor of {THRESHOLDS.slow:g}")
     if model.key == current.key:
         return Decision(True, "the same effects with a better shape")

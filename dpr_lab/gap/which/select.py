@@ -12,11 +12,12 @@ from collections.abc import Iterator, Mapping
 from functools import reduce
 
 from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.detectable import detectable
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
-    excess,
+    bounded_excess,
     explains_as_much,
     far_from_noise,
     indifference,
@@ -54,12 +55,12 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
 
     An effect that merely leads the fit out of such a minimum is not a cause.
     """
-    chosen, base = selection.chosen, selection.base
-    if not chosen.effects or not far_from_noise(base):
+    chosen, first = selection.chosen, selection.bare
+    if not chosen.effects or not far_from_noise(first):
         return None
-    bare = reduce(lambda model, name: refit_without(problem, model, name, base), chosen.effects, chosen)
-    escaped = bare.fit.chi2 < base.fit.chi2 / THRESHOLDS.escaped
-    return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(base)) else None
+    bare = reduce(lambda model, name: refit_without(problem, model, name, first), chosen.effects, chosen)
+    escaped = bare.fit.chi2 < first.fit.chi2 / THRESHOLDS.escaped
+    return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(first)) else None
 
 
 def _one_search(sets: FittedSets, state: SearchState) -> Selection:
@@ -81,7 +82,7 @@ def short_segments(max_effects: int) -> Move:
     The move applies far from the noise.
 
     If forward selection refutes the noise of known torques, nothing is proposed: the search is repeated without this
-    noise (`dpr_lab.gap.known_torques`). Full segments have fewer free initial states, so their residual is not smaller.
+    noise (`dpr_lab.gap.corrections`). Full segments have fewer free initial states, so their residual is not smaller.
 
     Args:
         max_effects: maximum number of effects
@@ -132,11 +133,13 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
     chosen = state.current
     fits = fit_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}
+    final_test = sets.test(chosen)
     return Selection(
-        base=sets.bare,
+        bare=sets.bare,
         chosen=chosen,
         fitted=fits,
-        final_test=sets.test(chosen),
+        final_test=final_test,
+        detectable=detectable(chosen, final_test),
         without=without,
         without_substitute={name: sets.without_substitute(chosen, name) for name in chosen.effects},
         tests_without={name: sets.test(smaller) for name, smaller in without.items()},
@@ -152,7 +155,7 @@ def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
     """Own share of each secondary effect, unless it is the only effect or every rig has it."""
-    limit = excess(chosen) + THRESHOLDS.secondary * sets.bare.residuals.excess
+    limit = bounded_excess(chosen) + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():
         is_secondary = sets.without_substitute(chosen, name).residuals.excess < limit

@@ -14,12 +14,16 @@ from dpr_lab.gap.result.search_step import SearchStep
 class Selection:
     """Result of the search: the selected set of effects, and the fitted sets from which it was selected."""
 
-    base: Hypothesis
+    bare: Hypothesis
+    """Bare model: ratios and initial states, without effects of the library."""
     chosen: Hypothesis
+    """Selected set of effects."""
     fitted: Mapping[frozenset[str], Hypothesis]
     """All fitted sets with their best fits."""
     final_test: ScoreTest
     """Score test of further effects for the selected set."""
+    detectable: Mapping[str, Mapping[str, float | None]]
+    """Effect -> amplitude -> minimum detectable size next to the selected set; None if undetectable at any size."""
     without: Mapping[str, Hypothesis]
     """Effect of the selected set -> the set without it."""
     without_substitute: Mapping[str, Hypothesis]
@@ -52,16 +56,16 @@ class Selection:
     @property
     def models(self) -> dict[str, Hypothesis]:
         """The two compared models: the bare model `before`, and the selected model `after`."""
-        return {"before": self.base, "after": self.chosen}
+        return {"before": self.bare, "after": self.chosen}
 
     @property
     def share_explained(self) -> float:
         """Fraction of the bare model's excess chi2 that the selected effects explain, 0 to 1."""
-        before, after = self.base.residuals.excess, self.chosen.residuals.excess
+        before, after = self.bare.residuals.excess, self.chosen.residuals.excess
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 
     def unique_share(self, name: str) -> float:
         """Unique contribution: fraction of the bare model's excess chi2 that only this effect removes, 0 to 1."""
-        before, after = self.base.residuals.excess, max(self.chosen.residuals.excess, 0.0)
+        before, after = self.bare.residuals.excess, max(self.chosen.residuals.excess, 0.0)
         returned = self.without_substitute[name].residuals.excess - after
         return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)

@@ -15,9 +15,14 @@ from collections.abc import Container
 import numpy as np
 
 from dpr_lab.effects import param_index
+from dpr_lab.effects.encoder_scale import ENCODER_SCALE
+from dpr_lab.effects.spring import SPRING
 from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+
+SPRINGS, ENCODER_SCALES = ([effect.name for effect in pair] for pair in (SPRING, ENCODER_SCALE))
+"""Names of the springs, and of the errors of the encoder scale, of joints 1 and 2."""
 
 SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
 """Names of the parameters k and k3 of a spring."""
@@ -35,9 +40,8 @@ def springs_like_scale(
     springs: list[str] = []
     if not all(setup.one_degree for setup in set(problem.segments.setups)):
         return ()
-    for joint in ("joint1", "joint2"):
-        spring = f"spring_{joint}"
-        if spring not in model.effects or f"encoder_scale_{joint}" not in library:
+    for spring, scale in zip(SPRINGS, ENCODER_SCALES, strict=True):
+        if spring not in model.effects or scale not in library:
             continue
         stiffness, cubic = model.fit.estimate.params[[param_index(spring, name) for name in SIZES]]
         free = [i for i, p in enumerate(model.fit.free) if (p.effect, p.name) == (spring, SIZES[1])]
