@@ -155,7 +155,7 @@ def _drafted(screened: ScreenedRuns) -> Drafted:
         expected=frozenset(expected_of(request.rig.joints.geared)) & library.keys(),
         held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
     )
-    return Drafted.after(fitted, sets=sets, search=forward(sets, request.max_effects))
+    return Drafted.after(fitted, search=forward(sets, request.max_effects))
 
 
 def _selected(drafted: Drafted) -> Selected:
@@ -164,10 +164,10 @@ def _selected(drafted: Drafted) -> Selected:
     The recordings were corrected before the set is refined, because the refinement takes most of the time. The noise of
     known torques is corrected once more for the refined set.
     """
-    selection = refined(drafted.sets, drafted.search)
+    selection = refined(drafted.search)
     if changed := with_other_noise(drafted.recordings, drafted.problem, selection.chosen):
         drafted = _drafted(replace(drafted, recordings=changed))
-        selection = refined(drafted.sets, drafted.search)
+        selection = refined(drafted.search)
     request = drafted.request
     refuse_impossible_scale(selection.chosen.fit.estimate.ratios, request.runs, request.rig)
     _begin(request, "classes")

@@ -34,7 +34,6 @@ from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
 from dpr_lab.gap.where.locate import Place
-from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.search import SearchState
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
@@ -102,7 +101,6 @@ class Fitted(ScreenedRuns):
 class Drafted(Fitted):
     """State after forward selection; the result may show that the recordings need a correction."""
 
-    sets: FittedSets
     search: SearchState
 
 

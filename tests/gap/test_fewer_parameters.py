@@ -54,7 +54,7 @@ def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callabl
     assert own < THRESHOLDS.own_share  # free functions in place of the cogging follow the scale error
     assert explains_as_much(sets.bare, scale, curve)
     assert not explains_as_much(sets.bare, curve, scale)
-    last = apply(OWN_SHARE, sets, SearchState(both, sets.fits, sets.tests, 4))
+    last = apply(OWN_SHARE, SearchState(both, sets, 4))
     assert last.current.effects == (SCALE,)
 
 
@@ -62,7 +62,7 @@ def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callabl
 def test_a_real_curve_stays(fitted: Callable[..., FittedSets]) -> None:
     sets = fitted([law("detent", 0, 6.0), law("encoder_scale", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
     both = grown(sets, COGGING, SCALE)
-    last = apply(OWN_SHARE, sets, SearchState(both, sets.fits, sets.tests, 4))
+    last = apply(OWN_SHARE, SearchState(both, sets, 4))
     assert COGGING in last.current.effects
 
 
@@ -82,11 +82,9 @@ def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted:
     scale = sets.without(both, FRICTION)
     assert not at_noise_floor(both)
     assert bounded_excess(scale) < THRESHOLDS.keeps * bounded_excess(both)
-    assert bounded_excess(scale) - bounded_excess(both) < THRESHOLDS.large * bounded_excess(
-        sets.bare
-    )  # negligible next to the wrong counts
+    assert bounded_excess(scale) - bounded_excess(both) < THRESHOLDS.large * bounded_excess(sets.bare)
     for move in (SMALLEST_ADEQUATE, DROP):
-        assert apply(move, sets, SearchState(both, sets.fits, sets.tests, 4)).current.effects == (SCALE, FRICTION)
+        assert apply(move, SearchState(both, sets, 4)).current.effects == (SCALE, FRICTION)
 
 
 def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *others: Hypothesis) -> list[frozenset[str]]:

@@ -36,7 +36,7 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in ("coulomb_joint2", "viscous_ground_link2", "base_tilt")}
     sets = FittedSets(screened(runs), problem, library, base)
-    found = refined(sets, forward(sets))
+    found = refined(forward(sets))
     chosen = found.chosen
     assert chosen.effects == ("coulomb_joint2",)
     unit = 2 * chosen.residuals.inflation * CALIBRATION.temperature
@@ -69,7 +69,7 @@ def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_th
     problem, base = bare(runs)
     name, richer = "coulomb_joint2", "friction_curve_joint2"
     sets = FittedSets(screened(runs), problem, {each: EFFECTS[each] for each in (name, richer)}, base)
-    found = refined(sets, forward(sets))
+    found = refined(forward(sets))
     chosen = found.chosen
     assert chosen.effects == (name,)
     better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.residuals.inflation)
@@ -91,7 +91,7 @@ def test_an_effect_that_every_rig_has_compensates_for_nothing(
     problem, base = bare(runs)
     name = "coulomb_joint2"
     sets = FittedSets(screened(runs), problem, {name: EFFECTS[name]}, base)
-    found = replace(refined(sets, forward(sets)), own_shares={name: 0.001})
+    found = replace(refined(forward(sets)), own_shares={name: 0.001})
     assert outside(found, name) > 0.7
     assert outside(found, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed
 
@@ -106,7 +106,7 @@ def test_a_drift_of_rate_zero_is_no_separate_cause(
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in (tilt, offset, drift)}
     sets = FittedSets(screened(runs), problem, library, base, expected=frozenset({tilt}))
-    found = refined(sets, forward(sets))
+    found = refined(forward(sets))
     assert found.chosen.effects == (tilt,)
     for lower, forms in ((0.0, (drift,)), (1.0, ())):
         drifting = costing(replace(found.chosen, effects=(drift,), curves={}), found.chosen.cost - lower)

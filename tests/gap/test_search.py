@@ -117,7 +117,7 @@ def sets(bare: Callable[..., Any], screened: Callable[..., Any], recorded: Calla
 @pytest.mark.slow
 def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
     name = "coulomb_joint2"
-    alone, whole = (replace(sets.resumed(sets.fits, {}), expected=frozenset({name})) for _ in range(2))
+    alone, whole = (replace(sets, _fits=dict(sets.fits), _tests={}, expected=frozenset({name})) for _ in range(2))
     score, of_whole = alone.score(sets.bare, name), whole.test(sets.bare).of(name)
     assert score is not None
     assert of_whole is not None
@@ -132,15 +132,15 @@ def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
 @pytest.mark.slow
 def test_a_move_does_not_change_the_state_and_is_repeatable(sets: FittedSets) -> None:
     start = SearchState.bare(sets, 2)
-    grown = run((forward_selection(2),), sets, start)
-    assert dict(start.fits) == {frozenset(): sets.bare}
-    fits, fitted_more = dict(grown.fits), False
+    grown = run((forward_selection(2),), start)
+    assert dict(start.sets.fits) == {frozenset(): sets.bare}
+    fits, fitted_more = dict(grown.sets.fits), False
     for move in MOVES:
-        one, other = apply(move, sets, grown), apply(move, sets, grown)
-        assert dict(grown.fits) == fits, move.name
+        one, other = apply(move, grown), apply(move, grown)
+        assert dict(grown.sets.fits) == fits, move.name
         assert one.trace == other.trace, move.name
-        assert one.fits.keys() == other.fits.keys(), move.name
-        fitted_more = fitted_more or len(one.fits) > len(fits)
+        assert one.sets.fits.keys() == other.sets.fits.keys(), move.name
+        fitted_more = fitted_more or len(one.sets.fits) > len(fits)
     assert fitted_more
 
 
@@ -157,7 +157,7 @@ def test_friction_and_drag_that_hide_each_other_are_found_together() -> None:
 @pytest.mark.slow
 def test_two_moves_that_request_the_same_fit_share_it(sets: FittedSets) -> None:
     score = sets.test(sets.bare).ranking[0]
-    one, other = (sets.resumed({frozenset(): sets.bare}, sets.tests).with_one(sets.bare, score) for _ in range(2))
+    one, other = (replace(sets, _fits={}, _tests=dict(sets.tests)).with_one(sets.bare, score) for _ in range(2))
     assert one.effects == (score.effect.name,)
     assert one is other
 
@@ -167,7 +167,7 @@ def test_of_two_fits_of_a_set_the_better_one_is_kept(sets: FittedSets) -> None:
     start = sets.bare.fit.estimate.changed(ratios=sets.bare.fit.estimate.ratios * 1.01)
     free = free_parameters(start, (), sets.problem)
     worse = hypothesis(sets.problem, (), fit(sets.problem, start, free, iterations=0))
-    resumed = sets.resumed({frozenset(): worse}, {})
+    resumed = replace(sets, _fits={frozenset(): worse}, _tests={})
     assert resumed.fits[frozenset()] is sets.bare
     assert resumed.keep(worse) is sets.bare
 
@@ -197,7 +197,7 @@ def test_short_segments_are_fitted_once_because_there_are_no_shorter_ones(
     short = sets.on_short()
     raw = short.bare.fit.estimate.changed(initial=sets.recordings.cut(LENGTHS.first)[1])
     assert short.problem.chi2(short.bare.fit.estimate.changed(initial=sets.short()[1])) < short.problem.chi2(raw)
-    for tried, times in ((short, 0), (sets.resumed({frozenset(): sets.bare}, sets.tests), 1)):
+    for tried, times in ((short, 0), (replace(sets, _fits={}, _tests=dict(sets.tests)), 1)):
         tried.with_one(tried.bare, tried.test(tried.bare).ranking[0])
         assert len(repeated) == times
 
@@ -207,10 +207,10 @@ def test_far_from_the_noise_a_candidate_that_decides_nothing_is_not_fitted(
     sets: FittedSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
-    few = run((forward_selection(2),), sets, SearchState.bare(sets, 2))
+    few = run((forward_selection(2),), SearchState.bare(sets, 2))
     monkeypatch.setattr("dpr_lab.gap.which.forward.BEAM", Beam(exceeded=1e9))
-    every = run((forward_selection(2),), sets, SearchState.bare(sets, 2))
-    assert few.fits.keys() < every.fits.keys()
+    every = run((forward_selection(2),), SearchState.bare(sets, 2))
+    assert few.sets.fits.keys() < every.sets.fits.keys()
     assert few.current.effects == every.current.effects
     assert few.current.cost == every.current.cost
 
@@ -220,8 +220,8 @@ def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monke
     monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
     monkeypatch.setattr("dpr_lab.gap.which.forward.accepted", lambda *models: False)
     monkeypatch.setattr("dpr_lab.gap.which.forward.refutes_process_noise", lambda sets, model: True)
-    grown = run((forward_selection(3, to_floor=True),), sets, SearchState.bare(sets, 3))
-    assert {len(key) for key in grown.fits} == {0, 1}
+    grown = run((forward_selection(3, to_floor=True),), SearchState.bare(sets, 3))
+    assert {len(key) for key in grown.sets.fits} == {0, 1}
 
 
 @pytest.mark.slow
@@ -230,7 +230,7 @@ def test_a_set_that_escaped_a_local_minimum_is_not_refitted_again(
 ) -> None:
     better = replace(sets.bare, fit=replace(sets.bare.fit, stop=StopReason.CONVERGED))
     monkeypatch.setattr(FittedSets, "_escaped", lambda self, model: better)
-    resumed = sets.resumed({}, {})
+    resumed = replace(sets, _fits={}, _tests={})
     assert resumed.escaped(sets.bare) is better
     monkeypatch.setattr(FittedSets, "_escaped", lambda self, model: sets.bare)
     assert resumed.escaped(better) is better
@@ -259,7 +259,7 @@ def test_an_indistinguishable_effect_fits_as_well_although_its_own_fit_was_stuck
 
 @pytest.mark.slow
 def test_no_move_exceeds_the_maximum_number_of_effects(sets: FittedSets) -> None:
-    state = run((forward_selection(2),), sets, SearchState.bare(sets, max_effects=1))
+    state = run((forward_selection(2),), SearchState.bare(sets, max_effects=1))
     assert len(state.current.effects) == 1
     assert "more effects than the maximum number of 1" in {trial.reason for trial in state.trace}
 

@@ -29,7 +29,7 @@ that share that no other functional form of the other effects explains.
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -118,7 +118,6 @@ class Alternative:
     """An alternative to a named effect, with its probability."""
 
     name: str
-    members: tuple[str, ...]
     cosine: float
     """Cosine between the signatures of the alternative and of the named effect.
 
@@ -149,13 +148,12 @@ class EffectPosterior:
     """Probability that a cause outside the library replaces the effect."""
 
 
-def effect_posterior(selection: Selection, name: str, calibration: Calibration = CALIBRATION) -> EffectPosterior:
+def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     """Class, alternatives and probability of one named effect.
 
     Args:
         selection: the selected set and all fitted sets
         name: the effect
-        calibration: calibration of the probabilities
     """
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
     named_score = test.shaped[name][0]
@@ -171,18 +169,18 @@ def effect_posterior(selection: Selection, name: str, calibration: Calibration =
             selection.without_substitute[name].cost - chosen.cost,
         ]
     )
-    scaled = -added_cost / (2 * chosen.residuals.inflation * calibration.temperature)
-    weights = np.exp(np.clip(scaled, -calibration.negligible, calibration.negligible))
-    weights[1:-1] *= [_prior_odds(selection, without, alternative, calibration) for alternative in alternatives]
-    of_outside = outside(selection, name, calibration, members=plausibilities)
+    scaled = -added_cost / (2 * chosen.residuals.inflation * CALIBRATION.temperature)
+    weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
+    weights[1:-1] *= [_prior_odds(selection, without, alternative) for alternative in alternatives]
+    of_outside = outside(selection, name, members=plausibilities)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
         name=name,
         members=(name, *plausibilities),
         alternatives=tuple(
-            Alternative(alternative.name, alternative.members, alternative.cosine, alternative.cost, float(weight))
+            replace(alternative, probability=float(weight))
             for alternative, weight in zip(alternatives, weights[1:-1], strict=True)
-            if weight >= calibration.least_listed
+            if weight >= CALIBRATION.least_listed
         ),
         probability=float(weights[0]),
         forms=forms,
@@ -217,7 +215,7 @@ def _alternatives(
 ) -> list[Alternative]:
     """Best alternatives to the named effect, by increasing cost and, at equal cost, in alphabetical order."""
     alternatives = (
-        Alternative(other, (other,), test.cosine(named, score), _cost(selection, without, score))
+        Alternative(other, test.cosine(named, score), _cost(selection, without, score))
         for other, score in others.items()
         if other not in selection.misleading
         and without.key | {other} not in selection.impossible
@@ -227,11 +225,11 @@ def _alternatives(
     return ranked[: CALIBRATION.alternatives]
 
 
-def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative, calibration: Calibration) -> float:
+def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative) -> float:
     """Prior odds of an alternative against the named effect; below one for a drift that one decay cannot separate."""
     instead = selection.fitted.get(without.key | {alternative.name})
     drifts = instead is not None and follows_decay(selection.bare, instead, selection.chosen)
-    return calibration.drifting if drifts else 1.0
+    return CALIBRATION.drifting if drifts else 1.0
 
 
 def _added_cost(selection: Selection, name: str, alternative: Alternative) -> float:
@@ -333,24 +331,21 @@ def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
     return max(without.cost - score.gain + price, near)
 
 
-def outside(
-    selection: Selection, name: str = "", calibration: Calibration = CALIBRATION, *, members: Iterable[str] = ()
-) -> float:
+def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:
     """Probability that a cause outside the library explains the gap, or replaces one effect of the set.
 
     Args:
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap as a whole
-        calibration: calibration of the probabilities
         members: effects that are indistinguishable from the effect; if every rig has one of these effects, the effect
         does not count as a compensation
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
-    unexplained = max(1 - selection.share_explained, calibration.least_left)
+    unexplained = max(1 - selection.share_explained, CALIBRATION.least_left)
     unique, own_share = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
     if any(EFFECTS[member].universal for member in members):
         own_share = 1.0
-    return probability_outside(odds_outside(unexplained, remainder, unique, own_share, calibration), calibration)
+    return probability_outside(odds_outside(unexplained, remainder, unique, own_share))
 
 
 def probability_outside(odds: float, calibration: Calibration = CALIBRATION) -> float:

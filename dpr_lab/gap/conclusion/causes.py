@@ -65,7 +65,7 @@ def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> E
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
     """Alternatives to the named effects, most probable first; if no effect is named, the closest effects."""
     others = [
-        _rival(other.name, other.members, other.probability, other.cosine, posterior.name)
+        _rival(other.name, (other.name,), other.probability, other.cosine, posterior.name)
         for posterior in posteriors
         for other in posterior.alternatives
     ]

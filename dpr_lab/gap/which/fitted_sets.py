@@ -85,11 +85,9 @@ class FittedSets:
         """Score test of every set that was tested."""
         return MappingProxyType(self._tests)
 
-    def resumed(
-        self, fits: Mapping[frozenset[str], Hypothesis], tests: Mapping[frozenset[str], ScoreTest]
-    ) -> "FittedSets":
-        """Copy with other fits and score tests."""
-        return replace(self, _fits=dict(fits), _tests=dict(tests))
+    def copied(self) -> "FittedSets":
+        """Copy to which a move adds its fits and score tests."""
+        return replace(self, _fits=dict(self._fits), _tests=dict(self._tests))
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
         """Copy that contains only another fit of the bare model."""

@@ -1,16 +1,16 @@
 """Execution of the moves of the search, in order.
 
-Each move proposes sets of effects, and accepts or rejects them.
+Each move proposes sets of effects, and accepts or rejects them. A move works on a copy of the fitted sets and returns a
+new state, so that the states before it do not change.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Literal, NamedTuple
 
 from dpr_lab.fitting.gauss_newton import StopReason
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import follows_remainder
 from dpr_lab.gap.result.search_step import SearchStep
 from dpr_lab.gap.which.fitted_sets import FittedSets
@@ -55,10 +55,8 @@ class SearchState:
 
     current: Hypothesis
     """Current set of effects, the best one so far."""
-    fits: Mapping[frozenset[str], Hypothesis]
-    """Best fit of all sets so far, including the bare model."""
-    tests: Mapping[frozenset[str], ScoreTest]
-    """Score tests of the fitted sets."""
+    sets: FittedSets
+    """All sets that were fitted so far, including the bare model, with their score tests."""
     max_effects: int
     """Maximum number of effects in a set, not counting the effects that every rig of this kind has."""
     trace: tuple[SearchStep, ...] = ()
@@ -67,7 +65,7 @@ class SearchState:
     @classmethod
     def bare(cls, sets: FittedSets, max_effects: int) -> "SearchState":
         """Initial state of the search: the model without effects."""
-        return cls(sets.bare, sets.fits, sets.tests, max_effects)
+        return cls(sets.bare, sets, max_effects)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
         """State after a trial."""
@@ -91,14 +89,14 @@ def _caveat(model: Hypothesis) -> str:
     return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""
 
 
-def run(moves: Sequence[Move], sets: FittedSets, state: SearchState) -> SearchState:
+def run(moves: Sequence[Move], state: SearchState) -> SearchState:
     """Run moves in order, each from the state that the previous move returned."""
     for move in moves:
-        state = apply(move, sets, state)
+        state = apply(move, state)
     return state
 
 
-def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
+def apply(move: Move, state: SearchState) -> SearchState:
     """Run one move.
 
     Two kinds of proposals are never accepted: a set with a curve that follows only small unknown causes, and a larger
@@ -106,25 +104,25 @@ def apply(move: Move, sets: FittedSets, state: SearchState) -> SearchState:
 
     Args:
         move: the move
-        sets: recordings, library and fitted sets
         state: state of the search before the move
     """
-    sets = sets.resumed(state.fits, state.tests)
+    sets = state.sets.copied()
     while True:
         before = state.current
         for proposal in move.propose(sets, before):
             decision = move.accept(sets, state.current, proposal)
-            if decision.accepted and (reason := _refusal(sets, state, proposal.model)):
+            if decision.accepted and (reason := _refusal(state, proposal.model)):
                 decision = Decision(False, reason)
             state = state.after(move, proposal, decision)
             if decision.accepted and move.then != "go on":
                 break
         if move.then != "repeat" or state.current is before:
-            return replace(state, fits=sets.fits, tests=sets.tests)
+            return replace(state, sets=sets)
 
 
-def _refusal(sets: FittedSets, state: SearchState, model: Hypothesis) -> str:
+def _refusal(state: SearchState, model: Hypothesis) -> str:
     """Reason why no move may replace the current set by a given one; empty if there is none."""
+    sets = state.sets
     if follows_remainder(sets.bare, model, state.current):
         return "the additional effect only fits the remainder of small unknown causes"
     size = len(sets.unexpected(model))

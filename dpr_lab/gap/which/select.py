@@ -37,17 +37,16 @@ MOST_REVISIONS = 3
 def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
     """State of the search after forward selection, up to a maximum number of effects."""
     start = short_segments(max_effects) if far_from_noise(sets.bare) else START
-    return run((start, forward_selection(max_effects)), sets, SearchState.bare(sets, max_effects))
+    return run((start, forward_selection(max_effects)), SearchState.bare(sets, max_effects))
 
 
-def refined(sets: FittedSets, state: SearchState) -> Selection:
+def refined(state: SearchState) -> Selection:
     """Refine the result of forward selection to the set that explains the gap."""
-    selection = _one_search(sets, state)
-    bare = _better_bare_model(sets.problem, selection)
+    selection = _one_search(state)
+    bare = _better_bare_model(state.sets.problem, selection)
     if bare is None:
         return selection
-    sets = sets.from_bare(bare)
-    return _one_search(sets, forward(sets, state.max_effects))
+    return _one_search(forward(state.sets.from_bare(bare), state.max_effects))
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
@@ -63,17 +62,17 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
     return bare if escaped or (at_noise_floor(bare) and not at_noise_floor(first)) else None
 
 
-def _one_search(sets: FittedSets, state: SearchState) -> Selection:
+def _one_search(state: SearchState) -> Selection:
     """Complete one search after forward selection: refinement, revisions, held-out runs."""
-    state = run(REFINE, sets, state)
+    state = run(REFINE, state)
     for _ in range(MOST_REVISIONS):
         before = state.current
-        state = _revised(sets, state)
+        state = _revised(state)
         if state.current is before:
             break
-    final = apply(HELD_OUT, sets, state)
+    final = apply(HELD_OUT, state)
     misleading = tuple(name for name in state.current.effects if name not in final.current.effects)
-    return _selection(sets, final, misleading)
+    return _selection(final, misleading)
 
 
 def short_segments(max_effects: int) -> Move:
@@ -91,10 +90,10 @@ def short_segments(max_effects: int) -> Move:
 
     def propose(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
         short = sets.on_short()
-        state = run(additions, short, SearchState.bare(short, max_effects))
-        if refutes_process_noise(short.resumed(state.fits, state.tests), state.current):
+        state = run(additions, SearchState.bare(short, max_effects))
+        if refutes_process_noise(state.sets.copied(), state.current):
             return
-        state = run(SHORT, short, state)
+        state = run(SHORT, state)
         model = sets.carried_over(state.current) if state.current.effects else sets.bare
         yield Proposal(model, trials=state.trace)
 
@@ -112,25 +111,24 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
     return Decision(better, f"the criterion {'falls' if better else 'does not fall'} in the full segments")
 
 
-def _revised(sets: FittedSets, state: SearchState) -> SearchState:
+def _revised(state: SearchState) -> SearchState:
     """State after the first successful revision, which is accepted and still better after the moves that follow it."""
     for revision, moves in REVISIONS:
-        after = apply(revision, sets, state)
+        after = apply(revision, state)
         if after.current is state.current:
             state = after
             continue
-        tested = run(moves, sets, after)
-        if tested.current.cost - state.current.cost < indifference(sets.bare, state.current):
+        tested = run(moves, after)
+        if tested.current.cost - state.current.cost < indifference(state.sets.bare, state.current):
             return tested
         undone = Decision(True, "the criterion of the other set is higher after the moves that follow")
         state = tested.after(revision, Proposal(state.current), undone)
     return state
 
 
-def _selection(sets: FittedSets, state: SearchState, misleading: tuple[str, ...]) -> Selection:
+def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
     """Selected set with the sets for later comparisons, in which each of its effects is removed or replaced."""
-    sets = sets.resumed(state.fits, state.tests)
-    chosen = state.current
+    sets, chosen = state.sets.copied(), state.current
     fits = fit_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}
     final_test = sets.test(chosen)
