@@ -26,10 +26,16 @@ def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
 
 
 def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
-    """Permitted mountings of the rods; the present mounting comes first."""
-    now: Mounting = rig.rods.mounting
-    clamped: tuple[Mounting, ...] = ("clamped",) if "clamped" in limits.rods.elbow and now == "both" else ()
-    return tuple(dict.fromkeys((now, *(limits.rods.mounted or ()), *clamped)))
+    """Permitted mountings of the rods; the present mounting comes first if it is permitted.
+
+    What the limits file does not state remains as in the rig file.
+    """
+    elbows = (rig.rods.elbow,) if limits.rods.elbow is None else limits.rods.elbow
+    of_both: list[Mounting] = ["clamped" if elbow == "clamped" else "both" for elbow in elbows]
+    permitted: list[Mounting] = []
+    for mounted in limits.rods.mounted or (rig.rods.mounted,):
+        permitted += of_both if mounted == "both" else [mounted]
+    return tuple(sorted(dict.fromkeys(permitted), key=lambda mounting: mounting != rig.rods.mounting))
 
 
 @dataclass(frozen=True, slots=True)

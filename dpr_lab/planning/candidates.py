@@ -151,9 +151,10 @@ def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits)
 
 
 def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
-    """Shortest time of one release with the present setup of the rig, minutes."""
+    """Shortest time of one release with the present added mass, minutes."""
     now, shortest = mounted_now(rig), limits.recording.shortest_s
-    arms = arm_states(rig, limits)
     return min(
-        minutes(CandidateRelease(0.0, 0.0, shortest, now.mounting, now.added, arm=arm), now, limits) for arm in arms
+        minutes(CandidateRelease(0.0, 0.0, shortest, mounting, now.added, arm=arm), now, limits)
+        for mounting in allowed_rods(rig, limits)
+        for arm in arm_states(rig, limits)
     )

@@ -23,7 +23,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import PAD, predict, predict_batch
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.fitting.estimate import Estimate, FreeParameter
-from dpr_lab.fitting.linearise import Linearisation, linearise
+from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.rods_with_effects import ENCODER_AMPLITUDES, RodsWithEffects
 from dpr_lab.gap.screen.recordings import LENGTHS
@@ -96,10 +96,13 @@ def informed(
     """
     rated = []
     for batch in _batches(releases):
-        horizons, slopes = _horizons(batch, model), _slopes(batch, model)
-        for release, horizon, A in zip(batch, horizons, slopes, strict=True):
+        horizons, jacobians = _horizons(batch, model), zip(*_slopes(batch, model), strict=True)
+        for release, horizon, (A, Z) in zip(batch, horizons, jacobians, strict=True):
             for duration in (release.duration_s, *(d for d in durations if d < release.duration_s)):
-                covered = A[: max(1, round(duration / LENGTHS.working))].reshape(-1, A.shape[2])
+                count = max(1, round(duration / LENGTHS.working))
+                covered, zeros = (columns[:count].reshape(-1, columns.shape[2]) for columns in (A, Z))
+                if model.rezeroed:
+                    covered = covered - zeros @ np.linalg.lstsq(zeros, covered, rcond=1e-9)[0]
                 shorter = replace(release, duration_s=duration)
                 rated.append(Informed(shorter, covered.T @ covered, float(min(horizon, duration))))
     return rated
@@ -169,14 +172,20 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
     return Problem(cut, np.zeros((len(cut.t), weight.shape[1])), weight, model.rods), states
 
 
-def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases, segments, m, k) whitened Jacobian, from which initial states and zero errors are projected out."""
+def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Array, Array]:
+    """Whitened Jacobians, from which initial states are projected out.
+
+    Returns:
+        Jacobian (releases, segments, m, k) of the unknowns, and (releases, segments, m, 2) of the zero errors of the
+        encoders
+    """
     problem, states = laid_out(batch, model)
     estimate = model.estimate.changed(initial=states)
     slopes = problem.slopes(estimate, model.columns)
     linear = linearise(problem, estimate, model.columns, problem.measured, slopes)
-    A = linear.A.reshape(len(batch), -1, *linear.A.shape[1:])
-    return _without_zeros(A, linear, problem, len(batch)) if model.rezeroed else A
+    shifts = np.broadcast_to(np.eye(problem.weight.shape[1], 2), (len(problem.t), problem.weight.shape[1], 2))
+    zeros = linear.projected(problem.whitened(shifts))
+    return tuple(J.reshape(len(batch), -1, linear.A.shape[1], J.shape[-1]) for J in (linear.A, zeros))
 
 
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
@@ -187,16 +196,6 @@ def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int
     axes = 2 if batch[0].mounted.arm_held else 3
     read = np.array([[1.0, float(not release.setup.alone), 1.0][:axes] for release in batch])
     return np.repeat(read / (model.noise[:axes] * np.sqrt(SWING.rate_hz)), samples, axis=0)
-
-
-def _without_zeros(A: Array, linear: Linearisation, problem: Problem, releases: int) -> Array:
-    """Jacobian from which the zero errors of each release's encoders are projected out."""
-    shifts = np.broadcast_to(np.eye(problem.weight.shape[1], 2), (len(problem.t), problem.weight.shape[1], 2))
-    zeros = linear.projected(problem.whitened(shifts)).reshape(releases, -1, 2)
-    flat = A.reshape(releases, zeros.shape[1], -1)
-    return np.stack(
-        [jacobian - z @ np.linalg.lstsq(z, jacobian, rcond=1e-9)[0] for jacobian, z in zip(flat, zeros, strict=True)]
-    ).reshape(A.shape)
 
 
 def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:

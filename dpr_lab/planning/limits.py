@@ -79,8 +79,7 @@ class ReachablePoses(RigTable):
         """(n,) mask of the (n, 2) start angles that are reachable, modulo full turns."""
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
-            bend = (theta[:, 1] - theta[:, 0] + np.pi) % (2 * np.pi) - np.pi
-            inside &= (bend >= self.elbow_rad[0]) & (bend <= self.elbow_rad[1])
+            inside &= _within(theta[:, 1] - theta[:, 0], self.elbow_rad)
         return inside
 
 
@@ -113,8 +112,8 @@ class AllowedRods(RigTable):
 
     mounted: tuple[Literal["both", "inner", "outer"], ...] | None = None
     """Permitted mountings; None: only the mounting of the rig file."""
-    elbow: tuple[Literal["free", "clamped"], ...] = ("free",)
-    """Permitted states of joint 2; `free` must be among them unless joint 2 is always clamped."""
+    elbow: tuple[Literal["free", "clamped"], ...] | None = None
+    """Permitted states of joint 2 with both rods; None: only the state in the rig file."""
 
 
 class DriveLimits(RigTable):
@@ -222,11 +221,8 @@ def refuse_impossible_plan(path: Path, limits: PlanLimits, rig: Rig) -> None:
         raise ConfigError(
             f"{path}: rods.mounted: does not contain {rig.rods.mounted}, the rods of rig {rig.name}: add it"
         )
-    if (
-        "elbow" in limits.rods.model_fields_set
-        and rig.rods.mounted == "both"
-        and rig.rods.elbow not in limits.rods.elbow
-    ):
+    elbow = limits.rods.elbow
+    if elbow is not None and rig.rods.mounted == "both" and rig.rods.elbow not in elbow:
         raise ConfigError(
             f"{path}: rods.elbow: does not contain {rig.rods.elbow}, the elbow of rig {rig.name}: add it, or change the"
             " rig file"

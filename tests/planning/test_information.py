@@ -1,5 +1,7 @@
 """Information of planned releases against other code: exact sensitivities, dense least squares, nonlinear fits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,13 @@ def test_shorter_durations_contain_less_information(known: Knowledge) -> None:
     long, short = informed([CALM], known.model, (2.0,))
     assert (long.release.duration_s, short.release.duration_s) == (4.0, 2.0)
     assert np.linalg.eigvalsh(long.information - short.information).min() > -1e-6 * np.trace(long.information)
+
+
+def test_a_shorter_duration_determines_the_zeros_of_its_encoders_itself(known: Knowledge) -> None:
+    rezeroed = replace(known.model, rezeroed=True)
+    _, short = informed([CALM], rezeroed, (2.0,))
+    (alone,) = informed([replace(CALM, duration_s=2.0)], rezeroed)
+    assert short.information == pytest.approx(alone.information, rel=1e-6, abs=1e-6 * np.abs(alone.information).max())
 
 
 def test_a_limit_of_a_cable_is_forecast_with_its_other_amplitudes_free(known: Knowledge) -> None:

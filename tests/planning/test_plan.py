@@ -9,12 +9,12 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.planning.acting import Acting
+from dpr_lab.planning.acting import Acting, allowed_rods
 from dpr_lab.planning.candidates import longest_s, mountings, novelty
 from dpr_lab.planning.forecast import FORECAST, decision_probability
 from dpr_lab.planning.information import informed, simulated_states
 from dpr_lab.planning.knowledge import known_after, known_before
-from dpr_lab.planning.limits import PlanLimits, load_plan_limits
+from dpr_lab.planning.limits import PlanLimits, ReachablePoses, load_plan_limits
 from dpr_lab.planning.plan import plan
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Plan
@@ -114,8 +114,30 @@ def test_planned_mountings_follow_the_limits_file(paper: Rig) -> None:
     mass = {"rod": "outer", "mass": 0.1, "position": 0.2}
     allowed = limits(rods={"mounted": ["both", "inner"], "elbow": ["free", "clamped"]}, masses=[mass])
     (added,) = allowed.masses
-    expected = [("both", None), ("both", added), ("inner", None), ("clamped", None), ("clamped", added)]
+    expected = [("both", None), ("both", added), ("clamped", None), ("clamped", added), ("inner", None)]
     assert list(mountings(paper, allowed)) == [(*one, True) for one in expected]
+
+
+@pytest.mark.parametrize(
+    ("present", "rods", "expected"),
+    [
+        (("both", "clamped"), {"mounted": ["both"], "elbow": ["clamped"]}, ("clamped",)),
+        (("both", "clamped"), {"elbow": ["free", "clamped"]}, ("clamped", "both")),
+        (("both", "clamped"), {"mounted": ["both"]}, ("clamped",)),
+        (("inner", "free"), {"mounted": ["both"]}, ("both",)),
+        (("inner", "free"), {"mounted": ["both", "inner"], "elbow": ["clamped"]}, ("inner", "clamped")),
+        (("both", "free"), {}, ("both",)),
+    ],
+)
+def test_only_permitted_mountings_are_planned(
+    paper: Rig, present: tuple[str, str], rods: dict[str, list[str]], expected: tuple[str, ...]
+) -> None:
+    assert allowed_rods(paper.with_rods(*present), limits(rods=rods)) == expected
+
+
+def test_the_range_of_an_elbow_may_contain_the_half_turn() -> None:
+    reachable = ReachablePoses(elbow_rad=(3.0, 3.3)).reachable(np.array([[0.0, 3.1], [0.0, 3.2], [4.0, 0.9], [0, 3.5]]))
+    assert reachable.tolist() == [True, True, True, False]
 
 
 @pytest.mark.slow
