@@ -109,7 +109,7 @@ _PLACES = {
     "storage.reader": ("load_run",),
     "workflows.compare_moving_arm": ("compare=compare_any_run",),
 }
-"""Module -> names that are exported here, each as `name` or `name=name in the module`. A name is imported on first use,
+"""Exported names by module, each as `name` or `name=name in the module`. A name is imported on first use,
 so that commands start fast."""
 
 _FROM = {
@@ -119,7 +119,7 @@ _FROM = {
 }
 
 _FORMER = {"identify_moving_arm": "identify", "compare_moving_arm": "compare"}
-"""Former name of a function -> its present name. The present function takes the same arguments. Former names are
+"""Present names of functions by their former names. The present function takes the same arguments. Former names are
 removed after one minor version."""
 
 

@@ -237,7 +237,7 @@ class ArmTable(RigTable):
 
 
 INPUT_UNITS = {"torque": "N m", "current": "A", "voltage": "V", "acceleration": "rad/s²"}
-"""Input of the arm's drive -> its unit."""
+"""Units of the possible inputs of the arm's drive."""
 
 
 class MotorTable(RigTable):

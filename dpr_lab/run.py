@@ -207,7 +207,7 @@ class Run(Shown):
         return digest.hexdigest()
 
     def only(self, keep: Flags) -> Run:
-        """Copy of the run with the samples for which `keep` (n,) is true."""
+        """Return a copy of the run with only the samples for which `keep` (n,) is true."""
         counts = None if self.counts is None else self.counts[keep]
         torques = None if self.torques is None else self.torques[keep]
         commanded = None if self.commanded is None else self.commanded[keep]

@@ -15,7 +15,7 @@ from typing import Annotated, Any, ForwardRef, Literal, Union, get_args, get_ori
 Row = Sequence[str]
 
 FIXED_BY = {"data": "the recordings", "measured": "a measured value", "bound": "only its bounds"}
-"""Origin of a value, as stored in files -> description."""
+"""Descriptions of the sources of a value, by the word for the source in files."""
 
 
 class Shown(ABC):

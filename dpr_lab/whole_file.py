@@ -13,7 +13,7 @@ SPECIAL = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""Kind of a file on which a reader would block -> its name."""
+"""Names of the kinds of files on which a reader would block."""
 
 
 def regular(path: Path, error: type[DprError] = DprError) -> Path:

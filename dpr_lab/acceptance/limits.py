@@ -100,11 +100,11 @@ class Limits(RigTable):
     """Limits of a rig."""
 
     effects: dict[str, dict[str, EffectLimit]] = Field(default={})
-    """Effect -> amplitude -> limit on its size."""
+    """Limits on the sizes of effects, by effect and amplitude."""
     ratios: dict[str, RatioLimit] = Field(default={})
-    """Ratio -> its permitted range."""
+    """Permitted ranges by the name of the ratio."""
     friction: dict[Literal["joint0", "joint1", "joint2"], FrictionLimit] = Field(default={})
-    """Joint -> limit on its friction torque."""
+    """Limits on friction torques by joint."""
     free_run: FreeRunLimit | None = None
     """Limit on the free-run error; None if there is no such limit."""
 
@@ -146,7 +146,7 @@ def refuse_other_limits(path: Path, limits: Limits) -> None:
     """Check the names and units in a limits file.
 
     Raises:
-        ConfigError: an unknown effect, amplitude or ratio, or another unit; the message names it.
+        ConfigError: an effect, amplitude or ratio is unknown, or a unit is incorrect; the message names it.
     """
     for name, amplitudes in limits.effects.items():
         _known(path, "effects", "effect", name, EFFECTS)

@@ -29,7 +29,7 @@ class ExportFormat:
     main: str
     """Name of the main file."""
     files: Callable[[AnyModel, Rig, Mapping[str, str]], Mapping[str, str | bytes]]
-    """Function of model, rig and lost effects: name of each file -> content."""
+    """Function that returns the contents of the files by name, from model, rig and lost effects."""
     runs_in: Program
     """Program that replays recordings with the written files, to measure the loss of accuracy."""
     words: frozenset[str] = frozenset()

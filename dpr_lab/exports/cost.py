@@ -39,7 +39,7 @@ class Replayed:
     closed: float
     """Share of the gap above the noise floor by which the error falls relative to the bare model."""
     by_run: dict[str, float]
-    """Run -> rms error over all its swings, rad."""
+    """Rms error of each run by its name, rad."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.rig import Rig
 
 BUILDERS = {"3.0": "pythonfmu3", "2.0": "pythonfmu"}
-"""Version of the FMI standard -> package that builds units of this version."""
+"""Packages that build units, by version of the FMI standard."""
 
 _SLAVE = '''
 from pythonfmu3 import Fmi3Causality, Fmi3Slave, Fmi3Variability, Float64 as Real

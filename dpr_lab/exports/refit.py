@@ -130,7 +130,7 @@ def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
 
 
 def moving(model: AnyModel) -> list[str]:
-    """The effects of a model that act on the rods."""
+    """Select the effects of a model that act on the rods."""
     return [name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in MOVING]
 
 
@@ -193,7 +193,7 @@ def _typical(effect: Effect) -> dict[str, float]:
 
 
 def _with(model: AnyModel, estimate: Estimate, rig: Rig) -> AnyModel:
-    """The model with other ratios and effects."""
+    """Replace the ratios and effects of a model by those of an estimate."""
     if isinstance(model, MovingArmModel):
         return with_engine_values(model, estimate.ratios, estimate.params, rig)
     return _with_rods(model, estimate)

@@ -47,7 +47,7 @@ class Rod:
         return self.inertia, self.inertia, THIN
 
     def with_mass_at_end(self, mass: float) -> "Rod":
-        """The rod together with a mass, kg, that is fixed to its end."""
+        """Combine the rod with a mass, kg, that is fixed to its end."""
         total = self.mass + mass
         offset, centroid = self.mass * self.offset / total, (self.mass * self.centroid + mass * self.length) / total
         masses = [(self.mass, self.offset, self.centroid), (mass, 0.0, self.length)]

@@ -119,7 +119,7 @@ class _Names(ast.NodeTransformer):
 
 
 def _plain(value: Any) -> Any:
-    """The Python function behind a compiled function."""
+    """Return the Python function from which a function was compiled."""
     return getattr(value, "py_func", value)
 
 

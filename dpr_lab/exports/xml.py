@@ -42,5 +42,5 @@ def _environment() -> "Environment":
 
 
 def _in_xml(text: str) -> str:
-    """The text without characters that XML cannot contain."""
+    """Remove characters that XML cannot contain."""
     return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -100,7 +100,7 @@ class LengthError:
     error: float
     """Assumed error of L1, m."""
     ratio_shift: Mapping[str, float]
-    """Ratio -> relative change by the error."""
+    """Relative change of each ratio due to the error."""
     residual_over_noise: float
     """Residual with the error, in units of the noise floor. If it is 1, the error is not detectable."""
 
@@ -122,7 +122,7 @@ class Identifiability(Shown):
     parameters: Mapping[str, ParameterValue]
     """Source of each of the nine parameters, and its standard deviation if it is determined."""
     helps: Mapping[str, tuple[str, ...]]
-    """Measured value -> other parameters that would be less accurate without it."""
+    """For each measured value, the other parameters that would be less accurate without it."""
     advice: tuple[Advice, ...]
     """All bench measurements that are not in the rig file, largest gain first."""
     sequence: tuple[Advice, ...]

@@ -55,8 +55,8 @@ def identify(
     arm.
 
     Raises:
-        ConfigError: unknown objective or search.
-        RunError: no runs.
+        ConfigError: the objective or the search is unknown.
+        RunError: there are no runs.
         IdentificationError: no candidate inside the bounds could be simulated, or the recordings do not match the rig
             because zero, unit, sign or order of the readings is specified incorrectly.
     """

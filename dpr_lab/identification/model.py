@@ -262,7 +262,7 @@ class Model(Shown, _Record):
     p_over_b: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     """Additional ratio m2 L1^2 / b for runs with only the inner rod; None if there are no such runs."""
     effects: dict[str, dict[str, Number]] = {}
-    """Effects that a diagnosis named: effect -> parameter -> value, SI."""
+    """Values of the named effects of a diagnosis, by effect and parameter, SI."""
     warnings: list[str] = []
     """Warnings on the interpretation of the values."""
     failures: list[str] = []
@@ -283,7 +283,7 @@ class Model(Shown, _Record):
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """Copy of the model with other values (5,) of the ratios of the fit, and the same uncertainties."""
+        """Return a copy of the model with other values (5,) of the ratios of the fit, and the same uncertainties."""
         five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
@@ -300,7 +300,7 @@ class Model(Shown, _Record):
         return self.with_base(values.tolist())
 
     def with_base(self, values: Sequence[float]) -> "Model":
-        """Copy of the model with other values (6,) of the base parameters, and the same uncertainties."""
+        """Return a copy of the model with other values (6,) of the base parameters, and the same uncertainties."""
         pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 

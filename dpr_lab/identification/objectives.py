@@ -167,7 +167,7 @@ def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Arr
 
 
 def _seen_as_one(prepared: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
-    """Run with rods that turn as one body, converted to the swing of one rod with the phase lead of the rig file."""
+    """Convert a run with rods that turn as one body to the swing of one rod, by the phase lead of the rig file."""
     if not prepared.run.setup.held:
         return prepared
     bases = base_of_run(whole_parameters(rig.nominal, rig.L1, rig.g), prepared.run.setup, rig.L1, rig.g)

@@ -55,8 +55,10 @@ class ShortSegments:
     Above it, the model error is far larger.
     """
     nested: float = 1.1
-    """Maximum ratio of the reduced chi-square of short segments to that of long segments, by their degrees of
-    freedom."""
+    """Maximum ratio of the reduced chi-square of the first segments to that of the second segments.
+
+    It is above 1 only because of the different degrees of freedom.
+    """
 
 
 SHORT = ShortSegments()

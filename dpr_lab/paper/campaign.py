@@ -97,7 +97,7 @@ def ratio_percent(Z: Array, truth: Array, rig: Rig) -> Array:
 
 
 def search_cases(seeds: int, readings: Sequence[str]) -> list[SearchCase]:
-    """All searches of a campaign, the most expensive first."""
+    """List all searches of a campaign, the most expensive first."""
     grids: tuple[Grid, ...] = ("on", "off")
     return [SearchCase(reading, grid, seed) for reading in readings for grid in grids for seed in range(seeds)]
 

@@ -21,7 +21,7 @@ class Contradiction:
 
 
 def contradictions(ours: Recomputed, rig: Rig) -> list[Contradiction]:
-    """All contradictions in the order of the publication."""
+    """List all contradictions in the order of the publication."""
     truth = swings(TRUE, rig)
     return [
         _group_four(ours),

@@ -69,4 +69,4 @@ FIGURES = {
     " generation 100, slower progress with feedback mutation, and a final improvement by dynamic encoding"
     " and variable precision.",
 }
-"""Name of a figure -> its content according to the publication. The published pictures are not included."""
+"""Contents of the figures by name, according to the publication; the published pictures are not included."""

@@ -61,7 +61,7 @@ def reproduce(
         on_search: called with each search when it ends
 
     Raises:
-        ValueError: no seed, or an unknown interpretation.
+        ValueError: `seeds` is zero, or an interpretation is unknown.
     """
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")

@@ -15,7 +15,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class PaperTable:
-    """A table of text."""
+    """Table whose cells contain text."""
 
     name: str
     title: str
@@ -40,7 +40,7 @@ def recompute(rig: Rig) -> Recomputed:
 
 
 def all_tables(ours: Recomputed, results: Sequence[Found], rig: Rig) -> list[PaperTable]:
-    """All tables of the reproduction, in the order of the publication."""
+    """Build all tables of the reproduction, in the order of the publication."""
     return [
         table1(ours),
         table2(ours),

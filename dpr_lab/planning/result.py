@@ -183,5 +183,5 @@ class Plan(Shown, _Record):
         return [("release", "what to record", "minutes", "reason"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
-        """The plan as a dict."""
+        """Convert the plan to a dict."""
         return self.model_dump()

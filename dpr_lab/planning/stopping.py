@@ -39,7 +39,7 @@ class Stopping:
     """Settings of the stopping rule."""
 
     fewest: int = 2
-    """Minimum number of releases that decide several causes, or that there is no gap."""
+    """Minimum number of releases for a decision on several causes, or on the absence of a gap."""
     margin: float = 10.0
     """Minimum significance of a cause that a single release decides, in standard deviations."""
     listed: int = 3

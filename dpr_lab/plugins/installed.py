@@ -33,7 +33,7 @@ class Plugin:
 
 
 def announced() -> tuple[Plugin, ...]:
-    """All installed plugins, sorted by package and name; empty while plugins are disabled."""
+    """List all installed plugins, sorted by package and name; empty while plugins are disabled."""
     return () if os.environ.get(OFF) else _installed()
 
 

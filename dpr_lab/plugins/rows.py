@@ -15,7 +15,7 @@ _origins: dict[tuple[str, str], Plugin] = {}
 
 
 def skipped() -> tuple[str, ...]:
-    """Messages for skipped plugins, each with the reason why the plugin was skipped."""
+    """List messages for the skipped plugins, each with the reason why the plugin was skipped."""
     return tuple(f"plugin {plugin} is skipped: {reason}" for plugin, reason in _skipped.items())
 
 

@@ -1,4 +1,4 @@
-"""The improved genetic algorithm (IGA), in the ten steps of docs/theory.md, section 2.
+"""Improved genetic algorithm (IGA), in the ten steps of docs/theory.md, section 2.
 
 (1) Initialise by hybrid coding. (2) Sort by fitness. (3) Compute the population fitness. (4) Once the population has
 converged: dynamic encoding and feedback mutation. (5) Pairing and crossover. (6) Orthogonal experiment. (7) Hybrid
@@ -78,7 +78,7 @@ def _converged(population: Population, settings: IgaSettings) -> bool:
 def _refreshed(
     problem: SearchProblem, population: Population, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """The population in which new chromosomes replace the near-duplicates, step (4)."""
+    """Replace the near-duplicates in the population by new chromosomes, step (4)."""
     lower, upper = problem.box
     alike = near_duplicates(population.genes, settings.similarity * (upper - lower))
     best, count = population.genes[0], int(alike.sum())
@@ -89,7 +89,7 @@ def _refreshed(
 def _offspring(
     problem: SearchProblem, population: Population, levels: Levels, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """All M Pc / 2 offspring of a generation, in no particular order, by steps (5) to (7)."""
+    """Create all M Pc / 2 offspring of a generation by steps (5) to (7), in no particular order."""
     pairs = max(1, round(settings.population * settings.crossover_rate / 2))
     parents = pair(population.genes, _fitness(population, settings), pairs, problem.box, rng)  # (5)
     crossed = cross(*parents, rng)

@@ -19,7 +19,7 @@ READERS: dict[str, Callable[[Path, bytes | None], SimulatorModel]] = {
     "robot": read_urdf,
     "sdf": read_sdf,
 }
-"""Root element of a file -> function that reads the file."""
+"""Functions that read a file, by the root element of the file."""
 
 
 def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:

@@ -48,7 +48,7 @@ def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJo
 def inner_rod(
     parts: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
 ) -> tuple[ChainRod, float]:
-    """The inner rod, and its angle when its joint is at zero, rad."""
+    """Build the inner rod, and compute its angle when its joint is at zero, rad."""
     joint, next_joint = joints
     towards = plane @ (next_joint.anchor - joint.anchor)
     length = float(np.linalg.norm(towards))
@@ -70,7 +70,7 @@ def inner_rod(
 def last_rod(
     parts: Sequence[Part], joint: ModelJoint, plane: Vector, e: Vector, name: str, inner: float = math.pi
 ) -> ChainRod:
-    """The outer rod, or a single rod.
+    """Build the outer rod, or a single rod.
 
     The direction of the rod points from the joint to the centre of mass.
 
@@ -108,7 +108,7 @@ def arm_of(
     e: Vector,
     notes: list[str],
 ) -> ChainArm:
-    """The arm with the rods at its end.
+    """Build the arm with the rods at its end.
 
     Args:
         joints: joint of the arm, and joint of the inner rod

@@ -38,10 +38,10 @@ LISTED = {
     "contact": "contact pairs or exclusions, not in the rig file",
     "deformable": "flexible bodies, not in the rig file",
 }
-"""Element that acts on the rods but has no equivalent in a rig file -> description for a note."""
+"""Elements that act on the rods but have no equivalent in a rig file, with their descriptions in notes."""
 
 SWITCHES = {"damping": ("damper",), "frictionloss": ("frictionloss", "constraint"), "stiffness": ("spring",)}
-"""Attribute of a joint -> attributes of `<flag>` that disable it."""
+"""For each attribute of a joint, the attributes of `<flag>` that disable it."""
 
 JOINT_KINDS = ("free", "ball", "slide", "hinge")
 """Names of the joint types, in the order of their numbers in MuJoCo."""
@@ -197,7 +197,7 @@ class _ShapeMasses:
     """Rules of a file that determine which shapes have mass."""
 
     defaults: dict[str, dict[str, str]]
-    """Default class -> attributes of its shapes, including inherited ones."""
+    """Attributes of the shapes of each default class, including inherited attributes."""
     groups: tuple[float, float]
     """Range of the groups whose shapes have mass."""
     always: bool

@@ -25,7 +25,7 @@ EARTH = "0 0 -9.8"
 """Default gravity of a world, m/s^2 (specification of `world`)."""
 
 KINDS = {"revolute": "hinge", "prismatic": "slide", "ball": "ball", "quaternion_floating": "free"}
-"""Type of a joint in Drake -> kind of its motion."""
+"""Kinds of motion by the type of the joint in Drake."""
 
 NUMBERS = {
     "inertial": frozenset({"mass", "pose"}),
@@ -36,7 +36,7 @@ NUMBERS = {
     "world": frozenset({"gravity"}),
     **dict.fromkeys(("model", "link", "joint", "frame"), frozenset({"pose"})),
 }
-"""Element -> its children that contain numbers."""
+"""For each element, its children that contain numbers."""
 
 UNBOUNDED = frozenset({"lower", "upper"})
 """Children that may be infinite, because a joint may have no limits."""
@@ -145,7 +145,7 @@ def _above(by_child: dict[Any, Any], body: Any, world: Any) -> Any:
 
 
 def _rotors(plant: Any) -> dict[Any, float]:
-    """Index of a joint -> rotor inertia times squared gear ratio, kg m^2, from extensions of the format by Drake."""
+    """Rotor inertia times squared gear ratio, kg m^2, by joint index; from extensions of the format by Drake."""
     actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     return {a.joint().index(): float(a.default_rotor_inertia() * a.default_gear_ratio() ** 2) for a in actuators}
 

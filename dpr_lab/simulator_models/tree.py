@@ -34,7 +34,7 @@ class ModelJoint:
     limits: tuple[float, float] | None = None
     """Minimum and maximum angle of the joint, rad; None if there are no limits."""
     other: dict[str, str] = field(default_factory=dict)
-    """Term that a rig file cannot contain -> its numbers as text."""
+    """Properties that a rig file cannot contain, with their numbers as text."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from dpr_lab.simulator_models.tree import ModelActuator, ModelJoint, Part, Simul
 from dpr_lab.simulator_models.xml_file import read_xml
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free", "fixed": "fixed"}
-"""Type of a joint in URDF -> kind of its motion."""
+"""Kinds of motion by the type of the joint in URDF."""
 
 NUMBERS = frozenset("xyz rpy value ixx ixy ixz iyy iyz izz damping friction lower upper multiplier offset".split())
 """Attributes that contain numbers, in any element of a joint or of a link's inertial."""
@@ -65,7 +65,7 @@ _READ = {
     "link": {"inertial"},
     "joint": {"origin", "parent", "child", "axis", "dynamics", "limit", "mimic"},
 }
-"""Element -> its children that are read."""
+"""For each element, its children that are read."""
 
 
 WORLD = "world"
@@ -210,7 +210,7 @@ def _actuators(root: Element) -> list[ModelActuator]:
 
 
 def _rotors(root: Element, path: Path) -> dict[str, float]:
-    """Joint -> rotor inertia times squared gear ratio, kg m^2, from extensions of the format by Drake."""
+    """Rotor inertia times squared gear ratio, kg m^2, by joint name; from extensions of the format by Drake."""
     rotors = {}
     for transmission in root.findall("transmission"):
         refuse_bad_attributes(transmission, frozenset({"value"}), path)

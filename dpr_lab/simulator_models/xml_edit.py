@@ -146,7 +146,7 @@ class XmlEdit:
         return self.data[_end_of_tag(self.data, tag.first) : max(tag.end, _end_of_tag(self.data, tag.first))]
 
     def _insertion(self, index: int, data: bytes, first: int) -> str:
-        """Text of the inserted elements: each on a line of its own, indented by two more spaces than their parent."""
+        """Text of the inserted elements, each on a separate line and indented by two more spaces than their parent."""
         if index not in self._inserted:
             return ""
         line = data[data.rfind(b"\n", 0, first) + 1 : first].decode("utf-8")

@@ -50,5 +50,5 @@ def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, s
 
 
 def _lines(sizes: str) -> str:
-    """Text of a cell with one size per line, so that true and estimated sizes of an effect are next to each other."""
+    """Format a cell with one size per line, so that true and estimated sizes of an effect are in the same line."""
     return sizes.replace("; ", "\n")

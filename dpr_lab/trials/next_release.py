@@ -91,7 +91,7 @@ def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
-    """A release with the present setup of the rig; a driven arm follows the program of the device."""
+    """Create a release with the present setup of the rig; a driven arm follows the input signal of the device."""
     mounting = rig.rods.mounting
     return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s, mounting, rig.added_mass, arm=arm_of(rig))
 

@@ -52,7 +52,7 @@ class Truth:
         return not self.effects and self.foreign is None
 
     def sizes(self, rig: Rig, assumed: float) -> dict[str, dict[str, float]]:
-        """True amplitudes of the library effects, converted to the scale that dpr-lab assumes.
+        """Convert the true amplitudes of the library effects to the scale that the diagnosis assumes.
 
         A free swing does not determine the common scale of torques and inertias, so a diagnosis assumes an inertia
         (`assumed_inertia`). For comparison, true torques and inertias are multiplied by the ratio of the assumed

@@ -129,7 +129,7 @@ def _first_followed(followed: Followed) -> float:
     """Start of the first segment that the model follows, s since the release.
 
     Raises:
-        RunError: it follows none of the first segments.
+        RunError: the model follows none of the first segments.
     """
     run, offsets = followed.preprocessed.run, followed.bare.problem.segments.offsets
     measured, noise = run.theta[:, 1:], np.diag(followed.preprocessed.noise.covariance)
@@ -177,7 +177,7 @@ def fewest_models() -> int:
 
 
 def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run:
-    """The run with a random realisation of its true torques: the measured torques minus random measurement noise."""
+    """Draw a realisation of the true torques of a run: the measured torques minus random measurement noise."""
     assert run.torques is not None
     return replace(run, torques=run.torques - std_Nm * rng.standard_normal(run.torques.shape))
 

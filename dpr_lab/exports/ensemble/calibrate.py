@@ -76,7 +76,7 @@ def calibrated(
 
 
 def widened(components: Sequence[PosteriorComponent], factor: float) -> list[PosteriorComponent]:
-    """The posterior with its standard deviations multiplied by a factor."""
+    """Multiply the standard deviations of a posterior by a factor."""
     return [
         component.model_copy(update={"covariance": (factor**2 * component.predictive).tolist(), "between": []})
         for component in components

@@ -87,12 +87,12 @@ def factor_without(
 
 
 def without(components: Sequence[PosteriorComponent], place: int) -> list[PosteriorComponent]:
-    """The posterior of a fit without one of R recordings; its covariances are multiplied by R / (R - 1)."""
+    """Return the posterior of the fit without one of R recordings, with its covariances multiplied by R / (R - 1)."""
     return [_without(component, place) for component in components]
 
 
 def widening(errors: Sequence[float]) -> float:
-    """Factor on the standard deviations, from the value s of each recording."""
+    """Factor on the standard deviations, from the mean squared standardised error s of each recording."""
     if not errors:
         return 1.0
     variance = float(np.median(errors) * LEFT_OUT.independent / chdtri(LEFT_OUT.independent, 0.5))

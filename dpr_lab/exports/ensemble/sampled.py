@@ -156,14 +156,14 @@ def scaled_effects(
 ) -> tuple[float, dict[str, dict[str, float]]]:
     """Draw the scale, and convert the drawn effects to it.
 
-    Returns:
-        The ratio of the drawn scale to the scale of the posterior, and the effects at the drawn scale.
-
     Args:
         component: the drawn set of effects
         values: its drawn values
         interval: 90 % interval of the scale, relative to its value, if the scale is not in the posterior
         rng: random numbers
+
+    Returns:
+        the ratio of the drawn scale to the scale of the posterior, and the effects at the drawn scale
     """
     if "b" in component.free:
         factor, powers = values["b"] / component.ratios["b"], {}

@@ -17,10 +17,10 @@ from dpr_lab.rig import Rig
 from dpr_lab.simulator_models.xml_file import read_xml
 
 EDITORS: dict[str, Callable[[Path], Editor]] = {"mujoco": MjcfEditor, "robot": UrdfEditor, "sdf": SdfEditor}
-"""Root element of a file -> editor of its format."""
+"""Editors of file formats, by the root element of the file."""
 
 WORDS: dict[str, frozenset[str]] = {editor.name: editor.words for editor in (MjcfEditor, UrdfEditor, SdfEditor)}
-"""Format -> elements of effects that its files can contain."""
+"""Elements of effects that files can contain, by format."""
 
 
 def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:

@@ -26,7 +26,7 @@ class DescriptionEditor(ABC):
     words: ClassVar[frozenset[str]]
     passive: ClassVar[bool]
     joint_names: ClassVar[dict[str, str]]
-    """Quantity of a joint -> its name in the format."""
+    """Names of the quantities of a joint in the format."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -12,7 +12,7 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.simulator_models.chain import ChainArm, ChainRod, ModelChain
 
 Effects = Mapping[str, Mapping[str, float]]
-"""Effect -> parameter -> size, SI."""
+"""Sizes of effects by effect and parameter, SI."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +60,11 @@ TERMS = {
     "rotor_inertia": ("armature", "inertia_kgm2", "rotor inertia (armature)", "kg m^2"),
     "spring": ("stiffness", "stiffness_Nm_per_rad", "spring stiffness", "N m/rad"),
 }
-"""Kind of effect -> attribute of `ModelJoint`, name of the parameter, description, and unit."""
+"""For each kind of effect: attribute of `ModelJoint`, name of the parameter, description, and unit."""
 
 
 def hinge(chain: ModelChain, joint: int) -> ChainRod | ChainArm:
-    """The rod of joint 0 or 1, or the arm for joint -1."""
+    """Return the rod at joint 0 or 1, or the arm for joint -1."""
     if joint != ARM:
         return chain.rods[joint]
     assert chain.arm is not None

@@ -222,7 +222,7 @@ def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: flo
 
 
 def _with(model: Model, chain: ModelChain, base: Array, effects: Mapping[str, Mapping[str, float]]) -> Model:
-    """The model with other base parameters, and the masses of the file."""
+    """Replace the base parameters and effects of the model, and use the masses of the file."""
     inner, outer = chain.rods
     known = {"m1": inner.mass, "m2": outer.mass, "mb": chain.elbow_mass, "l1": inner.centroid, "l2": outer.centroid}
     known |= {"J1": inner.inertia, "J2": float(base[1]) - outer.mass * outer.centroid**2}

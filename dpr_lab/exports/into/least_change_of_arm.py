@@ -125,7 +125,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
-    """Determined parameter -> relative difference up to which the number of the file is kept."""
+    """Relative difference up to which a number of the file is kept, for each determined parameter."""
     scale = model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
     if model.input and scale.fixed_by == "data":  # the scale over the known torque per input
@@ -160,7 +160,7 @@ def _changed(
 
 
 def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmModel:
-    """The model with other parameters and effects."""
+    """Replace the parameters and the effects of the model."""
     scale = values[model.scale]
     swing = [values[name] / (1.0 if name == "L0" else scale) for name in SWING_PARAMETERS]
     sizes_of = {name: dict(sizes) for name, sizes in effects.items()}

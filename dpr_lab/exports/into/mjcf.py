@@ -14,7 +14,7 @@ from dpr_lab.simulator_models.xml_edit import XmlEdit
 from dpr_lab.simulator_models.xml_file import with_includes
 
 ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
-"""Quantity of a joint -> its attribute in MJCF, where the names differ."""
+"""MJCF attributes of the quantities of a joint, where the names differ."""
 
 
 class MjcfEditor:

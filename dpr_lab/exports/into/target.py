@@ -82,7 +82,7 @@ class PatchedModel:
     text: bytes
     changes: tuple[ChangedAttribute, ...]
     lost: dict[str, str]
-    """Effect -> reason why neither the file nor the module of passive forces can contain it."""
+    """Effects that neither the file nor the module of passive forces can contain, with the reason for each."""
     passive: PassiveForces
     """Effects that are not in the file but in the module of passive forces."""
 

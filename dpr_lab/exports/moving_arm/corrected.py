@@ -83,14 +83,14 @@ def corrected_arm_model(
 
 
 def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig: Rig) -> MovingArmModel:
-    """The model with other unknowns (7,) of the fitting engine, and other effects (SIZE,)."""
+    """Replace the values of a model by unknowns (7,) of the fitting engine and effects (SIZE,)."""
     swing, inertia = swing_of(unknown, params, model.mounted, bool(model.input), rig)
     changed = with_swing(model, swing, inertia)
     return changed.model_copy(update={"effects": _named(named_params(params))})
 
 
 def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) -> MovingArmModel:
-    """The model with other `SWING_PARAMETERS` (12,) over the scale, and another scale, kg m^2."""
+    """Replace the `SWING_PARAMETERS` (12,) of a model, divided by the scale, and the scale, kg m^2."""
     assumed = model.absolute[model.scale]
     absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update={"value": inertia})}
     ratios = _with_values(model.ratios, swing, model.input, model.scale)
@@ -100,7 +100,7 @@ def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) ->
 def _with_values(
     ratios: Mapping[str, EstimatedValue], swing: Sequence[float], kind: str, letter: str
 ) -> dict[str, EstimatedValue]:
-    """The ratios with the values of `SWING_PARAMETERS`."""
+    """Replace the values of the ratios by those of `SWING_PARAMETERS`."""
     new_values = {
         name: swing[SWING_PARAMETERS.index(parameter_of(name, kind, letter))] for name in ratios if name != "L0"
     }

@@ -60,7 +60,7 @@ def sampled_arm_models(
 
 
 def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
-    """The model with the standard deviations of its ratios and of its scale multiplied by a factor."""
+    """Multiply the standard deviations of the ratios and of the scale of a model by a factor."""
     covariance = (factor**2 * np.array(model.covariance)).tolist()
     scale = model.absolute[model.scale]
     absolute = dict(model.absolute) | {model.scale: scale.model_copy(update={"std": factor * scale.std})}
@@ -79,7 +79,7 @@ def _possible(model: MovingArmModel, rig: Rig) -> bool:
 
 
 def _of_covariance(model: MovingArmModel, rng: np.random.Generator) -> MovingArmModel:
-    """A model drawn from the covariance of the ratios of an identification."""
+    """Draw a model from the covariance of the ratios of an identification."""
     names = [parameter_of(name, model.input, model.scale) for name in model.unknowns]
     places, swing = [SWING_PARAMETERS.index(name) for name in names], np.array(model.swing)
     size = len(places)
@@ -98,7 +98,7 @@ def _of_covariance(model: MovingArmModel, rng: np.random.Generator) -> MovingArm
 def _of_posterior(
     model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, rng: np.random.Generator
 ) -> MovingArmModel:
-    """A model drawn from a posterior: first a set of effects, then their values."""
+    """Draw a model from a posterior: first a set of effects, then their values."""
     weights = np.array([component.probability for component in components])
     component = components[int(rng.choice(len(components), p=weights / weights.sum()))]
     drawn = drawn_values(component, rng)

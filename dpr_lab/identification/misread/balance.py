@@ -187,8 +187,8 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:
     """Angles to add to both rods, within a turn, with the smallest residual; equal angles for one degree of freedom.
 
-    The local minima on a grid of both angles are refined. Neighbours of one minimum are excluded, because all their
-    searches end in it.
+    The local minima on a grid of both angles are refined. Grid points next to a lower minimum are excluded, because
+    their searches would end in the same minimum.
 
     Args:
         residual: residual of a balance as a function of the (2,) added angles, rad

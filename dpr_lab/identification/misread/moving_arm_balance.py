@@ -39,7 +39,7 @@ class ArmBalanceSettings:
     better: float = 4.0
     """Minimum factor by which the relative residual decreases in the other unit."""
     scaled: float = 1.5
-    """Minimum deviation factor of the scale of the arm's angle for which the scale is doubted."""
+    """Minimum factor by which the scale of the arm's angle must deviate from 1 to be doubted."""
     agree: float = 1.2
     """Maximum factor between both estimates of the scale for which they agree.
 

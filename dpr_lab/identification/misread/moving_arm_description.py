@@ -49,7 +49,7 @@ UNITS = {
 
 
 def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
-    """Sentence on another scale or unit of the angles, according to the acceleration of the last rod.
+    """Compose a message if the acceleration of the last rod indicates another scale or unit of the angles.
 
     Empty if there is none.
     """
@@ -58,7 +58,7 @@ def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
 
 
 def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
-    """Sentence on the sign that is wrong if the model fits with the opposite sign of theta0.
+    """Compose a message on the incorrect sign, if the model fits with the opposite sign of theta0.
 
     Args:
         rig: rig with its mounted rods
@@ -80,7 +80,7 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
 
 
 def wrong_input(kind: str, gain: float) -> str:
-    """Sentence on a wrong sign or unit of the input of a drive; empty if both can be right.
+    """Compose a message if the sign or unit of the input of a drive is incorrect; empty if both can be correct.
 
     Args:
         kind: kind of the input, as in `[motor]`

@@ -45,7 +45,7 @@ ZEROS = ZeroSettings()
 
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
-    """All other interpretations to test for the runs of a rig."""
+    """List all other interpretations to be tested for the runs of a rig."""
     of_encoders = (
         replace(reading, read=_of_encoders(reading)) for reading in (_AGAINST_ARM, _ONE_SIGN, *_ANGLES, *_scaled(rig))
     )
@@ -53,7 +53,7 @@ def readings(rig: Rig) -> tuple[Misreading, ...]:
 
 
 def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
-    """Interpretations with other zeros of the rods, from the energy balance of each free swing."""
+    """Find interpretations with other zeros of the rods, from the energy balance of each free swing."""
     tried: list[Array] = []
     for run in (run.swing for run in runs):
         if run.arm is not None or run.torques is not None or run.setup.held or run.mounting != "both":

@@ -127,7 +127,7 @@ class TorqueBalance:
         return columns / size, target / size, np.array(least), np.array(most)
 
     def _of_joints(self, inner: Array, outer: Array) -> Array:
-        """Both equations in sequence, or their sum for one degree of freedom."""
+        """Concatenate both equations, or add them for one degree of freedom."""
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
     def _nominal(self) -> list[float]:

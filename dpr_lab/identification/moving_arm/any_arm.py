@@ -61,7 +61,7 @@ def identify(
         whose arm moves otherwise; else `Model`. Both have `ratios`, `warnings`, `failures` and `save`.
 
     Raises:
-        ConfigError: unknown objective or search.
+        ConfigError: the objective or the search is unknown.
         RunError: there are no runs, or a run cannot be used.
         IdentificationError: no candidate inside the bounds could be simulated, the recordings determine no parameter,
             or they do not match the rig because zero, unit, sign or order of the readings is specified incorrectly.

@@ -139,7 +139,7 @@ def _reversed(recording: ArmRecording) -> ArmRecording:
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Sentences on mistakes in sign and unit of the input."""
+    """Compose messages on incorrect sign and unit of the input; empty if there are none."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []

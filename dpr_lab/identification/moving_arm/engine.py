@@ -25,7 +25,7 @@ OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
 
 
 def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
-    """A model in the unknowns of the engine: (7,) ratios to b, b and p/b, and (SIZE,) parameters of effects."""
+    """Convert a model to unknowns of the engine: (7,) ratios to b, b and p/b, and (SIZE,) effect parameters."""
     sizes, effects = model.with_arm_effects().sizes, dict(model.with_arm_effects().effects)
     effects[FREE_ARM.name] = {"inertia_kgm2": sizes["A"], "viscous_Nms": sizes["c0"]}
     if model.input and (assumed := drive_gain(rig).value):
@@ -42,7 +42,7 @@ def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
 
 
 def engine_constants(model: MovingArmModel, rig: Rig) -> RigConstants:
-    """Constants of the rig for the simulation, with the arm length of the model."""
+    """Return the constants of the rig for the simulation, with the arm length of the model."""
     return rig_constants(rig)._replace(L0=model.sizes["L0"])
 
 

@@ -107,9 +107,9 @@ class ArmIdentifiability(Shown):
     singular_values: tuple[float, ...]
     """Singular values of the whitened sensitivity to relative changes of the parameters."""
     combinations: Mapping[str, float]
-    """Determined combination of parameters -> expected relative standard deviation."""
+    """Expected relative standard deviations of the determined combinations of parameters."""
     values: Mapping[str, float]
-    """Determined combination of parameters -> estimate, SI; empty for simulated recordings."""
+    """Estimates of the determined combinations of parameters, SI; empty for simulated recordings."""
     unseen: tuple[str, ...]
     """Combinations of parameters that are not determined."""
     null_space: tuple[Mapping[str, float], ...]
@@ -304,13 +304,13 @@ def _answers(
 
 
 def _of_one_rod(instrument: Instrument) -> Instrument:
-    """The measurement adapted to a rig without a second rod, whose only rod has no encoder of joint 2."""
+    """Adapt a measurement to a rig with a single rod, which carries no encoder of joint 2."""
     quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
     return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 
 
 def _simulated(rig: Rig) -> ArmFit:
-    """Fit to simulated releases from the poses of the rig, without noise and with the values of the rig file."""
+    """Fit simulated releases from the poses of the rig, without noise and with the values of the rig file."""
     driven = rig.arm.mode == "driven"
     poses = list(rig.poses.values()) or ([Pose(theta1=np.pi, theta2=np.pi)] if driven else [])
     if not poses:

@@ -150,9 +150,9 @@ class ArmComparison(Shown):
     segment_s: float
     """Length of a segment, s."""
     rms_rad: dict[str, float]
-    """Joint -> rms residual, rad."""
+    """Rms residual of each joint, rad."""
     noise_rad: dict[str, float]
-    """Joint -> noise of the readings, rad."""
+    """Standard deviation of the noise of the readings of each joint, rad."""
 
     def _heading(self) -> str:
         part = "held out" if self.held_out else "used in the fit"

@@ -143,7 +143,7 @@ def _preference(model: _InputModel) -> float:
 
 
 def _cause(model: _InputModel, interval: float) -> str:
-    """Text that describes the interpolation and delay of the input."""
+    """Describe the interpolation and the delay of the input."""
     late = f"{1e3 * model.delay_s:.3g} ms after its rows" if model.delay_s > 0 else ""
     if model.continuous:
         return f"the input of the arm changes between its rows, as a continuous signal{late and f', and acts {late}'}"

@@ -25,9 +25,9 @@ class ArmFitSummary(BaseModel):
     model_config = CONFIG
 
     rms_rad: dict[str, Number]
-    """Joint -> rms residual of its encoder's reading, rad."""
+    """Rms residual of the encoder readings of each joint, rad."""
     noise_rad: dict[str, Number]
-    """Joint -> noise of its encoder's reading, rad."""
+    """Standard deviation of the noise of the encoder readings of each joint, rad."""
     segments: int
     """Number of segments with free initial states."""
     segment_s: Number
@@ -58,7 +58,7 @@ class MovingArmModel(Shown, BaseModel):
     ratios: dict[str, EstimatedValue]
     """Determined ratios, SI; `L0` in m."""
     undetermined: dict[str, str]
-    """Unknown that is not determined -> reason."""
+    """Unknowns that are not determined, with the reason for each."""
     covariance: list[list[Number]]
     """(n, n) covariance of all unknowns, in the order of `unknowns`."""
     unknowns: list[str]
@@ -70,7 +70,7 @@ class MovingArmModel(Shown, BaseModel):
     swing: Annotated[list[Number], Field(min_length=12, max_length=12)]
     """Fitted parameters in the order of `dpr_lab.dynamics.moving_arm.swing.SWING_PARAMETERS`, divided by the scale."""
     effects: dict[str, dict[str, Number]] = {}
-    """Effects that a diagnosis named: effect -> parameter -> value, SI."""
+    """Values of the named effects of a diagnosis, by effect and parameter, SI."""
     fit: ArmFitSummary
     """Residuals, noise and segments of the fit."""
     runs: list[RunUsed]
@@ -101,7 +101,7 @@ class MovingArmModel(Shown, BaseModel):
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
     def with_arm_effects(self) -> "MovingArmModel":
-        """Copy of the model in which effects replace k0 and f0, the stiffness and dry friction of the arm."""
+        """Return a copy in which effects replace k0 and f0, the stiffness and Coulomb friction of the arm."""
         sizes, effects = self.sizes, dict(self.effects)
         for effect, name in ((SPRING_JOINT0, "k0"), (COULOMB_JOINT0, "f0")):
             if sizes[name]:

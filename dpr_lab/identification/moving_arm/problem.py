@@ -60,7 +60,7 @@ class ArmSwings:
     """(segments, 6) mask of the free entries of the initial state, in the order of `Segments.states`."""
 
     def with_constants(self, constants: RigConstants) -> "ArmSwings":
-        """Copy of the model with other measured constants."""
+        """Return a copy of the model with other measured constants."""
         return replace(self, constants=constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:

@@ -19,7 +19,7 @@ class ArmScale:
     """Scale of absolute sizes: the inertia by which ratios are multiplied."""
 
     value: float
-    """Value, kg m^2."""
+    """Inertia that defines the scale, kg m^2."""
     relative_std: float
     """Relative standard deviation of the sources other than the recordings; 0 if unknown."""
     by_gain: bool

@@ -51,7 +51,7 @@ def setup_of(run: Run, rig: Rig) -> Setup:
     An arm that is driven by an acceleration has the prescribed motion of its encoder, because its torque is unknown.
 
     Raises:
-        RunError: a driven arm without its input in the rig file.
+        RunError: the arm is driven, but the rig file does not describe the input of its motor.
     """
     if run.arm_mode == "free":
         return replace(run.setup, arm_moves=True)

@@ -70,7 +70,7 @@ def with_intervals(
     rig: Rig,
     visible: Sequence[int] | None = None,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-    """The nine and the base parameters with 90 % intervals that include the uncertainty of the scale.
+    """Add 90 % intervals that include the uncertainty of the scale to the nine and the base parameters.
 
     Args:
         nine: the nine parameters

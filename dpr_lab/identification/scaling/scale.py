@@ -16,7 +16,7 @@ Interval90 = tuple[float, float]
 
 
 ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
-"""Inertia that defines the scale -> rod to which the inertia belongs."""
+"""Rods to which the inertias a and b belong."""
 
 
 class Scale(BaseModel):
@@ -66,7 +66,7 @@ class Scale(BaseModel):
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
-        """The scale expressed by another inertia, which is `factor` times this one."""
+        """Express the scale by another inertia, which is `factor` times this one."""
         low, high = self.interval90
         ends = (low * factor, high * factor)
         return Scale(b=self.b * factor, interval90=ends, fixed_by=self.fixed_by, inertia=inertia)

@@ -19,7 +19,7 @@ class Gain:
     """Expected information of each part of the objective, bits, without weights."""
 
     causes: Mapping[tuple[str, str], float]
-    """Undecided pair of causes -> expected information on which of the two is right, bits."""
+    """Expected information for each undecided pair of causes on which of the two is correct, bits."""
     open_effects: float
     """Expected information on the presence of the effects that are not excluded, bits."""
     library: float

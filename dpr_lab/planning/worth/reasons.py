@@ -79,7 +79,7 @@ def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
 
 
 def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
-    """Sentence that lists the releases which only improve the accuracy of the ratios; empty if there are none.
+    """Compose a sentence on the releases that only improve the accuracy of the ratios; empty if there are none.
 
     Args:
         reasons: reasons of all releases
