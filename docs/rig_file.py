@@ -41,10 +41,10 @@ TAILS = {
     "parameters": "A free swing determines five ratios. `dpr-lab identifiability --rig my_rig.toml` lists the bench"
     " measurements that would determine further parameters.",
     "poses": "Without poses, tables can be imported, but `capture` cannot release the rods.",
-    "rods": "`dpr-lab capture` and `dpr-lab import` accept these keys also as `--rods` and `--elbow` and store them in the"
-    " run. One call of `identify` or `diagnose` accepts runs of one rig with both rods, with one rod and with a clamped"
-    ' elbow, with the same rig file. The rig file of a rig with only one rod contains `mounted = "inner"`. It needs only'
-    " the parameters `l1`, `m1`, `c1` and `J1`; its poses and tables need no `theta2`.",
+    "rods": "`dpr-lab capture` and `dpr-lab import` accept these keys also as `--rods` and `--elbow` and store them in"
+    " the run. One call of `identify` or `diagnose` accepts runs of one rig with both rods, with one rod and with a"
+    ' clamped elbow, with the same rig file. The rig file of a rig with only one rod contains `mounted = "inner"`.'
+    " It needs only the parameters `l1`, `m1`, `c1` and `J1`; its poses and tables need no `theta2`.",
     "added_mass": "Recordings with and without the mass together determine the scale of all masses. The rig file of the"
     " recordings with the mass differs from that of the other recordings only by this table.",
 }
