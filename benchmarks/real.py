@@ -116,8 +116,8 @@ def _multiarm(folder: Path) -> RealRig:
     return RealRig(
         "MultiArm pendulum, 80 s at 1 kHz",
         "Kaheman et al. (2022), arXiv 2205.06231; data of dynamicslab/MultiArm-Pendulum, MIT. The rods have ball"
-        " bearings and one encoder per joint, the cart is fixed; the angles seem to be interpolated. The single"
-        " recording is cut into parts; every second part is held out.",
+        " bearings and one encoder per joint. The cart is fixed, and the angles seem to be interpolated. The single"
+        " recording is divided into parts, and every second part is held out.",
         rig,
         [import_csv(file, rig, HANGING)],
         Published(Z, {}, "viscous friction at both joints"),
@@ -152,19 +152,19 @@ def _one_rod(folder: Path) -> Iterator[RealRig]:
     )
     source = "dynamicslab/MultiArm-Pendulum, MIT. One arm on a bearing; the cart is fixed"
     yield RealRig("MultiArm, one arm, 55 s at 1 kHz", f"{source}. The authors joined six pieces.", arm, [long])
-    yield RealRig("MultiArm, one arm, the last 7 s until it stops", f"{source}. Recorded at 2 kHz.", arm, [tail])
+    yield RealRig("MultiArm, one arm, the last 7 s until it stops", f"{source}. The sample rate is 2 kHz.", arm, [tail])
     cart, counts = _drafted("pendule_pi", 0.4, 0.1, 4096), replace(HANGING, unit="counts")
     packets = [import_csv(file, cart, counts) for file in sorted((folder / "pendule_pi").glob("*.csv"))]
-    known = "francofusco/pendule_pi, BSD-3-Clause. One rod on a cart that is assumed to be fixed. Counts of an"
-    known += " incremental encoder at 200 Hz, in packets of 5 s. The rig file states 4096 counts per turn. The hanging"
-    known += " rod reads -3 counts in packets 0 to 4, and 3997 counts after a whole turn in packets 6 to 9. The encoder"
-    known += " therefore has 4000 counts per turn, and the rig file has a scale error of -2.34 %."
+    known = "francofusco/pendule_pi, BSD-3-Clause. One rod on a cart that is assumed to be fixed. The counts of"
+    known += " an incremental encoder were recorded at 200 Hz, in packets of 5 s. The rig file states 4096 counts per"
+    known += " turn. The hanging rod reads -3 counts in packets 0 to 4, and 3997 counts after a whole turn in packets 6"
+    known += " to 9. The encoder therefore has 4000 counts per turn, and the rig file has a scale error of -2.34 %."
     yield RealRig("Pendule-Pi, one rod", known, cart, packets)
     rotary = _drafted("rotary", 0.124, 0.01225, 16384)
     swings = [import_csv(file, rotary, HANGING) for file in sorted((folder / "rotary_pendulum").glob("*.csv"))]
     known = (
-        "jensen-benard/rotary-inverted-pendulum, MIT. One rod of a rotary pendulum, released by hand, 1 kHz, without"
-        " time stamps."
+        "jensen-benard/rotary-inverted-pendulum, MIT. One rod of a rotary pendulum was released by hand and recorded"
+        " at 1 kHz without time stamps."
     )
     yield RealRig("Rotary pendulum, one rod", known, rotary, swings)
 
@@ -197,8 +197,8 @@ def _closed_loop(folder: Path) -> RealRig:
     sidecar = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
     return _with_drives(
         "DFKI double pendulum, design C.1, closed loop",
-        "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. Swing-up and balance by a controller, as an acrobot"
-        " and as a pendubot; the drives measure their torques, 400 to 500 Hz.",
+        "dfki-ric-underactuated-lab/double_pendulum, BSD-3-Clause. A controller swings the pendulum up and balances"
+        " it, as an acrobot and as a pendubot. The drives measure their torques at 400 to 500 Hz.",
         sidecar["lengths_m"],
         sidecar["authors_model"],
         files,
@@ -234,7 +234,7 @@ def _rotary(folder: Path) -> Iterator[RealRig]:
     )
     rig = parse_rig(draft_rig(replace(measures, counts_per_rev=8192, mounted="inner", arm="driven", motor=motor)))
     source = (
-        "macstepien/furuta_pendulum, GPL-3.0. One rod on an arm with a direct-drive motor, 500 Hz, host time stamps"
+        "macstepien/furuta_pendulum, GPL-3.0. One rod on an arm with a direct-drive motor; 500 Hz, host time stamps"
     )
     yield RealRig(
         "Furuta pendulum, free rod",
@@ -270,9 +270,9 @@ def section(real: RealRig, folds: list[Fold]) -> str:
             *([f"### Held out: {fold.held_out}", ""] if len(folds) > 1 else []),
             f"Verdict: **{fold.diagnosis.verdict.replace('_', ' ')}**. {verdict}",
             "",
-            f"Explained excess chi-square of the fitted recordings: {_percent(fold.diagnosis.gap.explained_share)}. Gap"
-            f" reduction on held-out data: {_percent(fold.closed)} (90 % interval {_percent(low)} to {_percent(high)})."
-            f" Time: {fold.seconds:.0f} s on one core.",
+            f"The corrected model explains {_percent(fold.diagnosis.gap.explained_share)} of the excess chi-square of"
+            f" the fitted recordings. On held-out data the gap closes by {_percent(fold.closed)} (90 % interval"
+            f" {_percent(low)} to {_percent(high)}). The diagnosis took {fold.seconds:.0f} s on one core.",
             "",
             *compared[0],
             *_effects(fold.diagnosis),
@@ -319,7 +319,7 @@ def _compared(real: RealRig, fold: Fold, published: Published) -> tuple[list[str
     rows.append(["**median**", *_four(np.median(errors, axis=0))])
     head = ["recording", f"published ({published.words})", "bare model", "corrected model"]
     ratio_table = _table(["ratio", "estimate", "90 % interval", "published"], _ratios(diagnosis, ratios(base)))
-    caption = "Rms error of the free run on held-out recordings, rad, from an initial state fitted to the first 0.3 s:"
+    caption = "Rms error of the free run on held-out recordings in rad; initial state fitted to the first 0.3 s:"
     return [*ratio_table, ""], [caption, "", *_table(head, rows), ""]
 
 
@@ -359,22 +359,22 @@ def _effects(diagnosis: Diagnosis) -> list[str]:
 
 HEAD = """# Real rigs
 
-This page lists diagnoses of recordings that other laboratories published. `benchmarks/real.py` computes all figures.
-Each recording of a rig is held out once and predicted from the others of the same rig.
+This page is for readers who judge dpr-lab by real data. It lists diagnoses of recordings that other laboratories
+published. `benchmarks/real.py` computes all figures. Each recording of a rig is held out once and predicted from the
+other recordings of the same rig.
 
 "Published" is the model of the authors of a rig. It is simulated with their parameters on the same held-out recordings
-and from the same initial state as the bare and the corrected model. A published ratio can lie outside the 90 %
-interval of the estimate. The interval holds for the fitted model only: it does not include the error that arises if
-the friction of the rig is not in the library, or if the record does not distinguish it from other parameters.
+and from the same initial states as the bare and the corrected model. A published ratio can lie outside the 90 %
+interval of the estimate, because the interval is valid only for the fitted model. It does not include the error that
+arises if the friction of the rig is not in the library or cannot be distinguished from other parameters.
 """
 
 OPEN = """## Limits of these diagnoses
 
 - For the rigs with one rod, only a length and a mass are known. Their rig files were drafted with `dpr-lab rig new`.
-  One rod determines two ratios.
-- Most driven records are only partly explained. The library describes friction, rotor inertia, torque constant, torque
-  offset and delay of a geared drive, but no further property. [Benchmarks](benchmarks.md) compares the models of the
-  authors.
+  A single rod determines two ratios.
+- Most driven recordings are only partly explained, because the library contains only friction, rotor inertia, torque
+  constant, torque offset and delay of a geared drive. [Benchmarks](benchmarks.md) compares the published models.
 """
 
 
