@@ -48,6 +48,12 @@ FORMS = {
     "blanks before units": "Time (s) Angle (deg)\n" + lines("{t:.2f} {angle:.4f}\n"),
     "empty last column": "\tmass A\t\nt\tangle_deg\t\n" + lines("{t:.2f}\t{angle:.4f}\t\n"),
     "time in the last column": lines("{angle:.6f},{t:.2f}\n", SWING),
+    "time and angle with their errors": "x y dx dy\n" + lines("{t:.2f}\t{angle:.6f}\t0.001\t{angle:.2f}\n", SWING),
+    "a comment of names with another separator": "# t   theta   error\n" + lines("{t:.2f}\t{angle:.6f}\t0\n", SWING),
+    "a row for each quantity": "".join(",".join(f"{x:.6f}" for x in row) + "\n" for row in (T, SWING)),
+    "a name before each row": "".join(
+        name + "".join(f"\t{x:.6f}" for x in row) + "\n" for name, row in (("t", T), ("angle", SWING))
+    ),
     "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
 }
 
@@ -132,6 +138,36 @@ def test_errors_next_to_x_and_y_are_no_second_point(tmp_path, one):
         import_csv(tmp_path / "a.txt", one)
     run = import_csv(tmp_path / "a.txt", one, ImportOptions(zero="hanging", columns={"theta1": "Y"}))
     np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-5)
+
+
+def test_rates_are_no_angles(tmp_path, one):
+    """A table of the app phyphox."""
+    names = ["Time (s)", "Gyroscope x (rad/s)", "Gyroscope y (rad/s)", "Absolute (rad/s)"]
+    (tmp_path / "a.csv").write_text(
+        ",".join(names) + "\n" + lines("{t:.2f},{angle:.6f},{angle:.5f},{angle:.4f}\n", SWING)
+    )
+    with pytest.raises(RunError, match="These are rates and accelerations: an angle is required"):
+        import_csv(tmp_path / "a.csv", one)
+
+
+def test_a_message_names_only_the_first_of_many_columns(tmp_path, one):
+    (tmp_path / "a.csv").write_text("".join(",".join(map(str, T + row)) + "\n" for row in range(20)))
+    with pytest.raises(RunError, match="18, 19, 20 and 80 more"):
+        import_csv(tmp_path / "a.csv", one)
+
+
+def test_a_turned_camera_is_named(tmp_path, one):
+    """Points of a camera on its side: the rod hangs to the left in the picture."""
+    t = np.arange(0, 5, 1 / 30)
+    angle = 0.5 * np.exp(-0.05 * t) * np.cos(6.7 * t)
+    x, y = -700 * np.cos(angle), 700 * np.sin(angle)
+    noisy = np.column_stack([t, np.stack([x, y], 1) + np.random.default_rng(2).normal(0, 4, (len(t), 2))])
+    np.savetxt(tmp_path / "a.csv", noisy, "%.4f", ",", header="t,x,y", comments="")
+    questions = preview(tmp_path / "a.csv", one, ImportOptions()).questions
+    (named,) = [q.sentence for q in questions if "turned camera" in q.sentence]
+    offset = float(named.rpartition("--offset ")[2].rstrip(")"))
+    assert abs(offset) == pytest.approx(np.pi / 2, abs=0.05)
+    assert not preview(tmp_path / "a.csv", one, ImportOptions(offset={"theta1": offset})).questions
 
 
 def test_whole_numbers_that_change_too_fast_for_radians_may_be_counts():

@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, parse_rig
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
-from dpr_lab.storage.tables.time_stamps import carried_times, even_times, stamps_at_gaps
+from dpr_lab.storage.tables.time_stamps import carried_times, even_times, spread_times, stamps_at_gaps
 from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 from tests.one_rod import Rod, swing
@@ -111,6 +111,32 @@ def test_a_header_may_have_another_separator_than_the_numbers(one: Rig, tmp_path
     )
     run = import_csv(file, one, ImportOptions(zero="hanging"))
     assert len(run.t) == len(t)
+
+
+@pytest.mark.parametrize("stale", [True, False])
+def test_rows_with_one_stamp_are_spread_over_the_gap(stale: bool) -> None:
+    """A clock that is read before several rows, or rows that wait and are stamped together."""
+    true = np.arange(0, 1, 0.0025)
+    written, waiting = true.copy(), np.add.outer(np.arange(20, 390, 37), np.arange(4))
+    written[waiting] = true[waiting[:, :1] if stale else waiting[:, -1:]]
+    times, note = spread_times(written, {"theta1": np.sin(6 * true)})
+    np.testing.assert_allclose(times, true, atol=1e-9)
+    assert note.startswith(f"{3 * len(waiting)} rows have the time of the previous row but other readings")
+
+
+def test_neighbouring_groups_of_rows_share_no_gap() -> None:
+    written = np.concatenate([np.arange(0, 0.1, 0.01), [0.1, 0.1, 0.13, 0.13], np.arange(0.15, 0.3, 0.01)])
+    times, note = spread_times(written, {"theta1": np.sin(6 * np.arange(len(written)))})
+    np.testing.assert_allclose(times[10:14], [0.1, 0.115, 0.13, 0.14])
+    assert note.startswith("2 rows")
+
+
+def test_rows_that_are_written_twice_are_not_spread() -> None:
+    """Each reading of a second sensor writes a row with the stamp of the first sensor."""
+    written = np.repeat(np.arange(0, 1, 0.01), 1 + (np.arange(100) % 9 == 4))
+    written, note = spread_times(written, {"theta1": np.sin(6 * np.arange(len(written)))})
+    assert (np.diff(written) == 0).sum() == 11
+    assert not note
 
 
 def test_points_without_a_header_are_explained(one: Rig, tmp_path: Path) -> None:

@@ -22,8 +22,9 @@ from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
 from dpr_lab.storage.readers.circle import most_of_a_circle
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
-from dpr_lab.storage.tables.columns import counter, is_time, numbers, own_name, runs, varies
+from dpr_lab.storage.tables.columns import counter, is_time, numbers, own_name, varies
 from dpr_lab.storage.tables.table import Table, read_table, without_copies
+from dpr_lab.storage.tables.time_stamps import runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +145,8 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
     timed = len(ungrouped) > 2 and any(map(is_time, table.names))
     abscissa = next((column for (_, axis), column in zip(alone, table.values, strict=True) if axis == "x"), None)
     plotted = not timed and abscissa is not None and runs(abscissa)  # x is the time
-    if sorted(axis for _, axis in alone if axis) == ["x", "y"] and not (angles or plotted):
-        return PLAIN, list(_upwards(table, alone, 0, -1.0))
+    if sorted(axis for _, axis in alone if axis) == ["x", "y"] and (plotted or not angles):
+        return ("", []) if plotted else (PLAIN, list(_upwards(table, alone, 0, -1.0)))
     columns = [_coordinate(name) for name in ungrouped]
     pairs = {name for name, _ in columns if {(name, "x"), (name, "y")} <= set(columns)}
     if not pairs or angles:

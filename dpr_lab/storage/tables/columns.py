@@ -11,7 +11,8 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.options import AXES
-from dpr_lab.storage.tables.table import ONLY_UNIT, Table
+from dpr_lab.storage.tables.table import LIMITS, ONLY_UNIT, Table
+from dpr_lab.storage.tables.time_stamps import never_falls, runs
 
 TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
 TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -46,6 +47,10 @@ _SAID_UNIT = re.compile(
     r"(?<![a-z])(rad|deg|counts)(ians|rees|r[eé]s)?(?![a-z])|°|(?<![a-z])gra(us|dos|di|den|d)(?![a-z])"
 )
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
+_ERROR = re.compile(r"d[xyt]|(delta|δ|err|error|unc|uncertainty|sigma|std)\w*")
+"""Pattern of the error of a value, a column of fit programs."""
+_RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|gyro|acc")
+"""Pattern of angular rates and accelerations."""
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
 SPEED_CORRELATION = 0.9
@@ -195,7 +200,7 @@ def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
     if table.settled or "t" in given or any(map(is_time, table.names)) or counter(table):
         return {}
     unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
-    place = -1 if unnamed and not _never_falls(table.values[0]) else 0
+    place = -1 if unnamed and not never_falls(table.values[0]) else 0
     name, timelike = table.names[place], (unnamed and not place) or runs(table.values[place])
     return {"t": name} if timelike and len(table.names) > 1 and name not in given.values() else {}
 
@@ -213,7 +218,8 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
     varying = [
         name
         for name, column in zip(table.names, table.values, strict=True)
-        if name not in given.values() and not is_time(name) and (only_two or not runs(column)) and varies(column)
+        if name not in given.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
+        if (only_two or not runs(column)) and varies(column)
     ]
     if len(varying) == 2 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
         varying = _without_speed(varying, table, clock)
@@ -248,12 +254,6 @@ def _correlation(first: Array, second: Array) -> float:
     return float(x @ y) / size if size > 0 else 0.0
 
 
-def _never_falls(column: Array) -> bool:
-    """Whether a column never decreases, as a time; rows that were written together may have the same value."""
-    steps = np.diff(column)
-    return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
-
-
 def varies(column: Array) -> bool:
     """Whether the values of a column differ."""
     known = column[np.isfinite(column)]
@@ -262,7 +262,9 @@ def varies(column: Array) -> bool:
 
 def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], timed: bool) -> None:
     names = [*table.names, *table.other_lengths]
-    available = f"the table has: {', '.join(name for name in names if name != NO_ROD)}"
+    named_so = [name for name in names if name != NO_ROD]
+    available = f"the table has: {', '.join(named_so[: LIMITS.named])}"
+    available += f" and {len(named_so) - LIMITS.named} more" if len(named_so) > LIMITS.named else ""
     for quantity, name in given.items():
         if names.count(name) != 1:
             count = names.count(name) or "no"
@@ -284,7 +286,7 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
     if missing:
         rate = "; for a table without time give --rate-hz" if "t" in missing else ""
         needed = "; both rods are needed" if NO_ROD not in names and missing != ["t"] else ""
-        unnamed = all(_NO_NAME.fullmatch(name) for name in names if name != NO_ROD)
+        unnamed = all(map(_NO_NAME.fullmatch, named_so))
         clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]
         if len(clocks) > 1:
             rate = (
@@ -292,6 +294,8 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
                 f" --columns t={clocks[0]},theta1=NAME"
             )
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
+        if all(is_time(name) or _RATE.search(name.lower()) for name in named_so if not re.match("abs", name.lower())):
+            points = ". These are rates and accelerations: an angle is required, for example the integral of a rate"
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."
             f" Name {'them' if len(missing) > 1 else 'it'}, for example {_example(names, named, missing)}{needed}{rate}"
@@ -371,12 +375,6 @@ def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str
             if len(positions) == len(axes) and not numbered:
                 return dict(zip(axes, positions, strict=True))
     return {}
-
-
-def runs(column: Array) -> bool:
-    """Whether a column increases in nearly equal steps."""
-    steps = np.diff(column)
-    return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
 
 
 def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: str) -> None:

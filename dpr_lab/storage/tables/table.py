@@ -17,6 +17,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
 from dpr_lab.storage.tables.clean import NOT_A_VALUE, clean_rows
 from dpr_lab.storage.tables.content import Content, Line, TableLimits
+from dpr_lab.storage.tables.time_stamps import runs
 
 DELIMITERS = (";", "\t", ",")  # The order matters: in a table with semicolons or tabs, a comma is the decimal sign.
 LIMITS = TableLimits()
@@ -147,7 +148,27 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
     shown = tuple(printable(_with_unit(name.strip(), unit)) for name, unit in zip(names, columns.units, strict=True))
     heading = tuple(tuple(printable(cell.strip()) for cell in row) for row in early)
     strange = tuple(columns.strange)
-    return Table(path, shown, columns.arrays, strange, columns.line_numbers, columns.notes, heading=heading)
+    return _in_columns(
+        Table(path, shown, columns.arrays, strange, columns.line_numbers, columns.notes, heading=heading)
+    )
+
+
+def _in_columns(table: Table) -> Table:
+    """Exchange rows and columns of a table whose few rows are time and quantities; other tables are unchanged."""
+    values = np.array([column for column in table.values if not np.isnan(column).all()])  # without names of the rows
+    few = 2 <= len(table.lines) <= LIMITS.rows_as_columns and len(values) > LIMITS.instants * len(table.lines)
+    if not (few and all(map(str.isdecimal, table.names)) and np.isfinite(values).all() and runs(values[:, 0])):
+        return table
+    names = tuple(str(number + 1) for number in range(values.shape[1]))
+    note = f"each line of the file contains one quantity: the lines are interpreted as columns {', '.join(names)}"
+    return replace(
+        table,
+        names=names,
+        values=tuple(np.ascontiguousarray(values.T)),
+        strange=("",) * len(names),
+        lines=np.arange(1, len(values) + 1),
+        notes=(*table.notes, note),
+    )
 
 
 class _Columns:
@@ -360,5 +381,8 @@ def _commented_header(comments: Sequence[Line], delimiter: str | None, width: in
 
     Column numbers are returned if the comment does not have one name per column.
     """
-    names = comments[-1][1].lstrip("#%/ ").split(delimiter) if comments else []
-    return names if len(names) == width else [str(n + 1) for n in range(width)]
+    header = comments[-1][1].lstrip("#%/ ") if comments else ""
+    names = header.split(delimiter)
+    if len(names) != width:  # the header may have another delimiter
+        names = next(iter(_otherwise_separated([[header]], delimiter, width)), [])
+    return names or [str(n + 1) for n in range(width)]

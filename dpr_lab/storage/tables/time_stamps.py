@@ -1,8 +1,11 @@
-"""Faults of time stamps: too few digits, stamps on the wrong side of a gap, a full second added at the wrong row.
+"""Faults of time stamps: few digits, one stamp for several rows, a wrong side of a gap, a full second at a wrong row.
 
 Too few digits: several rows share one time, for example in a spreadsheet that shows three digits. If the rows are
 evenly spaced, their number determines the times t_i = t_0 + i T. Apart from a constant, each written time then differs
 from t_i by at most half of its resolution. Unevenly sampled or lost rows violate this condition.
+
+One stamp for several rows: a clock is read once for several rows, or rows wait and are stamped together. A gap after or
+before these rows then contains their instants.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
@@ -28,11 +31,14 @@ class StampSettings:
     """Minimum share of rows with the time of the previous row but other readings, for times to count as rounded."""
     slack: float = 1.2
     """Maximum range of the deviations from even spacing, in units of the resolution of the times; 1 in exact
-    arithmetic."""
+    arithmetic. The shortest step of times that distinguish rows is as short as this, in units of the mean spacing."""
     times: int = 10
     """Minimum number of different times, for times to count as rounded."""
     digits: int = 6
     """Maximum number of significant digits of a rounded time."""
+    spacing: float = 0.7
+    """Minimum spacing of rows that are spread over a gap, in units of the mean spacing. A row that is written twice has
+    about 1/2 and real rows have about 1; the limit is their geometric mean."""
     gap_steps: float = 3.0
     """Minimum length of a gap, in median steps. At a shorter gap the instants on both sides are nearly equal."""
     fitted: int = 6
@@ -97,6 +103,18 @@ def carried_times(t: Array) -> tuple[Array, str]:
     )
 
 
+def runs(column: Array) -> bool:
+    """Whether a column increases in nearly equal steps."""
+    steps = np.diff(column)
+    return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
+
+
+def never_falls(column: Array) -> bool:
+    """Whether a column never decreases, as a time; rows that were written together may have the same value."""
+    steps = np.diff(column)
+    return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
+
+
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
     """(n - 1,) whether each row has the same time as the previous row but different readings."""
     changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
@@ -126,6 +144,42 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
             )
             return first + spacing * rows, note
     return t, ""
+
+
+def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
+    """Spread rows with one stamp but different readings evenly over the gap after or before them, and return a note.
+
+    Rows are not spread if the gap is too short for them, as after a row that was written twice.
+
+    Args:
+        t: (n,) s, not decreasing
+        readings: (n,) of each axis
+    """
+    shared = shares_times(t, readings)
+    if not shared.any() or not np.isfinite(t).all():
+        return t, ""
+    usual = float(t[-1] - t[0]) / (len(t) - 1)
+    steps = np.diff(t)
+    if not (steps > 0).any() or steps[steps > 0].min() > SETTINGS.slack * usual:  # too few digits
+        return t, ""
+    edges = np.flatnonzero(np.diff(t, prepend=-np.inf, append=np.inf))  # first row of each stamp, and the end
+    spread, moved = t.copy(), 0
+    for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        rows = end - first
+        if rows == 1 or not shared[first : end - 1].all():
+            continue
+        before = t[first] - spread[first - 1] if first else 0.0
+        after = t[end] - t[first] if end < len(t) else 0.0
+        gap = max(before, after) / rows
+        if gap >= SETTINGS.spacing * usual:
+            places = np.arange(rows) if after >= before else np.arange(1 - rows, 1)
+            spread[first:end] = t[first] + gap * places
+            moved += rows - 1
+    note = (
+        f"{moved} rows have the time of the previous row but other readings, next to a gap: they are spread evenly over"
+        " the gap"
+    )
+    return (spread, note) if moved else (t, "")
 
 
 def _of_digits(t: Array) -> Array:

@@ -40,7 +40,7 @@ from dpr_lab.storage.tables.plausible import (
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
 from dpr_lab.storage.tables.readings import angles, in_radians
 from dpr_lab.storage.tables.table import Table
-from dpr_lab.storage.tables.time_stamps import carried_times, even_times, stamps_at_gaps
+from dpr_lab.storage.tables.time_stamps import carried_times, even_times, spread_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column, unnumbered
 
 
@@ -145,9 +145,10 @@ def _readings(
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
     _check_forwards(table, t, options, readings)
     t, rounded = even_times(t, readings)
+    t, shared = spread_times(t, readings)
     outliers = drop_outliers(readings, rig, options)
     t, misplaced = stamps_at_gaps(t, {axis: _unwrapped(column, options) for axis, column in readings.items()})
-    stamps = filter(None, (carried, rounded, misplaced))
+    stamps = filter(None, (carried, rounded, shared, misplaced))
     return t, readings, [*outliers, *empty, *stamps, *cart_note(table, names, rig, options)]
 
 

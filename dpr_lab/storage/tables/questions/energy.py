@@ -6,13 +6,20 @@ from dataclasses import replace
 import numpy as np
 
 from dpr_lab.errors import RunError
-from dpr_lab.identification.misread.balance import EnergyFit, energy_fit, other_pace, periods, residual_near
+from dpr_lab.identification.misread.balance import (
+    EnergyFit,
+    energy_fit,
+    energy_zeros,
+    other_pace,
+    periods,
+    residual_near,
+)
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.columns import TO_SECONDS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.questions.pose import as_posed
-from dpr_lab.storage.tables.readings import READ, OtherReading, ReadTable, better_readings
+from dpr_lab.storage.tables.readings import READ, OtherReading, ReadTable, better_readings, with_zeros
 from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 
@@ -24,6 +31,8 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     if fit is not None and not table.prescribed:
         residual = fit.residual
         others = better_readings(fit, read)
+        if others and all(other.scale != (1.0, 1.0) for other in others):
+            others += [other for other in _turned(read) if _residual(read, other) < READ.sure]
         if not others and (doubt := _torque_question(table, fit, looked_at)):
             return [doubt], []
     if fit is not None and not others and table.options.inner != "prescribed":
@@ -75,18 +84,37 @@ def _nearest(read: ReadTable, residual: float) -> str:
 
     It is no correction, because its energy changes too.
     """
-    fits = (
-        (energy_fit(read.t * other.time_factor, read.rods(other.values, other.options), read.torques, read.rig), other)
-        for other in read.others()
-        if other.mend
-    )
-    tried = sorted(((fit.residual, other.sentence) for fit, other in fits if fit is not None), key=lambda pair: pair[0])
+    turned = _turned(read)
+    others = [other for other in read.others() if other.mend and (not turned or other.scale == (1.0, 1.0))] + turned
+    fits = sorted(((_residual(read, other), other.sentence) for other in others), key=lambda pair: pair[0])
+    tried = [(unbalance, sentence) for unbalance, sentence in fits if math.isfinite(unbalance)]
     lead, most = SETTINGS.nearest
     if not tried or tried[0][0] > min(
         most, *(other / lead for other in [residual, *(other for other, _ in tried[1:2])])
     ):
         return ""
     return f"; it changes by {percent(tried[0][0])} if {tried[0][1]}"
+
+
+def _residual(read: ReadTable, other: OtherReading) -> float:
+    """Energy residual of an interpretation; infinite if the rods hardly move."""
+    rods = read.rods(other.values, other.options)
+    fit = energy_fit(read.t * other.time_factor, rods, read.torques, read.rig)
+    return math.inf if fit is None else fit.residual
+
+
+def _turned(read: ReadTable) -> list[OtherReading]:
+    """Interpretation in which a single free rod hangs at another angle of the table, neither 0 nor half a turn.
+
+    If the rod hangs at 90 degrees of the table, twice these angles are a swing about hanging and conserve energy, too.
+    """
+    if read.torques is not None or read.rig.rods.mounting == "both" or read.options.unit == "counts":
+        return []
+    added = energy_zeros(read.t, read.rods(read.values, read.options), read.rig)
+    if added is None or abs(math.sin(added[0])) < math.sin(READ.wrong_zero_rad):
+        return []
+    cause = "a turned camera or a constant torque lets the rod hang at another angle of the table"
+    return [replace(with_zeros(read.values, read.options, added), causes=(cause,))]
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
