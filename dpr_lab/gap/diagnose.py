@@ -169,7 +169,8 @@ def _selected(drafted: Drafted) -> Selected:
         drafted = _drafted(replace(drafted, recordings=changed))
         selection = refined(drafted.search)
     request = drafted.request
-    refuse_impossible_scale(selection.chosen.fit.estimate.ratios, request.runs, request.rig)
+    chosen = selection.chosen
+    refuse_impossible_scale(chosen.fit.estimate.ratios, request.runs, request.rig, chosen.effects)
     _begin(request, "classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
     return Selected.after(drafted, selection=selection, posteriors=posteriors)

@@ -15,7 +15,7 @@ from dpr_lab.identification.misread import tried
 from dpr_lab.identification.misread.energy import ENERGY, energy_rise
 from dpr_lab.identification.misread.local_motion import shows_a_period
 from dpr_lab.identification.misread.readings import readings
-from dpr_lab.identification.misread.refuse import refuse_misread
+from dpr_lab.identification.misread.refuse import refuse_impossible_scale, refuse_misread
 from dpr_lab.identification.misread.tried import fitted, impossible, second_look
 from dpr_lab.identification.preprocess import preprocess
 from dpr_lab.rig import Rig, parse_rig
@@ -342,6 +342,12 @@ def test_a_rod_that_soon_sticks_is_not_read_in_degrees(tmp_path: Path, dry: floa
     path = tmp_path / "swing.csv"
     np.savetxt(path, np.column_stack([t, read]), delimiter=",", header="t_s,theta1_rad", comments="", fmt="%.9f")
     refuse_misread([import_csv(path, rig, ImportOptions(zero="hanging"))], rig)
+
+
+def test_readings_larger_than_the_angles_are_named_if_a_spring_replaces_gravity(swings, paper: Rig) -> None:
+    unknown = np.array([4.0, 1.5, -28.0, 0.5, 0.06, 1e-3, 3.0])
+    with pytest.raises(IdentificationError, match=r"e1/b = -28.*The readings are then larger than the angles.*--scale"):
+        refuse_impossible_scale(unknown, swings, paper, ("spring_joint1",))
 
 
 def test_a_rod_alone_has_no_interpretation_of_joint_2(paper: Rig):

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.dynamics.base import RATIOS
+from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import IdentificationError, RunError
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.misread.tried import (
@@ -70,6 +72,13 @@ _UNKNOWN_DRIVE = (
 )
 
 
+_NO_GRAVITY = (
+    "The model contains a spring of joint 1 instead of gravity, because the period of the swing hardly depends on its"
+    " amplitude. The readings are then larger than the angles, or a spring or cable holds the rod: compare the reading"
+    " with an angle measured on the rig, and correct the scale (--scale, --unit, counts_per_rev)"
+)
+
+
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
     """Fit the recordings with the given interpretation; if this fails, return the reason instead."""
     try:
@@ -78,7 +87,7 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
         return None, error
 
 
-def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> None:
+def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig, effects: Sequence[str] = ()) -> None:
     """Check that ratios are positive, and that known torques or masses give an inertia b that the rig can have.
 
     Torques that contradict the motion give an infinite b of either sign. Torques in another unit give a b that is far
@@ -88,6 +97,7 @@ def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> No
         unknown: (7,) ratios, b and p/b of a fit
         runs: the fitted runs
         rig: rig of the recordings
+        effects: effects of the fitted model
 
     Raises:
         IdentificationError: the rig cannot have these values; the message names the probable cause.
@@ -96,7 +106,8 @@ def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig) -> No
     wrong = impossible(ratios, rig) if ratios[:3].min() <= 0 else impossible_scale(inertia, runs, rig)
     if not wrong:
         return
-    hint = "" if moves(runs) else second_look(runs, rig).sentence
+    replaced = SPRING[0].name in effects and ratios[RATIOS.index("e1/b")] <= 0
+    hint = _NO_GRAVITY if replaced else "" if moves(runs) else second_look(runs, rig).sentence
     hint = hint or "Check the signs and units of angles and torques, and the unit of time."
     raise IdentificationError(f"{wrong}. {hint}")
 

@@ -166,7 +166,7 @@ def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
     spread, moved = t.copy(), 0
     for first, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
         rows = end - first
-        if rows == 1 or not shared[first : end - 1].all():
+        if not shared[first : end - 1].any():
             continue
         before = t[first] - spread[first - 1] if first else 0.0
         after = t[end] - t[first] if end < len(t) else 0.0
