@@ -1,4 +1,4 @@
-"""The rig file: measured quantities, parameters to identify, encoders, and link to the device."""
+"""Rig file: measured quantities, parameters to identify, encoders, and link to the device."""
 
 import hashlib
 from collections.abc import Iterable

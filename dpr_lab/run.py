@@ -1,4 +1,4 @@
-"""A run: one recorded release, or one imported table."""
+"""Run: one recorded release, or one imported table."""
 
 from __future__ import annotations
 

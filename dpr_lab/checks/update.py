@@ -1,4 +1,4 @@
-"""Update of a diagnosis by the result of a recommended check.
+"""Update a diagnosis by the result of a recommended check.
 
 The hypotheses about one named effect are its candidates and, in addition, a cause other than the candidates. The
 candidates are the members of the class of the effect, which are equally probable before any check, and its
@@ -50,7 +50,7 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
     Args:
         diagnosis: the diagnosis that recommends the check
         check: the check
-        answer: its result
+        answer: result of the check
 
     Raises:
         RunError: the answer has another kind than the check, or an impossible value; no candidate predicts the value,

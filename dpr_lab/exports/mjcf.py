@@ -201,7 +201,7 @@ def passive(
 
     Args:
         model: the corrected model
-        rig: its rig
+        rig: rig of the model
         expressed: effects that the file contains; None: the effects in the file of `mjcf`
         engine_file: the file; None: the file of `mjcf`
     """

@@ -1,4 +1,4 @@
-"""Identifiability of a rig from free swings, and bench measurements that determine the other parameters.
+"""Identifiability of a rig from free swings, and bench measurements for parameters that are not identifiable.
 
 Information is represented by whitened rows: sensitivities to relative changes of the nine parameters. The rows of the
 recordings are F dratios/dZ Z, with F^T F the information of the ratios. The row of a measured value is Z / std. Bounds

@@ -1,4 +1,4 @@
-"""Merging of segments as long as the model follows them, because longer segments contain more information.
+"""Merge segments as long as the model follows them, because longer segments contain more information.
 
 Two neighbours are merged if the free run of the first segment stays near the readings of the second. If the free run
 follows only a part of these readings, the border between the segments is shifted to the end of that part. The new

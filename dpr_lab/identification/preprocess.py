@@ -1,4 +1,4 @@
-"""Preprocessing of runs: noise, and the state at every sample."""
+"""Preprocess runs: estimate the noise, and the state at every sample."""
 
 from dataclasses import dataclass, replace
 

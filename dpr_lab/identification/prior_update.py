@@ -24,7 +24,7 @@ from dpr_lab.identification.model import ParameterValue
 from dpr_lab.rig import PARAMETERS, Rig
 
 UNREACHED = 1e-6
-"""Maximum relative change of a parameter along the null space for a parameter that data determine.
+"""Maximum relative change of a parameter along the null space for which the data determine the parameter.
 
 The limit is far above rounding errors.
 """

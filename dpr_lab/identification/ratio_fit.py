@@ -1,4 +1,4 @@
-"""Fit of the ratios of the rods to segments of runs with free initial states.
+"""Fit the ratios of the rods to segments of runs with free initial states.
 
 A free swing determines only the ratios. With a known attached mass, b is also fitted, because the mass determines the
 scale. Segments contain encoder readings, each weighted by its own noise. This is equivalent to absolute angles with the

@@ -48,7 +48,7 @@ class RatioUncertainty:
     prior: Array | None = None
     """(n, n) information of the rig file on the unknowns; None if there is no prior."""
     assumed: Array | float = 0.0
-    """(n, n) additional covariance due to ratios that the runs do not determine, and that only the rig file states."""
+    """(n, n) additional covariance due to ratios that the runs do not determine and that come from the rig file."""
 
     @property
     def std(self) -> Array:

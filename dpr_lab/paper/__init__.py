@@ -1,1 +1,1 @@
-"""Reproduction of the published experiment, and comparison of tables, search and figures with the publication."""
+"""Reproduce the published experiment, and compare tables, search and figures with the publication."""

@@ -1,4 +1,4 @@
-"""E(Z), docs/theory.md (2), of the published experiment: 10 s from X1, X2, X3, relative to the true parameters."""
+"""Compute E(Z), docs/theory.md (2), for the published experiment: 10 s from the poses X1, X2 and X3."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Generation of candidate releases: spread start poses, their neighbours, and all permitted mountings."""
+"""Generate candidate releases: evenly spread start poses, neighbouring poses, and all permitted mountings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

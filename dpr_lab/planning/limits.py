@@ -1,4 +1,4 @@
-"""The limits of a plan: reachable poses, permitted mountings, limits of the drives, and durations of the steps.
+"""Limits file of a plan: reachable poses, permitted mountings, limits of the drives, and durations of the steps.
 
 [poses]
 theta1_rad = [0.5, 5.8]

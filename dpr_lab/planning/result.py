@@ -1,4 +1,4 @@
-"""The result of planning, as `dpr-lab plan --json` prints it."""
+"""Result of planning, as printed by `dpr-lab plan --json`."""
 
 from typing import Annotated, Any, Literal, Self
 

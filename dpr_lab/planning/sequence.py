@@ -1,4 +1,4 @@
-"""Greedy sequence of releases: each release has the greatest value per minute, given the previous ones."""
+"""Choose a sequence of releases greedily: each release has the largest value per minute, given the previous ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Plugins: rows that installed packages add to the tables, announced as entry points.
+"""Plugins: entry points by which installed packages add rows to the tables of dpr-lab.
 
     group                object                                                  name of the entry point
     dpr_lab.effects      `dpr_lab.effects.effect.Effect`, or several             any

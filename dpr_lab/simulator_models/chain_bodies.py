@@ -75,8 +75,8 @@ def last_rod(
     The direction of the rod points from the joint to the centre of mass.
 
     Args:
-        parts: its parts
-        joint: its joint
+        parts: parts of the rod
+        joint: joint of the rod
         plane: (2, 3) unit vectors of the plane of the swing, upwards first
         e: (3,) axis of the rods
         name: name of the rod, for messages

@@ -1,4 +1,4 @@
-"""Reader for MJCF, based on MuJoCo's `MjSpec`.
+"""Read MJCF files by MuJoCo's `MjSpec`.
 
 Meshes, textures and plugins are removed from the file first.
 """
@@ -26,7 +26,7 @@ NUMBERS = frozenset(
 """Attributes that contain numbers, in any element."""
 
 IGNORED = {"asset", "visual", "statistic", "sensor", "keyframe", "size", "custom", "extension", "camera", "light"}
-"""Elements that are removed, because they do not influence the motion of rods or contain names of other files."""
+"""Elements that are removed: they do not influence the motion of rods, or they refer to other files."""
 
 REFUSED = {"composite", "flexcomp", "replicate", "attach"}
 """Elements from which MuJoCo generates bodies; files that contain such elements are refused."""

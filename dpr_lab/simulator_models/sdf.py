@@ -1,4 +1,4 @@
-"""Reader for SDFormat, based on Drake, which contains the library of the format.
+"""Read SDFormat files by Drake, which contains the library of the format.
 
 Friction and springs of joints are read from the file itself, because Drake omits them or converts them to other
 elements.
@@ -19,7 +19,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, foll
 from dpr_lab.simulator_models.xml_file import read_xml
 
 IGNORED = {"visual", "collision", "plugin", "sensor", "light", "include", "actor", "gui", "scene", "particle_emitter"}
-"""Elements that are removed, because they do not move rods or contain names of other files."""
+"""Elements that are removed: they do not influence the motion of rods, or they refer to other files."""
 
 EARTH = "0 0 -9.8"
 """Default gravity of a world, m/s^2 (specification of `world`)."""

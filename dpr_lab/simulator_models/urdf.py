@@ -1,4 +1,4 @@
-"""Reader for URDF, based on `urdf_parser_py`, which receives only links and joints.
+"""Read URDF files by `urdf_parser_py`, which receives only links and joints.
 
 Source: https://wiki.ros.org/urdf/XML.
 """

@@ -161,7 +161,7 @@ def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]
 
 
 def _claim(folder: Path, campaign: Campaign) -> None:
-    """Write the definition of a campaign to a folder; in a folder that contains one, check that it is the same."""
+    """Write the definition of a campaign to a folder; if the folder contains a definition, check that it is equal."""
     settings = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
     file = folder / SETTINGS
     if not file.exists():

@@ -1,4 +1,4 @@
-"""Blind trial in a folder: the plant is drawn and recorded, diagnosed, and revealed after the diagnosis is written.
+"""Run a blind trial in a folder: draw and record a plant, write the diagnosis, and then reveal the plant.
 
 trial.json      the seal, published before the recording; written when all runs are complete
 rig.toml        the rig file of the plant

@@ -94,7 +94,7 @@ def predictive_band(model: Model, members: Sequence[Model], run: Run, rig: Rig, 
         model: the corrected model, for the horizon
         members: the ensemble
         run: the recording
-        rig: its rig
+        rig: rig of the recording
         seed: seed of initial states and noise
 
     Raises:

@@ -1,4 +1,4 @@
-"""Calibration of the width of an ensemble on recordings.
+"""Calibrate the width of an ensemble of models on recordings.
 
 The errors of an incomplete model exceed the noise, so its bands are too narrow. The standard deviations of the
 posterior are multiplied by the smallest factor for which the predictive bands cover the required share of the readings

@@ -1,4 +1,4 @@
-"""Width of an ensemble, estimated by leave-one-out cross-validation over the recordings of its fit.
+"""Estimate the width of an ensemble by leave-one-out cross-validation over the fitted recordings.
 
 Models fitted to a recording predict it better than the next recording, so its residuals cannot show that the models are
 incomplete. For each recording r, models are therefore drawn about the values fitted without r
@@ -69,9 +69,9 @@ def factor_without(
 
     Args:
         model: the corrected model
-        components: its posterior
+        components: posterior of the model
         runs: the fitted recordings, in the order of the posterior's `left_out`
-        rig: their rig
+        rig: rig of the recordings
         seed: seed of the random models
     """
     if len(runs) < LEFT_OUT.fewest or any(len(component.left_out) != len(runs) for component in components):

@@ -1,4 +1,4 @@
-"""Corrected models sampled from the posterior of parameters and causes, for domain randomisation.
+"""Sample corrected models from the posterior of parameters and causes, for domain randomisation.
 
 First a set of effects is drawn with its posterior probability, then the values of the parameters from their joint
 normal distribution for a further recording. The covariance is that of the fit plus the covariance between recordings
@@ -33,7 +33,7 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 
     Args:
         model: the corrected model
-        components: its posterior
+        components: posterior of the model
         n: number of models
         seed: seed of the random numbers
 
@@ -53,7 +53,7 @@ def posterior_of(
 
     Args:
         model: the model
-        diagnosis: its diagnosis, if there is one
+        diagnosis: diagnosis of the model; None if there is none
         scatter: scatter of the ratios between recordings, for a model without a diagnosis
 
     Raises:
@@ -158,7 +158,7 @@ def scaled_effects(
 
     Args:
         component: the drawn set of effects
-        values: its drawn values
+        values: drawn values of the ratios and of the parameters
         interval: 90 % interval of the scale, relative to its value, if the scale is not in the posterior
         rng: random numbers
 

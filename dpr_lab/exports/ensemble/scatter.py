@@ -33,7 +33,7 @@ def scatter_of_ratios(model: Model, runs: Sequence[Run], rig: Rig, segment_s: fl
     Args:
         model: an identified model without effects
         runs: the runs to which the model was fitted
-        rig: its rig
+        rig: rig of the model
         segment_s: length of a segment, s
     """
     problem, initial = segmented([preprocess(run, rig) for run in runs], rig, segment_s)

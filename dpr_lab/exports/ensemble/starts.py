@@ -1,4 +1,4 @@
-"""Random initial states of segments, drawn from their distribution given readings and model.
+"""Draw random initial states of segments from their distribution given the readings and the model.
 
 Let V be the covariance of the encoder zeros of one recording, J_x and J_z the weighted derivatives of the readings with
 respect to initial state and zeros, W the weak prior of `dpr_lab.fitting.linearise`, and f the variance inflation n /

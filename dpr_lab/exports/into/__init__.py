@@ -30,7 +30,7 @@ def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ())
 
     Args:
         model: the corrected or identified model
-        rig: its rig, as `dpr-lab rig from` wrote it from this file
+        rig: rig of the model, as `dpr-lab rig from` wrote it from this file
         path: the file
         joints: names of the joints of inner rod, outer rod and optionally the arm; empty: detected
 

@@ -62,7 +62,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
 
     Args:
         diagnosis: the diagnosis, for the intervals of its effects
-        model: its corrected model
+        model: corrected model of the diagnosis
         rig: rig file for the simulator's file
         chain: the double pendulum of the file
         runs: the diagnosed runs, to rank the causes

@@ -61,7 +61,7 @@ def least_change_of_arm(
 
     Args:
         diagnosis: the diagnosis, for the intervals of its effects
-        model: its corrected model
+        model: corrected model of the diagnosis
         rig: rig file for the simulator's file
         chain: rods and arm of the file
         runs: the diagnosed runs, to rank the causes

@@ -73,7 +73,7 @@ def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str
 
     Args:
         model: the corrected or identified model
-        rig: its rig, as `dpr-lab rig from` wrote it from this file
+        rig: rig of the model, as `dpr-lab rig from` wrote it from this file
         editor: the file
         joints: joints of the rods and of an arm, as for `double_pendulum`; empty: detected
 

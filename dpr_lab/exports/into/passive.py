@@ -43,7 +43,7 @@ def passive_forces(
 
     Args:
         model: the corrected model
-        rig: its rig
+        rig: rig of the model
         expressed: effects that the file contains
         chain: the double pendulum of the file
         file: name of the file

@@ -67,7 +67,7 @@ def replay_files(
         after: the changed file
         joints: joints of the rods, and of a moving arm
         model: the corrected model, which determines initial states and horizons
-        rig: its rig
+        rig: rig of the model
         runs: the recordings
 
     Raises:

@@ -190,7 +190,7 @@ def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain:
 
     Args:
         chain: the rods of the file
-        in_file: its arm
+        in_file: arm in the file
         made: bodies of the corrected model, with an arm
         nominal_gain: torque per input in the rig file; the gear of the motor is multiplied by the ratio of the gains
     """

@@ -42,7 +42,7 @@ def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, s
     Args:
         members: the ensemble
         run: the recording
-        rig: its rig
+        rig: rig of the recording
         seed: seed of initial states and noise
 
     Raises:

@@ -20,7 +20,7 @@ def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], 
 
     Args:
         model: the model
-        rig: its rig
+        rig: rig of the model
         expressed: effect -> its elements
         margin: minimum mass of a rod, relative to the smallest mass that its first moment and inertia allow
 

@@ -42,7 +42,7 @@ def corrected_arm_model(
         unknown: (7,) ratios to b, b and p/b
         effects: all effects, including the arm
         runs: the diagnosed runs
-        rig: their rig
+        rig: rig of the recordings
     """
     driven = any(run.arm_mode == "driven" for run in runs)
     mounted = _mounted(rig)

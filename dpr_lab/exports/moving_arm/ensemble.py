@@ -36,7 +36,7 @@ def sampled_arm_models(
     Args:
         model: the model, of `identify` or of a diagnosis
         components: the posterior of the diagnosis; empty: the covariance of the model is used
-        rig: its rig
+        rig: rig of the model
         n: number of models
         seed: seed of the random numbers
         tries: maximum number of draws per model until bodies with its values exist

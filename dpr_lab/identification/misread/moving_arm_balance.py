@@ -1,4 +1,4 @@
-"""Balance of the last rod of a moving arm: test whether the motion of the arm explains the rod's acceleration.
+"""Torque balance of the last rod on a moving arm: test whether the motion of the arm explains its acceleration.
 
 The last rod is the outer rod of two rods, or the only rod. With its angle th, the angle q of the arm and, of two rods,
 the angle th1 of the inner rod, the equation of motion is (docs/theory.md, three coordinates)
@@ -28,7 +28,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ArmBalanceSettings:
-    """Limits of the balance of a rod on a moving arm."""
+    """Thresholds of the torque balance of a rod on a moving arm."""
 
     broken: float = 0.2
     """Maximum relative residual for which the unit of the rods is not doubted.

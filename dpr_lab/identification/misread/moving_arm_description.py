@@ -1,4 +1,4 @@
-"""Wrong descriptions of recordings of a moving arm: limits and sentences of `identify` and `diagnose`.
+"""Detect incorrect descriptions of recordings of a moving arm: thresholds and messages of `identify` and `diagnose`.
 
 The description contains signs, zero and scale of the angles, and sign and unit of the input. Each command fits its own
 model in each interpretation: `identify` rods, arm and drive, `diagnose` also the cable and the friction that most arms

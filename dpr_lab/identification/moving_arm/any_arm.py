@@ -1,4 +1,4 @@
-"""Identification of any rig, for recordings of a clamped, prescribed, free or driven arm, and reading of its models."""
+"""Identify any rig, from recordings with a clamped, prescribed, free or driven arm, and read its models."""
 
 from __future__ import annotations
 

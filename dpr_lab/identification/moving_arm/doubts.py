@@ -1,4 +1,4 @@
-"""Tests of recordings of a moving arm for faults and for mistakes in their description."""
+"""Test recordings of a moving arm for faults and for incorrect descriptions."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress

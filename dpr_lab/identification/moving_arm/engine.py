@@ -1,4 +1,4 @@
-"""Conversion between a model with a moving arm and the unknowns of the common fitting engine with every effect.
+"""Convert between a model with a moving arm and the unknowns of the common fitting engine, which has all effects.
 
 The unknowns of the engine are the ratios to b of a rig with both rods, b itself, and p/b. If only the inner rod is
 mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). The other parameters then have

@@ -1,4 +1,4 @@
-"""Fit of rods, arm and drive to segments with free initial states, by the common fitting engine."""
+"""Fit rods, arm and drive to segments with free initial states, by the common fitting engine."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -143,10 +143,10 @@ def _length_and_misfit(fit: ArmFit) -> tuple[float, float]:
 
 
 def _short_fit(problem: ArmProblem, initial: Array, settings: ArmFitSettings) -> ArmFit:
-    """Fit of the first segments from the values of the rig file, or from a global search if this fails.
+    """Fit the first segments from the values of the rig file, or from a global search if this fails.
 
     Raises:
-        IdentificationError: neither can be simulated.
+        IdentificationError: the simulation fails for both initial values.
     """
     failed, fits = IdentificationError("no values within the bounds of the rig file can be simulated"), list[ArmFit]()
     try:

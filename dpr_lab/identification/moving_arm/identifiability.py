@@ -1,4 +1,4 @@
-"""Identifiability of a rig with a free or driven arm, and bench measurements that determine the other parameters.
+"""Identifiability of a rig with a free or driven arm, and bench measurements for parameters that are not identifiable.
 
 Information is represented by whitened rows, as in `dpr_lab.identification.identifiability`: sensitivities to relative
 changes of the physical parameters of rods, arm and motor. With q the unknowns of the recordings and F^T F their Fisher

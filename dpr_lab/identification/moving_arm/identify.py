@@ -1,4 +1,4 @@
-"""Identification of a rig whose arm is free or driven, and comparison of runs with the result."""
+"""Identify a rig with a free or driven arm, and compare runs with the identified model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Merging of neighbouring segments as long as the model follows them; longer segments contain more information."""
+"""Merge neighbouring segments as long as the model follows them; longer segments contain more information."""
 
 from dataclasses import dataclass
 from itertools import pairwise

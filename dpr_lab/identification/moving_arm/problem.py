@@ -107,7 +107,7 @@ class ArmProblem(Problem):
     """Longest Runge-Kutta step, s."""
 
     def with_cuts(self, cuts: Sequence[Cut], max_step: float = MAX_STEP) -> "ArmProblem":
-        """Problem of the same recordings with other segments."""
+        """Return the problem of the same recordings with other segments."""
         return problem_of(self.recordings, self.rig, cuts, max_step)
 
     @property

@@ -1,4 +1,4 @@
-"""Reason for a release of a plan: text on its contribution."""
+"""Compose the reason for a release of a plan: a text on its contribution."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
