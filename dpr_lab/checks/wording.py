@@ -41,7 +41,7 @@ def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[
         moved += " The value agrees with none of the candidates."
     if best == about:
         return diagnosis.verdict, f"{moved} {before}"
-    instead = f"It is now more probable than {about}. Diagnose again with --without {about} to fit it."
+    instead = f"It is now more probable than {about}. Diagnose again with --without {about} to fit this cause."
     return diagnosis.verdict, f"{moved} {instead} {before}"
 
 

@@ -45,8 +45,9 @@ SETTINGS = AdviceSettings()
 CRAMER_RAO_NOTE = (
     "Cramér-Rao: lower bound of the standard deviation of an unbiased estimate for independent residuals"
     " with the variance of the fit. `identify` prints larger values if the model is incomplete, because the"
-    " residuals are then correlated in time (misfit inflation). Values follow from the nine parameters below. The"
-    " bounds of the rig file may shift a ratio within its interval of `identify`."
+    " residuals are then correlated in time (misfit inflation). The values of the ratios are computed from the nine"
+    " parameters below. The bounds of the rig file may therefore shift a ratio within the interval that `identify`"
+    " prints."
 )
 """Note on the difference between these standard deviations of ratios and those of `identify`."""
 

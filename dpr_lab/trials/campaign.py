@@ -196,7 +196,9 @@ def read_trials(folder: Path) -> dict[int, TrialOutcome]:
             record = json.loads(line)
             outcomes[record["number"]] = read_outcome(record["outcome"])
         except (ValueError, KeyError, TypeError) as error:
-            raise RunError(f"{file}: line {number} is not a trial: {error!r}; remove the line to repeat it") from error
+            raise RunError(
+                f"{file}: line {number} is not a trial: {error!r}; remove the line to repeat the trial"
+            ) from error
     return outcomes
 
 

@@ -92,7 +92,7 @@ def test_a_wrong_interpretation_is_refused_with_its_cause(swings, paper: Rig, an
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_identify_reports_a_wrong_interpretation_before_the_search(swings, paper: Rig) -> None:
-    with pytest.raises(IdentificationError, match=r"zero of the angles.*wrong --zero"):
+    with pytest.raises(IdentificationError, match=r"zero of the angles.*other --zero"):
         identify(read_as(swings, lambda a, b: (a - PI, b - PI)), paper)
 
 
@@ -197,7 +197,7 @@ def test_wrong_zeros_are_named_with_their_offset(swings, paper: Rig, case: tuple
     moved = read_as(swings, lambda a, b: (a + np.radians(inner), b + np.radians(outer)))
     with pytest.raises(IdentificationError, match="the angles have other zeros") as refused:
         refuse_misread(moved, paper)
-    stated = re.search(r"theta1=(\S+),theta2=(\S+);", str(refused.value))
+    stated = re.search(r"theta1=(\S+),theta2=(\S+), in degrees", str(refused.value))
     assert stated is not None
     np.testing.assert_allclose([float(stated[1]), float(stated[2])], [-inner, -outer], atol=0.3)
 

@@ -93,7 +93,7 @@ def wrong_input(kind: str, gain: float) -> str:
             " reverse the direction of encoder 0 in [encoders]"
         )
     exponent = log10(gain) if gain else 0.0
-    strength = f"the {kind} acts {gain:.3g} times as strongly as the rig file says"
+    strength = f"the {kind} acts {gain:.3g} times as strongly as specified in the rig file"
     for factor, unit in UNITS.get(kind, {}).items():
         if abs(exponent - factor) < DESCRIPTION.unit:
             return (

@@ -66,8 +66,8 @@ def other_zeros(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
         tried.append(added)
         inner, outer = added.tolist()
         cause = (
-            "the angles have other zeros (import with --offset, in degrees"
-            f" theta1={inner:g},theta2={outer:g}; theta2={outer - inner:g} for --angles relative; or zero_counts)"
+            f"the angles have other zeros (import with --offset theta1={inner:g},theta2={outer:g}, in degrees; with"
+            f" --angles relative, theta2={outer - inner:g}; for a device, correct zero_counts)"
         )
         yield _of_angles(cause, _added(np.radians(inner), np.radians(outer)))
 
@@ -101,7 +101,7 @@ _EXCHANGED = "inner and outer rod are swapped (exchange the encoders, or import 
 
 _OF_POINTS_TOO = (
     _of_angles(
-        "the zero of the angles is in the opposite direction (imported with the wrong --zero, or a wrong zero_counts)",
+        "the zero of the angles is in the opposite direction (import with the other --zero, or correct zero_counts)",
         lambda inner, outer: (inner + np.pi, outer + np.pi),
     ),
     _of_two_rods(_EXCHANGED, lambda a, b: (b, a)),
@@ -164,7 +164,7 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
     counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
     for factor in (0.5, 2.0, 0.25, 4.0):
         stated = [f"{count / factor:.0f}" for count in counts]
-        key = "counts_per_rev in the rig file is wrong: {} (it is {})"
+        key = "set counts_per_rev in the rig file to {}, now {}"
         tables = f"import a table of angles with --scale {factor:g}, and with --offset unless they are zero for hanging"
         for_both = key.format(f"{stated[1]} for joint 1 and {stated[2]} for joint 2", f"{counts[1]} and {counts[2]}")
         cause = f"both joints turn by {factor:g} times the reading ({for_both}; {tables})"

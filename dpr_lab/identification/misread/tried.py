@@ -108,16 +108,16 @@ class SecondLook:
         if self.tried:
             causes = ", or ".join(dict.fromkeys(trial.reading.cause for trial in self.tried))
             return (
-                f"With another interpretation, rods without effects explain {percent(self.tried[0].share, 1)} of"
-                f" the excess: {causes}."
+                f"With another interpretation of the readings, a model without effects explains"
+                f" {percent(self.tried[0].share, 1)} of the excess chi-square: {causes}."
             )
         if self.energy_rise < ENERGY.entering:
             return ""
         return (
             f"The energy of the rods rises by {percent(self.energy_rise)} of its range, which is impossible for"
             " a passive rig with exact readings: either the rods have a drive that is not described, or an encoder"
-            " is late or has backlash. Import known torques (without --torque none), import an arm"
-            " that moves with its column of theta0 and --arm prescribed, or check counts_per_rev and the units."
+            " has a delay or backlash. Import known torques (without --torque none); if the arm moves, import theta0"
+            " with --arm prescribed; or check counts_per_rev and the units."
         )
 
 
