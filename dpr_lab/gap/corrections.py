@@ -47,14 +47,14 @@ ROWS = RowRules()
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Correction of one property of the recordings, which the result of a search reveals."""
+    """Correction of one property of the recordings that the result of a search shows to be wrong."""
 
     correct: Callable[[Drafted], Drafted | None]
     """Function that returns the state with corrected recordings; None if no correction is needed."""
     better: Callable[[Drafted, Drafted], bool]
     """Function (previous state, corrected state) -> whether the search of the corrected recordings is used."""
     most: int = 1
-    """Maximum number of corrections in succession."""
+    """Maximum number of times that the correction is applied."""
 
 
 def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Drafted:
@@ -133,7 +133,7 @@ def _jumps(state: Drafted) -> Drafted | None:
 
 
 def _explains_better(state: Drafted, recordings: Recordings) -> bool:
-    """Whether the reduction of chi2 exceeds the effect of the smaller number of readings.
+    """Whether chi2 decreases by more than the smaller number of readings explains.
 
     With effects that have internal states (hysteresis, backlash), the residual jumps if a segment begins at another
     instant.

@@ -72,7 +72,7 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
 
 
 def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
-    """Predicted reduction of chi2 by another delay, and the shutter with this delay."""
+    """Predicted reduction of chi2 by the best delay, and the shutter with this delay."""
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # a frame for the length of the rods, s/m
     delays = [start.delay + SHUTTER.part * limit, start.delay - SHUTTER.part * limit]

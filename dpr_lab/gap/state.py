@@ -27,13 +27,12 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.result.gap_size import Gap
+from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
-from dpr_lab.gap.where.locate import Place
 from dpr_lab.gap.which.search import SearchState
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
@@ -93,7 +92,7 @@ class Fitted(ScreenedRuns):
     bare: Hypothesis
     held_out_prediction: OutOfSample | None
     """Prediction of the held-out recordings by any model; None if there are no held-out recordings."""
-    places: tuple[Place, ...]
+    places: tuple[Where, ...]
     """Residual maps of the locations at which the gap may arise."""
 
 

@@ -9,8 +9,8 @@ import pytest
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.lone_recording import LoneRecording, alone
-from dpr_lab.gap.transfer.out_of_sample import GapReduction
 from dpr_lab.gap.transfer.outcome import Transfer
 from tests.background_rigs import law, record, rig_and_base
 
@@ -25,7 +25,7 @@ def test_only_a_remainder_that_the_other_recordings_lack_is_alone(remainder, oth
 
 
 def test_no_effect_is_sure_while_one_recording_contradicts():
-    closed = GapReduction(0.9, (0.8, 0.95))
+    closed = Interval(value=0.9, interval90=(0.8, 0.95))
     agreed = Transfer("releases left out", True, closed, 5.0, (), {}, {}, {}, (), (), (), None)
     posterior = EffectPosterior("coulomb_joint1", ("coulomb_joint1",), (), 0.98)
     assert [p.probability for p in agreed.judged([posterior])] == [0.98]

@@ -12,7 +12,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.hypothesis.thresholds import accepted, at_noise_floor
-from dpr_lab.gap.transfer.out_of_sample import GapReduction
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.which.sizes import impossible_together
 from dpr_lab.rig import load_rig
@@ -60,7 +60,7 @@ def test_a_significant_effect_that_leaves_nearly_all_of_a_residual_is_not_accept
 def test_the_interval_of_a_share_decides_for_a_gap_below_the_noise(
     gap: float, estimate: float, upper: float, shown: bool
 ) -> None:
-    closed = GapReduction(estimate, (-1.0, upper))
+    closed = Interval(value=estimate, interval90=(-1.0, upper))
     transferred = Transfer("releases left out", True, closed, gap, (), {}, {}, {}, (), (), (), None)
     assert shows_reduction(transferred) is shown
 

@@ -16,10 +16,11 @@ from dpr_lab.gap.conclusion.verdict import how_far
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.thresholds import small_effects
 from dpr_lab.gap.result.diagnosis import Basis
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
-from dpr_lab.gap.transfer.out_of_sample import GapReduction, reduction
+from dpr_lab.gap.transfer.out_of_sample import reduction
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
 from dpr_lab.gap.transfer.transfer import worse_free_run
 from dpr_lab.rig import Rig
@@ -88,7 +89,9 @@ def test_an_effect_that_worsens_held_out_runs_is_left_out_of_the_model(dry: list
 
 
 def test_a_gap_that_grows_is_not_reported_to_close() -> None:
-    grown = Transfer("held-out runs", True, GapReduction(-0.51, (-0.74, -0.22)), 1.0, (), {}, {}, {}, (), (), (), None)
+    grown = Transfer(
+        "held-out runs", True, Interval(value=-0.51, interval90=(-0.74, -0.22)), 1.0, (), {}, {}, {}, (), (), (), None
+    )
     assert how_far(grown) == "On held-out runs the gap does not close (-51 %, 90 % interval -74 % to -22 %)."
 
 
@@ -100,7 +103,7 @@ def test_a_gap_that_grows_is_not_reported_to_close() -> None:
     ],
 )
 def test_a_single_release_whose_quarters_differ_shows_no_reduction(low: float, words: str) -> None:
-    closed = GapReduction(0.97, (low, 1.0))
+    closed = Interval(value=0.97, interval90=(low, 1.0))
     assert how_far(Transfer("one release", True, closed, 1.0, (), {}, {}, {}, (), (), (), None)).endswith(words)
 
 
@@ -150,7 +153,7 @@ def test_a_cause_is_named_although_a_noisy_held_out_run_shows_no_gap(dry: list[R
 @pytest.mark.parametrize(("closed", "probability"), [(-0.42, 0.49), (0.31, 0.98)])
 def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left_out(closed, probability) -> None:
     """Although each carries over compared with the others alone."""
-    quarters = GapReduction(closed, (closed - 0.3, closed + 0.46))
+    quarters = Interval(value=closed, interval90=(closed - 0.3, closed + 0.46))
     tested = Transfer("one release", True, quarters, 1.0, (), {}, {}, {}, (), (), (), None)
     (judged,) = tested.judged([EffectPosterior("base_vibration", ("base_vibration",), (), 0.98)])
     assert judged.probability == pytest.approx(probability)
@@ -169,7 +172,7 @@ def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left
 def test_a_failed_test_of_quarters_is_weak_evidence(
     basis: Basis, tested: bool, worse: WorseFreeRun | None, probability: float
 ) -> None:
-    closed, failed, alone = GapReduction(0.6, (0.2, 0.8)), ("coulomb_joint1",), basis == "one release"
+    closed, failed, alone = Interval(value=0.6, interval90=(0.2, 0.8)), ("coulomb_joint1",), basis == "one release"
     withdrawn, unproven = ((), failed) if alone else (failed, ())
     outcome = Transfer(basis, tested, closed, 1.0, (), {}, {}, {}, withdrawn, unproven, (), worse)
     (judged,) = outcome.judged([EffectPosterior("coulomb_joint1", failed, (), 0.98)])
@@ -296,7 +299,7 @@ def test_the_interval_of_a_short_recording_has_a_width() -> None:
 
 
 def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:
-    closed = GapReduction(0.51, (0.22, 0.74))
+    closed = Interval(value=0.51, interval90=(0.22, 0.74))
     cut = Transfer("held-out runs", True, closed, 1.0, (), {}, {"swing 10-19 s": closed}, {}, (), (), (), None)
     assert how_far(cut).startswith("On held-out pieces of the recording the gap closes by 51 %")
     assert how_far(replace(cut, held_out={"other": closed})).startswith("On held-out runs the gap")

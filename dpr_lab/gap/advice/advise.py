@@ -27,7 +27,7 @@ CHECK_KINDS: dict[str, CheckKind] = {
         frozenset({"value", "std"}), bench_measurement.form, bench_measurement.propose, bench_measurement.result
     ),
 }
-"""Name in messages and tables -> kind of check. The kinds are proposed in this order."""
+"""Kinds of checks by their names, in the order in which they are proposed."""
 
 
 WORTH_A_CHECK = 0.05
@@ -49,7 +49,7 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Recommended checks that distinguish members of classes and alternatives; empty if no question is open."""
+    """Recommend checks that distinguish each named effect from its alternatives; none if no question is open."""
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))
     # the result of a release is predicted for a clamped arm; one that moves needs its input

@@ -29,7 +29,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
-    """(free, free) second moment of the errors of fitted values that the values at bounds cause.
+    """(free, free) second moment of the errors that values at their bounds cause in the fitted values.
 
     Args:
         problem: segments and noise
@@ -43,7 +43,7 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
-    """(free,) root mean square errors of all fitted values due to one value at its bound, for each such value."""
+    """(free,) root mean square errors of all fitted values, due to a value at its bound; one array per such value."""
     room, inside = bounds(fit.estimate, fit.free), fit.inside
     at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:

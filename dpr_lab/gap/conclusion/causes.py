@@ -1,15 +1,20 @@
-"""Named effects with their sizes and probabilities, and their alternatives."""
+"""Named effects with their sizes and probabilities, their alternatives, and the components that they form."""
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any
 
 import numpy as np
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.effects.families import FAMILIES
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.result.causes import EffectSize, NamedEffect, RivalEffect
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
+from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, RivalEffect
 from dpr_lab.gap.state import Advised
+from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.scaling.scale import Scale
 
 
@@ -80,3 +85,34 @@ def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEf
 def _rival(name: str, members: Sequence[str], probability: float, cosine: float, instead_of: str) -> RivalEffect:
     fields = {"name": name, "class": list(members), "probability": probability, "cosine": cosine}
     return RivalEffect.model_validate(fields | {"instead_of": instead_of})
+
+
+def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
+    """Families to which the named effects belong.
+
+    The probability of a family is the largest probability of its characteristic effects. Friction alone is not evidence
+    of a drive, because it may come from a bearing.
+    """
+    probable = {effect.name: effect.probability for effect in named}
+    return [
+        NamedFamily(
+            name=family.name,
+            words=family.words,
+            effects=list(parts),
+            probability=max(probable[name] for name in parts if name in family.marks),
+            share=_share(problem, selection, parts),
+        )
+        for family in FAMILIES
+        if (parts := family.among(tuple(probable)))
+    ]
+
+
+def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
+    """Share of the excess chi2 that returns if all effects of a family are removed, 0 to 1."""
+
+    def without(model: Hypothesis, name: str) -> Hypothesis:
+        return refit_without(problem, model, name, selection.bare)
+
+    chosen, total = selection.chosen, selection.bare.residuals.excess
+    returned = reduce(without, parts, chosen).residuals.excess - max(chosen.residuals.excess, 0.0)
+    return float(np.clip(returned / total, 0.0, 1.0)) if total > 0 else 0.0

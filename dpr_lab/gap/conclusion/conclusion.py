@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
 from dpr_lab.gap.advice.expected import expected_size
-from dpr_lab.gap.classes.families import families
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
-from dpr_lab.gap.conclusion.causes import named_effect, rivals
+from dpr_lab.gap.conclusion.causes import families, named_effect, rivals
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
@@ -19,12 +18,9 @@ from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
 from dpr_lab.gap.result.evidence import Evidence
-from dpr_lab.gap.result.gap_size import Where
-from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Advised
-from dpr_lab.gap.transfer.outcome import Transfer
-from dpr_lab.gap.where.locate import Place, where_sentence
+from dpr_lab.gap.where.locate import where_sentence
 from dpr_lab.setup import only_inner
 
 PLACES_SHOWN = 6
@@ -56,10 +52,10 @@ def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
         notes=notes(state, kind, named_families),
         hints=[state.description.hint] if state.description.hint else [],
         basis=transfer.basis,
-        transfer=_transfer(transfer),
+        transfer={effect: dict(shares) for effect, shares in transfer.effects.items()},
         withdrawn=list(transfer.withdrawn),
         gap=state.gap,
-        where=[_where(place) for place in state.places[:PLACES_SHOWN]],
+        where=list(state.places[:PLACES_SHOWN]),
         where_sentence=where_sentence(state.places),
         effects=named,
         families=named_families,
@@ -101,26 +97,6 @@ def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:
         check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, state.scale, check)})
         for k, check in enumerate(checks.values(), 1)
     ]
-
-
-def _transfer(transfer: Transfer) -> dict[str, dict[str, Interval]]:
-    return {
-        effect: {run: Interval(value=share.estimate, interval90=share.interval90) for run, share in runs.items()}
-        for effect, runs in transfer.effects.items()
-    }
-
-
-def _where(place: Place) -> Where:
-    return Where(
-        site=place.site,
-        coordinate=place.coordinate,
-        share=place.share,
-        sentence=place.sentence,
-        knots=place.knots.tolist(),
-        values=place.values.tolist(),
-        std=place.std.tolist(),
-        unit=place.unit,
-    )
 
 
 def _sensor_findings(state: Advised) -> list[SensorFinding]:

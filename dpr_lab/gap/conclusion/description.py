@@ -31,9 +31,9 @@ class DescriptionRules:
     The value is 8 for a swing of 20 degrees whose angles were imported at half their size.
     """
     as_good: float = 0.02
-    """Maximum deficit of the share of the excess that another description explains, compared with the selected effects.
+    """Maximum difference between the shares of the excess that the selected effects and another description explain.
 
-    Up to this deficit the description counts as equally good.
+    Up to this difference the description counts as equally good.
     """
     torque_step: float = 0.08
     """Maximum median change of a known torque between rows, relative to its range, for a delay within a row.

@@ -111,6 +111,6 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
 
 
 def _masks(fold: NDArray[np.intp], followed: Flags) -> list[Flags]:
-    """Masks of the followed segments of each recording; a recording without such segments has no mask."""
+    """Mask of the segments that can be simulated, for each recording that has such segments."""
     masks = [(fold == r) & followed for r in range(int(fold.max()) + 1)]
     return [mask for mask in masks if mask.any()]

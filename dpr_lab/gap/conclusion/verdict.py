@@ -99,8 +99,8 @@ def shows_reduction(transferred: Transfer) -> bool:
     of the share reaches the minimum.
     """
     closed = transferred.closed
-    small = 0.0 < closed.estimate and transferred.gap_ratio < VERDICT.gap_from
-    return (closed.interval90[1] if small else closed.estimate) >= VERDICT.closes
+    small = 0.0 < closed.value and transferred.gap_ratio < VERDICT.gap_from
+    return (closed.interval90[1] if small else closed.value) >= VERDICT.closes
 
 
 def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
@@ -109,13 +109,13 @@ def _fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -
         return False
     tested = transferred.basis != "one release"
     improbable = max(posterior.probability for posterior in posteriors) < VERDICT.rather
-    no_reduction = transferred.closed.estimate <= 0 and not _undecided(transferred) and (tested or improbable)
+    no_reduction = transferred.closed.value <= 0 and not _undecided(transferred) and (tested or improbable)
     return no_reduction or (tested and len(transferred.withdrawn) == len(posteriors))
 
 
 def _undecided(transferred: Transfer) -> bool:
     """Whether the held-out data show no gap that could close; they then neither confirm nor refute the effects."""
-    return transferred.closed.estimate <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
+    return transferred.closed.value <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 
 def _only_held_out(transferred: Transfer) -> bool:
@@ -245,7 +245,7 @@ def how_far(transferred: Transfer) -> str:
     """Sentence on the reduction of the gap on held-out data, with the kind of these data."""
     if not transferred.tested:
         return "The recordings are too short to predict one part from another, so no data validate this result."
-    estimate, (low, high) = transferred.closed.estimate, transferred.closed.interval90
+    estimate, (low, high) = transferred.closed.value, transferred.closed.interval90
     if _undecided(transferred):
         return f"{_tested_on(transferred)} the gap is too small to show a reduction."
     interval = f"90 % interval {percent(low)} to {percent(high)}"

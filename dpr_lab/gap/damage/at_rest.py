@@ -35,7 +35,7 @@ class RestRules:
     errors: float = 6.0
     """Maximum range of the medians of rods at rest, in standard deviations of a median."""
     moves: float = 3.0
-    """Minimum size of a motion, in units of the maximum range at rest and of the actual range at rest."""
+    """Minimum size of a motion, in units of the larger of the permitted and the actual range at rest."""
     of_swing: float = 0.5
     """Maximum size of a motion relative to the previous swing; rods that swing farther were released again."""
 

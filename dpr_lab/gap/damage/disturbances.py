@@ -42,9 +42,9 @@ class DisturbanceRules:
     push_s: float = 2.5
     """Maximum time between the two kicks at the ends of a push, s."""
     release_s: float = 0.5
-    """Time after the first reading within which a kick is the hand that releases the rods, s.
+    """Time after the first reading within which a kick counts as the hand that releases the rods, s.
 
-    Before, the hand may act with a constant torque, which is not a kick.
+    All readings before such a kick are excluded, because the hand may act on the rods with a constant torque.
     """
     rounds: int = 6
     """Maximum number of searches; a large disturbance hides smaller ones."""

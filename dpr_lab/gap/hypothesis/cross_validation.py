@@ -40,9 +40,9 @@ class FoldSettings:
     quarters: int = 4
     """Number of folds into which a single recording is divided."""
     alone: float = 1e4
-    """Maximum factor by which the variance of a shape parameter may grow without a run.
+    """Maximum factor by which the variance of a shape parameter may grow if a run is held out.
 
-    If the factor is larger, the parameter is free for this run.
+    If the factor is larger, the parameter is also fitted to the held-out run.
     """
 
 

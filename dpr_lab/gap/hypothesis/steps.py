@@ -35,7 +35,7 @@ class StepSettings:
     side: int = 8
     """Number of readings on either side of a step to which a polynomial is fitted."""
     degree: int = 5
-    """Degree of this polynomial."""
+    """Degree of the polynomial that is fitted to the readings around a step."""
     reach: int = 3
     """Maximum number of readings by which the residual may misplace a step."""
     part: float = 0.5

@@ -45,7 +45,7 @@ class Thresholds:
     integrator: float = 5e-4
     """Fraction of the explained chi2 that is uncertain because of the steps of the integrator."""
     integrator_at_floor: float = 5e-5
-    """The same fraction for a set that leaves only noise; the noise level confirms that the steps are small enough."""
+    """Fraction like `integrator` for a set that leaves only noise, which confirms that the steps are small enough."""
     explained: float = 0.93
     """Minimum share of the excess of the bare model that a set must explain to be the explanation of the gap.
 

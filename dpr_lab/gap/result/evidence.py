@@ -110,9 +110,9 @@ class Exclusion(Saved):
     def is_excluded(self) -> bool:
         """Whether the effect is smaller than `size`, by an equivalence test.
 
-        The estimate of an effect of unknown order, frequency or speed is the largest of some hundred. It exceeds the
-        limit of 3.4 standard deviations for other effects by chance on one rig in four. Its limit is therefore 4. This
-        excludes a size of 5.6 standard deviations, instead of 5, with the same confidence.
+        The estimate of an effect of unknown order, frequency or speed is the largest of several hundred estimates. By
+        chance, it exceeds 3.4 standard deviations, the limit for other effects, on one rig in four. Its limit is
+        therefore 4. A size of 5.6 standard deviations, instead of 5, is then excluded with the same confidence.
         """
         return self.confidence >= self.sufficient
 
@@ -148,9 +148,9 @@ class UncertaintySource(Saved):
     how: str
     """Origin of the value, and the assumed uncertainty."""
     left: Number
-    """Factor by which the recordings reduce the assumed uncertainty, if the corrected model is right.
+    """Factor by which the recordings reduce the assumed uncertainty, because they would show a larger error.
 
-    The recordings would show a larger error.
+    It is computed under the assumption that the corrected model is right.
     """
     before_rad: Number
     """Rms change of a prediction of the bare model by this source, rad."""

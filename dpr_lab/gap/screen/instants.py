@@ -214,7 +214,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
 
 
 def _ticks(t: Array, period: float) -> Integers:
-    """(n,) number of each sample, counting lost samples.
+    """(n,) index of each sample in a count that includes lost samples.
 
     After a late stamp, in contrast to a lost sample, the next interval is short.
     """

@@ -42,7 +42,7 @@ class QueueSettings:
     Noise of the readings causes turning points, too.
     """
     excluded: int = 2
-    """Minimum number of successive single counts for which a row is excluded, because the queue may not be full."""
+    """Minimum number of successive single counts whose rows are excluded, because the queue may not be full."""
     repeats: float = 0.01
     """Maximum fraction of rows that repeat the previous row, outside of pauses."""
     full: float = 0.5

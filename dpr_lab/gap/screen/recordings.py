@@ -61,7 +61,7 @@ class InitialGuess:
     fewest: int = 6
     """Minimum number of readings for a cubic. If fewer readings are within this time, the nearest readings are used."""
     before: int = 4
-    """Number of readings before the start of a segment that are used in this case."""
+    """Number of readings before the start of a segment that are used if fewer than `fewest` are within `near_s`."""
 
 
 GUESS = InitialGuess()
@@ -207,7 +207,7 @@ class Recordings:
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
     def cut(self, length: float) -> tuple[Problem, Array]:
-        """Problem with segments of about one length, s, and (segments, 4) initial states from the readings."""
+        """Problem with segments of about the given length, s, and (segments, 4) initial states from the readings."""
         records = self.records
         cuts = [cut(record.t, length, record.breaks) for record in records]
         slices = [(i, s) for i, pieces in enumerate(cuts) for s in pieces]

@@ -46,7 +46,7 @@ class ScreenSettings:
     gap_periods: float = 1.5
     """Maximum distance of two samples between which no sample is missing, in sampling periods."""
     gap_near: int = 10
-    """Number of samples compared before and after such a distance.
+    """Number of samples that are compared before and after a long sampling interval.
 
     If a sample is missing, the later samples lag by at least half a period.
     """
@@ -68,8 +68,7 @@ class ScreenSettings:
     repeating: float = 0.5
     """Minimum fraction of repeated readings at one position of a cycle for readings that are repeated, not late."""
     repeating_in_part: float = 0.05
-    """Minimum difference between this fraction and the fraction at the other positions, if only some readings
-    repeat."""
+    """Minimum excess of the fraction of repeated readings at one position of a cycle, if only some readings repeat."""
     rows_in_short_period: float = 80.0
     """Minimum number of samples in the faster small oscillation for the detection of steps of two free rods.
 

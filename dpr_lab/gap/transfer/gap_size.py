@@ -63,10 +63,10 @@ def gap(
         before_Nm=gap_torque(problem, bare),
         explained_share=selection.share_explained,
         closed_held_out=ClosedShare(
-            estimate=transferred.closed.estimate,
+            estimate=transferred.closed.value,
             interval90=transferred.closed.interval90,
-            per_run={name: share.estimate for name, share in transferred.left_out.items()},
-            held_out={name: share.estimate for name, share in transferred.held_out.items()},
+            per_run={name: share.value for name, share in transferred.left_out.items()},
+            held_out={name: share.value for name, share in transferred.held_out.items()},
         ),
         by_horizon=by_horizon(state.recordings, problem, selection.models),
         free_run_rad={

@@ -13,6 +13,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.cross_validation import folds, left_out_chi2
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.recordings import Recordings
 
 
@@ -36,14 +37,6 @@ def block(problem: Problem) -> int:
     offsets = problem.segments.offsets
     length = float(np.median(problem.t[offsets[1:] - 1] - problem.t[offsets[:-1]]))
     return max(1, round(BOOTSTRAP.block_s / max(length, 1e-9)))
-
-
-@dataclass(frozen=True, slots=True)
-class GapReduction:
-    """Relative reduction of the gap above the noise floor: 1 - rms after / rms before, at least -1."""
-
-    estimate: float
-    interval90: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,24 +91,24 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
     )
 
 
-def reduction(above: Array, rng: np.random.Generator, block: int) -> GapReduction:
+def reduction(above: Array, rng: np.random.Generator, block: int) -> Interval:
     """Relative reduction of the gap with a bootstrap interval, from (2, segments) chi2 above the noise.
 
     The rows are before and after. The interval is the whole range for a single segment, because it shows no scatter,
     and for data without a gap.
     """
     if above.shape[1] == 1 or above[0].sum() <= 0.0:
-        return GapReduction(share(above), (-1.0, 1.0))
+        return Interval(value=share(above), interval90=(-1.0, 1.0))
     block = max(1, min(block, above.shape[1] // BOOTSTRAP.fewest))
     sums = np.add.reduceat(above, np.arange(0, above.shape[1], block), axis=1)
     blocks = sums.shape[1]
     drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])
     low, high = np.quantile(drawn, [0.05, 0.95])
-    return GapReduction(share(above), (float(low), float(high)))
+    return Interval(value=share(above), interval90=(float(low), float(high)))
 
 
 def share(above: Array) -> float:
-    """Relative reduction of the gap, from (2, segments) chi2 above the noise, before and after the correction."""
+    """Relative reduction of the gap, 1 - rms after / rms before >= -1, from (2, segments) chi2 above the noise."""
     return float(_shares(above))
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.result.diagnosis import Basis
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.lone_recording import LoneRecording
-from dpr_lab.gap.transfer.out_of_sample import GapReduction
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,13 +25,13 @@ class TransferSettings:
     An effect is not refuted if its interval reaches this ratio.
     """
     comparable: float = 0.5
-    """Minimum share of the gap that all effects together close on held-out data, for a smaller `kept` to apply.
+    """Minimum share of the gap that all effects together must close on held-out data for `kept` to be reduced.
 
-    Held-out data may show less of every effect. The minimum ratio of one effect is then reduced by the ratio of all
-    effects together.
+    All effects together may close a smaller share on held-out data than in the fitted recordings. `kept` is then
+    multiplied by the ratio of both shares.
     """
     least_fitted: float = 0.5
-    """Lower limit, in this ratio, of the share of the gap that all effects together close in the fitted recordings."""
+    """Lower limit of the share that all effects together close in the fitted recordings, in that ratio."""
     gap_from: float = 0.25
     """Minimum ratio of the excess chi2 to the chi2 of the noise for a meaningful share.
 
@@ -89,7 +89,7 @@ class Transfer:
     basis: Basis
     tested: bool
     """Whether there are enough segments to predict some of them from the others."""
-    closed: GapReduction
+    closed: Interval
     """Share of the gap that all effects together close."""
     gap_ratio: float
     """Ratio of the residual of the bare model on held-out data to the noise, both rms."""
@@ -99,11 +99,11 @@ class Transfer:
     Each entry has the name of the effect ("" for none), the remaining gap as rms of a reading, rad, and the share
     closed so far.
     """
-    left_out: Mapping[str, GapReduction]
+    left_out: Mapping[str, Interval]
     """Run -> share of the gap that closes in a fitted run when it is predicted from the other runs."""
-    held_out: Mapping[str, GapReduction]
+    held_out: Mapping[str, Interval]
     """Run -> share of the gap that closes in a held-out run."""
-    effects: Mapping[str, Mapping[str, GapReduction]]
+    effects: Mapping[str, Mapping[str, Interval]]
     """Share of the gap without an effect that the effect closes, by effect and by run."""
     withdrawn: tuple[str, ...]
     """Effects that do not improve the prediction of recordings that were not fitted."""
@@ -131,7 +131,7 @@ class Transfer:
         untested, everything = not self.tested, {posterior.name for posterior in posteriors}
         alone = self.basis == "one release"
         weakly = everything if alone and untested else self.unproven
-        failed = self.worse_free_run or self.lone or self.closed.estimate < 0.0 or (untested and not alone)
+        failed = self.worse_free_run or self.lone or self.closed.value < 0.0 or (untested and not alone)
         factors = dict.fromkeys(weakly, TRANSFER.weakly_tested)
         factors |= dict.fromkeys(everything if failed else self.withdrawn, TRANSFER.unproven)
         factors |= dict.fromkeys(self.oversized, TRANSFER.oversized)

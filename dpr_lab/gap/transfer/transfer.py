@@ -33,10 +33,11 @@ from dpr_lab.arrays import Array
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import Basis
+from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Selected
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
 from dpr_lab.gap.transfer.lone_recording import lone_recording
-from dpr_lab.gap.transfer.out_of_sample import GapReduction, OutOfSample, left_out, reduction, share
+from dpr_lab.gap.transfer.out_of_sample import OutOfSample, left_out, reduction, share
 from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
 from dpr_lab.gap.which.selected import Selection
 
@@ -66,7 +67,7 @@ def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: M
         ends = np.stack([of_others.above_noise(model) for model in (selection.bare, selection.chosen)])
         of_fitted_runs = of_others.by_run(ends)
     closed = test.reduction(pairs[""])
-    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.estimate >= TRANSFER.comparable else 1.0)
+    least_kept = TRANSFER.kept * (_of_fitted(closed, selection) if closed.value >= TRANSFER.comparable else 1.0)
     failed = tuple(
         name
         for name, smaller in selection.without_substitute.items()
@@ -110,11 +111,11 @@ class _Test:
         """(segments,) chi2 of a model above the noise."""
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
-    def reduction(self, pair: Array) -> GapReduction:
+    def reduction(self, pair: Array) -> Interval:
         """Share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
         return reduction(pair, self.rng, self.data.block)
 
-    def by_run(self, pair: Array) -> dict[str, GapReduction]:
+    def by_run(self, pair: Array) -> dict[str, Interval]:
         """Run -> share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
         return {name: self.reduction(pair[:, rows]) for name, rows in self.data.runs}
 
@@ -180,10 +181,10 @@ def _helps(test: OutOfSample, reductions: Array) -> bool:
     return beyond_chance and all(of_run > -tolerance_of_run for of_run, tolerance_of_run in by_run)
 
 
-def _of_fitted(closed: GapReduction, selection: Selection) -> float:
+def _of_fitted(closed: Interval, selection: Selection) -> float:
     """Share of the gap that all effects together close on held-out data, relative to the fitted recordings."""
     fitted = _share_of_fitted(selection.bare, selection.chosen)
-    return float(np.clip(closed.estimate / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
+    return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 
 
 def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:

@@ -18,6 +18,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.where.coordinates import (
     angle_hats,
@@ -39,30 +40,7 @@ SIGNIFICANT = 3.0
 """Minimum residual that counts as a gap to locate, in standard deviations."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Residual map of one location as a function of one coordinate."""
-
-    site: str
-    """Location: joint1, joint2, encoder1 or encoder2; joint0 or encoder0 of an arm that moves."""
-    coordinate: str
-    """Coordinate of the map: angle, speed, time or load."""
-    share: float
-    """Share of the excess chi2 that the map explains, 0 to 1."""
-    knots: Array
-    """(k,) coordinates of the knots of the hat functions, SI."""
-    values: Array
-    """(k,) values of the map at the knots, in `unit`.
-
-    They are torques, N m, friction over time, N m s/rad, friction radii over load, m, or encoder errors, rad.
-    """
-    std: Array
-    """(k,) standard deviations of the values at the knots."""
-    unit: str
-    sentence: str
-
-
-def locate(problem: Problem, bare: Hypothesis) -> tuple[Place, ...]:
+def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
     """Residual maps of all locations, largest share first; empty if there is no gap."""
     if bare.residuals.z < SIGNIFICANT:
         return ()
@@ -88,7 +66,7 @@ def _maps(problem: Problem) -> Iterator[tuple[int, "ResidualMap"]]:
         yield from ((joint, residual_map) for residual_map in MAPS if residual_map not in omitted[joint])
 
 
-def where_sentence(places: tuple[Place, ...]) -> str:
+def where_sentence(places: tuple[Where, ...]) -> str:
     """Sentence on the location of the gap."""
     if not places:
         return "There is no gap to locate."
@@ -106,7 +84,9 @@ class _Columns:
     readings: Array
     """(segments, m, k) whitened change of the readings by each of the hat functions."""
     knots: Array
+    """(k,) coordinates of the knots of the hat functions, SI."""
     unit: str
+    """Unit of the values: N m, N m s/rad (friction over time), m (friction radius over load) or rad (encoder error)."""
 
 
 def _torque_by_angle(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
@@ -164,7 +144,8 @@ MAPS: Sequence[ResidualMap] = (
 )
 
 
-def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, joint: int, residual_map: ResidualMap) -> Place:
+def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, joint: int, residual_map: ResidualMap) -> Where:
+    """Residual map of one kind for one joint, fitted with the ratios and initial states."""
     columns, linear, fitted = residual_map.columns(problem, reference, joint), bare.fit.linear, len(bare.fit.free)
     projected = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
@@ -174,7 +155,16 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, joint: int
     kind, coordinate = residual_map.kind, residual_map.coordinate
     site = ALL_AXES[joint].replace("joint", "encoder") if kind == "error" else ALL_AXES[joint]
     sentence = _sentence(site, kind, coordinate, share, columns.knots, values, std)
-    return Place(site, coordinate, share, columns.knots, values, std, columns.unit, sentence)
+    return Where(
+        site=site,
+        coordinate=coordinate,
+        share=share,
+        sentence=sentence,
+        knots=columns.knots.tolist(),
+        values=np.nan_to_num(values).tolist(),
+        std=np.nan_to_num(std).tolist(),
+        unit=columns.unit,
+    )
 
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:

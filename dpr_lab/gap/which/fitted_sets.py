@@ -160,9 +160,9 @@ class FittedSets:
         return (self._tested(model, {effect}) if alone else self.test(model)).of(effect)
 
     def _tested(self, model: Hypothesis, effects: Set[str]) -> ScoreTest:
-        """Score test of at least some effects for a set.
+        """Score test of a set that contains at least the given effects.
 
-        A test that lacks some of the effects is repeated with them, for the same fit.
+        A previous test that lacks some of them is repeated with all, for the same fit.
         """
         test = self._tests.get(model.key)
         if test is None or not effects <= test.tested:
@@ -219,7 +219,7 @@ class FittedSets:
         return self._short[0]
 
     def on_short(self) -> "FittedSets":
-        """The same sets, fitted to short segments, in which the influence of an effect is closer to linear."""
+        """New collection of sets for short segments, in which the influence of an effect is closer to linear."""
         cut, bare = self._in_short_segments()
         return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, is_short=True)
 
@@ -298,7 +298,7 @@ class FittedSets:
         return self.predictive(best) if self.held_out_chi2(best) < self.held_out_chi2(model) else model
 
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Better fit of a set without one effect: from a larger set or, after a score test, from a smaller one."""
+        """Fit of a set without one effect, from a larger set or from a tested smaller set; the better fit is used."""
         key = model.key - {effect}
         if key in self._fits and not self._stuck(self._fits[key], model):
             return self._fits[key]

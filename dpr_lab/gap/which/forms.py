@@ -72,7 +72,7 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
 
 
 def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:
-    """(segments, m, k) whitened change of the readings by an effect, in other functional forms than the tested one."""
+    """(segments, m, k) whitened change of the readings by other forms of an effect that lack the tested effect."""
     effect, estimate = EFFECTS[name], model.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints

@@ -164,7 +164,7 @@ def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypo
 
 
 def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:
-    """Sets from the bare model to the selected one, by removal of the least necessary effect at each step."""
+    """Nested sets up to the selected one, obtained by removing the least necessary effect at each step."""
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:
