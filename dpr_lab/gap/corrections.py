@@ -17,7 +17,6 @@ import numpy as np
 from dpr_lab.effects import param_index, without_events
 from dpr_lab.effects.input_delay import INPUT_DELAY
 from dpr_lab.fitting.gauss_newton import fit
-from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.bare_model import with_likeliest_noise
 from dpr_lab.gap.damage.disturbances import without_jumps
 from dpr_lab.gap.damage.jumps import JUMP
@@ -74,20 +73,12 @@ def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Dr
     return drafted
 
 
-def with_other_noise(recordings: Recordings, problem: Problem, model: Hypothesis) -> Recordings | None:
-    """Recordings with a smaller noise of their torques, or with exact torques, if a selected model requires it.
-
-    None if nothing changes.
-    """
-    if problem.disturbance is not None and far_from_noise(model):
-        return replace(recordings, exact_torques=True)
-    return with_likeliest_noise(recordings, problem, model)
-
-
-def _other_noise(state: Drafted) -> Drafted | None:
-    """State with a smaller noise of known torques, or with none; None if the noise does not change."""
-    changed = with_other_noise(state.recordings, state.problem, state.search.current)
-    return changed and replace(state, recordings=changed)
+def with_other_noise(state: Drafted, model: Hypothesis) -> Drafted | None:
+    """State with a smaller noise of known torques, or with exact torques, if a model requires it; otherwise None."""
+    if state.problem.disturbance is not None and far_from_noise(model):
+        return replace(state, recordings=replace(state.recordings, exact_torques=True))
+    recordings = with_likeliest_noise(state.recordings, state.problem, model)
+    return recordings and replace(state, recordings=recordings)
 
 
 def _earlier_torques(state: Drafted) -> Drafted | None:
@@ -140,7 +131,7 @@ def _explains_better(state: Drafted, recordings: Recordings) -> bool:
     """
     model = state.search.current.fit
     problem, initial = recordings.cut(recordings.working_length)
-    other = fit(problem, problem.with_zeros(model.estimate.changed(initial=initial)), (), iterations=20)
+    other = fit(problem, model.estimate.changed(initial=initial), (), iterations=20)
     level = max(1.0, model.chi2 / state.problem.evidence)
     return model.chi2 - other.chi2 > JUMP.gain + level * (state.problem.evidence - problem.evidence)
 
@@ -155,7 +146,7 @@ def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
 
 
 CORRECTIONS = (
-    Correction(_other_noise, lambda before, after: True, most=2),
+    Correction(lambda state: with_other_noise(state, state.search.current), lambda before, after: True, most=2),
     Correction(_earlier_torques, lambda before, after: _no_worse(before.search.current, after.search.current)),
     Correction(_jumps, lambda before, after: True),
     Correction(lambda state: _shutter(state, state.bare), _shutter_explains_more),

@@ -165,8 +165,8 @@ def _selected(drafted: Drafted) -> Selected:
     known torques is corrected once more for the refined set.
     """
     selection = refined(drafted.search)
-    if changed := with_other_noise(drafted.recordings, drafted.problem, selection.chosen):
-        drafted = _drafted(replace(drafted, recordings=changed))
+    if changed := with_other_noise(drafted, selection.chosen):
+        drafted = _drafted(changed)
         selection = refined(drafted.search)
     request = drafted.request
     chosen = selection.chosen

@@ -21,9 +21,7 @@ from dpr_lab.effects import param_index
 from dpr_lab.effects.missed_counts import MISSED_COUNTS
 from dpr_lab.fitting.cut import MIN_SAMPLES, cut
 from dpr_lab.fitting.estimate import Estimate
-from dpr_lab.fitting.gauss_newton import Fit, fit
-from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.damage.hand import without_hand
+from dpr_lab.gap.damage.hand import fitted_starts, without_hand
 from dpr_lab.gap.damage.jumps import JUMP, Jump, jumps_of_segments, outstanding
 from dpr_lab.gap.hypothesis.steps import shows_step
 from dpr_lab.gap.screen.record import Record
@@ -52,8 +50,6 @@ class DisturbanceRules:
     """Maximum sum of a step and a later opposite step, relative to the first step, for a reading that has returned."""
     while_share: float = 0.3
     """Maximum time for which a reading is shifted and then returns, relative to the duration of the recording."""
-    iterations: int = 15
-    """Maximum number of iterations of a fit of initial states."""
 
 
 DISTURBANCE = DisturbanceRules()
@@ -149,9 +145,9 @@ def _with_pushes(
     ]
     if not pairs:
         return list(parts)
-    problem, followed = _followed(cleaned, estimate)
+    problem, fitted = fitted_starts(cleaned, estimate, LENGTHS.working)
     segments, begins = problem.segments, problem.t[problem.segments.offsets[:-1]]
-    chi2 = followed.linear.chi2_by_segment / np.diff(segments.offsets)
+    chi2 = fitted.linear.chi2_by_segment / np.diff(segments.offsets)
     between = [(segments.run == run) & (begins >= first.until) & (begins < last.since) for run, first, last in pairs]
     elsewhere = ~np.any(between, axis=0)
     joined = [list(intervals) for intervals in parts]
@@ -190,8 +186,8 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
         return []
     for begin in (0.0, 0.5 * LENGTHS.working):
         later = [_later(record, begin) for record in recordings.records]
-        problem, followed = _followed(recordings.only(later), estimate)
-        for best, candidates in zip((kicks, steps), jumps_of_segments(problem, followed), strict=True):
+        problem, fitted = fitted_starts(recordings.only(later), estimate, LENGTHS.working)
+        for best, candidates in zip((kicks, steps), jumps_of_segments(problem, fitted), strict=True):
             best += [jump for jump in candidates if undriven[jump.run]]
     # Readings that are shifted change the gains of kicks, so that steps come first.
     steps = [step for step in outstanding(steps, JUMP.outstanding) if shows(recordings.records[step.run], step)]
@@ -202,13 +198,6 @@ def _later(record: Record, begin: float) -> Record:
     """Record from `begin`, s after its first reading, on; unchanged if too few readings would remain."""
     later = record.t >= record.t[0] + begin
     return record.only(later) if later.sum() >= 2 * MIN_SAMPLES else record
-
-
-def _followed(recordings: Recordings, estimate: Estimate) -> tuple[Problem, Fit]:
-    """Problem with the recordings in segments, and the fit of the initial states."""
-    problem, initial = replace(recordings, ratios=None).cut(LENGTHS.working)
-    start = problem.with_zeros(estimate.changed(initial=initial))
-    return problem, fit(problem, start, (), iterations=DISTURBANCE.iterations)
 
 
 def shows(record: Record, jump: Jump) -> bool:

@@ -67,10 +67,11 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
         ratios: (7,) ratios of a robust fit in short segments
     """
     alone = replace(recordings, ratios=None).only([record])
-    until = _pushed_until(alone, *_followed(alone, ratios))
+    undriven = Estimate.of(ratios, effect_params({}), np.zeros((0, 4)))
+    until = _pushed_until(alone, *fitted_starts(alone, undriven, LENGTHS.first))
     evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
     if until is None:
-        until = _held_until(alone, ratios)
+        until = _held_until(alone, undriven)
         evidence = "until {:.2g} s the rods do not move as free rods: a hand or a latch still acts; excluded"
     if until is None:
         return record
@@ -78,10 +79,10 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     return record.left_out(float(record.t[0]), until).with_findings([finding])
 
 
-def _followed(recordings: Recordings, ratios: Array) -> tuple[Problem, Fit]:
-    """Short segments of one recording, and their fit with given ratios."""
-    short, initial = recordings.cut(LENGTHS.first)
-    return short, fit(short, Estimate.of(ratios, effect_params({}), initial), (), iterations=HAND.iterations)
+def fitted_starts(recordings: Recordings, estimate: Estimate, length: float) -> tuple[Problem, Fit]:
+    """Segments of about a given length, s, and the fit of their initial states to given ratios and effects."""
+    problem, initial = replace(recordings, ratios=None).cut(length)
+    return problem, fit(problem, estimate.changed(initial=initial), (), iterations=HAND.iterations)
 
 
 def energies(problem: Problem, estimate: Estimate) -> Array:
@@ -135,14 +136,14 @@ def _first_followed(level: Array, top: int) -> int:
     return top + int(followed[0]) if len(followed) else top
 
 
-def _held_until(recordings: Recordings, ratios: Array) -> float | None:
+def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
     """Instant in the first segment, s, from which the model of undriven rods fits as well as in other segments.
 
     None if nothing holds the rods at the beginning.
     """
     (recording,) = recordings.records
-    problem, followed = _followed(recordings, ratios)
-    level = followed.linear.chi2_by_segment / np.diff(problem.segments.offsets)
+    problem, fitted = fitted_starts(recordings, undriven, LENGTHS.first)
+    level = fitted.linear.chi2_by_segment / np.diff(problem.segments.offsets)
     if len(level) < 4 or not np.isfinite(level).all():
         return None
     usual = max(float(level[1:].max()), 1.0)
@@ -157,7 +158,7 @@ def _held_until(recordings: Recordings, ratios: Array) -> float | None:
         free = recording.only((recording.t >= begin) & (recording.t < begin + duration))
         if len(free.t) < MIN_SAMPLES:
             return None
-        part, fitted = _followed(recordings.only([free]), ratios)
+        part, fitted = fitted_starts(recordings.only([free]), undriven, LENGTHS.first)
         if float(fitted.linear.chi2_by_segment.sum()) < usual * len(part.t):
             return begin
     return None

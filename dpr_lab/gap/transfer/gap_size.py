@@ -1,11 +1,10 @@
 """Size of the gap above the noise, before and after the named effects: in rad, in N m, and by segment length."""
 
 from collections.abc import Mapping
-from itertools import pairwise
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Integers
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
 from dpr_lab.fitting.problem import Problem
@@ -20,6 +19,7 @@ from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Selected
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.outcome import Transfer
+from dpr_lab.gap.where.coordinates import under_torque
 from dpr_lab.gap.where.discrepancy import Discrepancy
 
 HORIZONS_S = (0.25, 0.5, 1.0, 2.0)
@@ -110,27 +110,16 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
     noise alone would cause is subtracted.
     """
     along, linear = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
-    columns = linear.projected(along.response(problem, _hats(along.edges, problem.axes)))
+    places = np.concatenate([np.linspace(0, TORQUE_HATS - 1, count) for count in np.diff(along.edges)])
+    hats = np.maximum(0.0, 1 - np.abs(places[:, None] - np.arange(TORQUE_HATS)))  # over time, in each segment
+    columns = [under_torque(problem, along, joint, hats) for joint in range(problem.axes)]
+    columns = linear.projected(np.concatenate(columns, axis=2))
     spaces = [ColumnSpace.of(A, e) for A, e in zip(columns, linear.e, strict=True)]
     values = np.array([space.solution() for space in spaces])
     variance = np.array([np.diag(space.covariance()) for space in spaces]) * model.residuals.level
     weight = 1 / (variance + np.median(variance, axis=0))
     above = np.sum(weight * (values**2 - variance), axis=0) / np.sum(weight, axis=0)
     return _by_axis(np.sqrt(np.maximum(above.reshape(problem.axes, TORQUE_HATS).mean(axis=1), 0.0)))
-
-
-def _hats(edges: Integers, axes: int) -> Array:
-    """(n, axes, axes TORQUE_HATS) generalised torques by hat functions over each segment, for each joint."""
-    torque = np.zeros((edges[-1], axes, axes * TORQUE_HATS))
-    for first, last in pairwise(edges):
-        share = np.linspace(0, TORQUE_HATS - 1, last - first)
-        hats = np.maximum(0.0, 1 - np.abs(share[:, None] - np.arange(TORQUE_HATS)))
-        for joint in range(axes):
-            columns = slice(joint * TORQUE_HATS, (joint + 1) * TORQUE_HATS)
-            torque[first:last, joint, columns] = hats
-            if joint == 1:  # its reaction acts on the inner rod
-                torque[first:last, 0, columns] = -hats
-    return torque
 
 
 def by_horizon(

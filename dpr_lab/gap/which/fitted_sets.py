@@ -4,6 +4,12 @@ A fit far from the noise may end in a local minimum, caused by a few segments or
 is therefore started from several shapes, from short segments, and from the sets with one effect more and one effect
 fewer. The best of these fits is used. Each move adds its fits and score tests to its own copy, so that they do not
 change an earlier state of the search. All copies share the results of functions that depend only on their arguments.
+
+    fits, tests                         the fitted sets, and their score tests of further effects
+    test, score                         score test of all further effects, or of one
+    with_one, without, replaced         fit of a set with one effect more, one fewer, or another one
+    escaped, reshaped, converged        better fit of the same set
+    on_short, carried_over              search in short segments, and its result in the working segments
 """
 
 from collections.abc import Callable, Mapping, Set
@@ -65,8 +71,8 @@ class FittedSets:
     _tests: dict[frozenset[str], ScoreTest] = field(default_factory=dict)
     _refitted_from: set[tuple[frozenset[str], frozenset[str]]] = field(default_factory=set)
     """Pairs of a smaller and a larger set, if the smaller one was fitted from the larger one."""
-    _short: list[tuple[Problem, Hypothesis]] = field(default_factory=list)
-    """Recordings in short segments, and the bare model fitted to these segments; empty until a move needs them."""
+    _short: list["FittedSets"] = field(default_factory=list)
+    """The collection of sets for short segments; empty until a move needs it."""
     _results: dict[Arguments, Hypothesis] = field(default_factory=dict)
     """Fits by their arguments, because several moves request the same fits."""
     is_short: bool = False
@@ -185,7 +191,9 @@ class FittedSets:
         larger = self._best_shape(model, score)
         failed = far_from_noise(model) and model.fit.chi2 - larger.fit.chi2 < EFFORT.achieved * score.gain
         if failed and not self.is_short:
-            from_short = refit_with_from_short(self.problem, self.short(), model, score, EFFORT.short, beating(larger))
+            short = self.on_short()
+            cut = short.problem, short.bare.fit.estimate.initial
+            from_short = refit_with_from_short(self.problem, cut, model, score, EFFORT.short, beating(larger))
             larger = min(larger, from_short, key=_chi2)
         return self.keep(larger)
 
@@ -205,23 +213,19 @@ class FittedSets:
         best = best_start(self.problem, model, test, starts, EFFORT.preview)
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
-    def short(self) -> tuple[Problem, Array]:
-        """The recordings cut into short segments, with the initial states of the bare model."""
-        cut, bare = self._in_short_segments()
-        return cut, bare.fit.estimate.initial
+    def on_short(self) -> "FittedSets":
+        """Collection of sets for short segments, in which the influence of an effect is closer to linear.
 
-    def _in_short_segments(self) -> tuple[Problem, Hypothesis]:
+        At first it contains only the bare model. All copies of these sets share it.
+        """
         if not self._short:
             cut, initial = self.recordings.cut(LENGTHS.first)
             start = self.bare.fit.estimate.changed(initial=initial)
-            fitted = fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine)
-            self._short.append((cut, hypothesis(cut, (), fitted)))
+            bare = hypothesis(cut, (), fit(cut, start, free_parameters(start, (), cut), iterations=EFFORT.fine))
+            self._short.append(
+                FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, is_short=True)
+            )
         return self._short[0]
-
-    def on_short(self) -> "FittedSets":
-        """New collection of sets for short segments, in which the influence of an effect is closer to linear."""
-        cut, bare = self._in_short_segments()
-        return FittedSets(self.recordings, cut, self.library, bare, self.on_progress, self.expected, is_short=True)
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:
         """Fit of a set to the working segments, starting from its fit to short segments."""
@@ -230,8 +234,8 @@ class FittedSets:
 
     def _lengthened(self, near: Fit, initial: Array, iterations: int) -> Fit:
         """Continuation of a fit to short segments with longer ones; missing initial states are taken from `initial`."""
-        cut, _ = self.short()
-        initial_states = carried(cut.segments, near.estimate.initial, self.problem.segments, initial)
+        short = self.on_short().problem.segments
+        initial_states = carried(short, near.estimate.initial, self.problem.segments, initial)
         start = near.estimate.changed(initial=initial_states)
         return preliminary_fit(self.problem, start, near.free, iterations=iterations)
 
@@ -249,9 +253,9 @@ class FittedSets:
             model = self._in_best_order(model)
             model = self._better(without_outstanding(self.problem, model.fit, settings=PRELIMINARY), model)
         if not at_noise_floor(model) and model.effects and not self.is_short:
-            cut, initial = self.short()
-            start = model.fit.estimate.changed(initial=initial)
-            near = preliminary_fit(cut, start, model.fit.free, iterations=EFFORT.rough)
+            short = self.on_short()
+            start = model.fit.estimate.changed(initial=short.bare.fit.estimate.initial)
+            near = preliminary_fit(short.problem, start, model.fit.free, iterations=EFFORT.rough)
             long = self._lengthened(near, model.fit.estimate.initial, iterations=EFFORT.fine)
             model = self._better(without_outstanding(self.problem, long, settings=beating(model)), model)
         return model
