@@ -51,7 +51,7 @@ class Correction:
     correct: Callable[[Drafted], Drafted | None]
     """Function that returns the state with corrected recordings; None if no correction is needed."""
     better: Callable[[Drafted, Drafted], bool]
-    """Function (previous state, corrected state) -> whether the search of the corrected recordings is used."""
+    """Function of the previous and the corrected state: whether the search of the corrected recordings is used."""
     most: int = 1
     """Maximum number of times that the correction is applied."""
 

@@ -145,7 +145,7 @@ class Advised(Transferred):
 
     @property
     def absorbed(self) -> dict[str, dict[str, str]]:
-        """Effect -> amplitude -> parameter that absorbs the amplitude.
+        """Parameter that absorbs an amplitude, by effect and amplitude.
 
         An effect of the model is tested in the model without this effect.
         """

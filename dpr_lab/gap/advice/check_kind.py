@@ -72,7 +72,7 @@ class Result:
 
     words: str
     log_densities: Mapping[str, float]
-    """Candidate, or `NONE_OF_THEM` -> natural logarithm of the predictive density of the result."""
+    """Natural logarithm of the predictive density of the result, by candidate and for `NONE_OF_THEM`."""
     value: float | None = None
     std: float | None = None
     explained: bool = True
@@ -90,7 +90,7 @@ class CheckKind:
     propose: Callable[[OpenQuestion, Sequence[NextStep]], list[NextStep]]
     """Function that returns recommendations for a question, given the recommendations of the preceding kinds."""
     result: Callable[[Diagnosis, AdvisedCheck, CheckAnswer, Mapping[str, float]], Result]
-    """Function (diagnosis, check, answer, probabilities of the candidates) -> result; raises RunError."""
+    """Function that returns the result from diagnosis, check, answer and probabilities of the candidates."""
 
 
 def expected_bits(probabilities: Sequence[float], separation: float) -> float:

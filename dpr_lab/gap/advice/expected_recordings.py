@@ -54,9 +54,9 @@ class ExpectedRecording:
     known: Array
     """(n, k) whitened changes of the readings by the parameters that are always fitted."""
     changes: dict[str, Array]
-    """Effect -> (n, p) whitened changes of the readings by its parameters."""
+    """(n, p) whitened changes of the readings by the parameters of an effect, by effect."""
     sizes: dict[str, Array]
-    """Effect -> (p,) values of its parameters: fitted, or typical if the effect is not in the model."""
+    """(p,) values of the parameters, by effect: fitted, or typical if the effect is not in the model."""
 
     def apart(self, name: str, other: str) -> float:
         """Distance between the change by one effect and its best approximation by another, in standard deviations."""

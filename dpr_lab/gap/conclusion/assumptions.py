@@ -21,7 +21,7 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
 
     Args:
         state: the diagnosis so far
-        least: effect -> amplitude -> minimum detectable size; None if the amplitude is undetectable at any size
+        least: minimum detectable size by effect and amplitude; None if the amplitude is undetectable at any size
     """
     records = state.recordings.records
     sentences = [

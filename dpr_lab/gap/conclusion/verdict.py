@@ -269,7 +269,7 @@ _BASIS = {
     "releases left out": "In cross-validation across the releases",
     "one release": "In cross-validation across the quarters of the only release",
 }
-"""Kind of the held-out data -> phrase for the sentence."""
+"""Phrase of the sentence for each kind of held-out data."""
 
 
 def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:

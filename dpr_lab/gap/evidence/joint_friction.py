@@ -103,7 +103,7 @@ def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) 
 
 
 def _reached(swings: Trajectory) -> dict[int, float]:
-    """Joint -> speed that the joint reaches in both directions, rad/s; joint 0 only for an arm that moves."""
+    """Speed that a joint reaches in both directions, rad/s, by joint; joint 0 only for an arm that moves."""
     speeds = swings.joint_speed.copy()
     alone = np.array([setup.alone for setup in swings.setups])[swings.motion.run]
     speeds[alone, 1] = 0.0

@@ -81,7 +81,7 @@ class Hypothesis:
     predictive_loss: Array
     """(folds,) loss of the prediction of each run, or quarter, from the others, in units of chi2."""
     curves: Mapping[str, float]
-    """Curve in the set -> its size s: the rms of its amplitudes relative to their limits."""
+    """Size s of each curve in the set, by effect: the rms of its amplitudes relative to their limits."""
     on_line: frozenset[str] = frozenset()
     """Vibrations in the set whose frequency is a multiple of the frequency of the swing."""
     of_decay: frozenset[str] = frozenset()

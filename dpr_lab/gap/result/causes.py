@@ -43,7 +43,7 @@ class NamedEffect(Saved):
     outside: Number | None = None
     """Probability that a cause outside the library replaces the effect; None in a file of an older version."""
     parameters: dict[str, EffectSize]
-    """Parameter -> size of the parameter, SI."""
+    """Size of each parameter, SI, by the name of the parameter."""
     share: Number
     """Unique contribution: share of the excess that returns without the effect."""
 

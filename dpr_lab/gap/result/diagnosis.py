@@ -90,7 +90,7 @@ class Diagnosis(Shown, Saved):
     detectable: dict[str, dict[str, Number | None]]
     """Minimum detectable size at the assumed b, SI, by effect and by parameter; None if no size is detectable."""
     absorbed: dict[str, dict[str, str]] = {}
-    """Effect -> amplitude -> quantity from which the amplitude is indistinguishable in these recordings.
+    """Quantity from which an amplitude is indistinguishable in these recordings, by effect and amplitude.
 
     The quantity is a ratio, the initial states, or another amplitude. The amplitude is not fitted.
     """

@@ -70,7 +70,7 @@ class ResidualLook(Saved):
     normal: list[Number]
     """Quantiles of the standard normal distribution, to which the residuals are compared."""
     joints: dict[str, dict[str, Whiteness]]
-    """Joint -> `before`, `after` -> residual analysis."""
+    """Residual analysis by joint, and by model: `before` and `after` the correction."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,11 +225,11 @@ class Evidence(Saved):
     rig_sha256: str
     recordings: list[RecordingUsed]
     coverage: dict[str, Occupancy]
-    """Rod -> time that the rod spent in each range of angle and speed."""
+    """Time that a rod spent in each range of angle and speed, by rod."""
     closing: list[Closing]
     residuals: ResidualLook
     exclusions: list[Exclusion]
     friction: dict[str, JointFriction] = {}
-    """Joint -> friction torque of the joint; empty in a file of an older version."""
+    """Friction torque of each joint, by joint; empty in a file of an older version."""
     budget: Budget
     curves: list[Curves]

@@ -32,7 +32,7 @@ class VaryingParameter(Saved):
     name: str
     """Name of the parameter."""
     values: dict[str, Number]
-    """Recording or quarter -> value of the parameter there, SI. All other parameters have common values."""
+    """Value of the parameter, SI, by recording or quarter. All other parameters have common values."""
     std: Number
     """Standard deviation of one value due to noise and disturbances, SI."""
     spread: Number

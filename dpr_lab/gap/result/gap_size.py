@@ -17,7 +17,7 @@ class ClosedShare(Saved):
     per_run: dict[str, Number]
     """Share of the gap that closes on each run, by the name of the run."""
     held_out: dict[str, Number] = {}
-    """Held-out run -> share of the gap that closes on it."""
+    """Share of the gap that closes on each held-out run, by the name of the run."""
 
 
 class Gap(Saved):
@@ -29,19 +29,19 @@ class Gap(Saved):
     floor_rad: dict[str, Number]
     """Noise floor of each joint, rad, by the name of the joint."""
     before_rad: dict[str, Number]
-    """Joint -> rms of the residual of the bare model above the noise, rad."""
+    """Rms of the residual of the bare model above the noise, rad, by joint."""
     after_rad: dict[str, Number]
-    """Joint -> rms of the residual of the corrected model above the noise, rad."""
+    """Rms of the residual of the corrected model above the noise, rad, by joint."""
     before_Nm: dict[str, Number]
-    """Joint -> rms of the torque that the bare model lacks, N m at the assumed b."""
+    """Rms of the torque that the bare model lacks, N m at the assumed b, by joint."""
     explained_share: Number
     """Share of the excess chi-square of the bare model that the corrected model explains."""
     closed_held_out: ClosedShare
     """Share of the gap that closes on data that were not fitted."""
     by_horizon: dict[str, dict[str, Number]] = {}
-    """Segment length in s -> `before`, `after` -> rms above the noise, rad."""
+    """Rms above the noise, rad, by segment length in s, and by model: `before` and `after` the correction."""
     free_run_rad: dict[str, dict[str, Number]] = {}
-    """Run -> `before`, `after` -> rms error of a free run from the release, rad."""
+    """Rms error of a free run from the release, rad, by run, and by model: `before` and `after` the correction."""
     waterfall: list[dict[str, Any]] = []
     """Gap after each effect, with the effects in the order of their contribution.
 
@@ -50,12 +50,12 @@ class Gap(Saved):
     version.
     """
     remainder_Nm: dict[str, Number] = {}
-    """Joint -> rms torque of a discrepancy term fitted to the residual of the model, N m.
+    """Rms torque of a discrepancy term that is fitted to the residual of the model, N m, by joint.
 
     Empty if the residual is noise.
     """
     remainder_rad: dict[str, Number] = {}
-    """Rms encoder error of the discrepancy term at each joint, rad, by the name of the joint."""
+    """Rms encoder error of the discrepancy term, rad, by joint."""
     budget: GapBudget | None = None
     """Reproducible share of the gap, and the part that effects explain; None in a file of an older version."""
 

@@ -19,8 +19,7 @@ class PosteriorComponent(BaseModel):
     ratios: dict[str, Number]
     """Ratios a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
     effects: dict[str, dict[str, Number]]
-    """Effect -> parameter -> value, SI, for the b in `ratios` or, if `ratios` contains no b, for the b of the
-    diagnosis."""
+    """Value of each parameter, SI, by effect and parameter, for the b in `ratios` or else for that of the diagnosis."""
     free: list[str]
     """Names of the fitted values, in the order of the covariance: a ratio, or `effect.parameter`."""
     covariance: list[list[Number]]

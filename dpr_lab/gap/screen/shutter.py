@@ -19,7 +19,7 @@ from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.joint_angles import JointAngles
 
 NORMALS = {"horizontal": (0.0, -1.0), "vertical": (1.0, 0.0)}
-"""Direction of the lines of a picture -> normal of the lines, downwards or to the right."""
+"""Normal of the lines of a picture, downwards or to the right, by the direction of the lines."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,7 +81,7 @@ class FreeRuns:
 
     @property
     def errors(self) -> dict[str, FreeRunError]:
-        """Run -> error after the readings to which the initial state was fitted. Runs that end there are omitted.
+        """Error after the readings to which the initial state was fitted, by run. Runs that end there are omitted.
 
         The error is NaN from the instant at which the simulation fails.
         """
@@ -97,7 +97,7 @@ class FreeRuns:
 
     @property
     def errors_rad(self) -> dict[str, float]:
-        """Run -> root mean square error, rad; runs that the model cannot simulate to their end are omitted."""
+        """Root mean square error, rad, by run; runs that the model cannot simulate to their end are omitted."""
         rms = {name: error.rms_rad for name, error in self.errors.items()}
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 

@@ -86,17 +86,17 @@ def gap(
 
 
 def floor_rad(problem: Problem) -> dict[str, float]:
-    """Axis -> rms noise of a thinned reading, rad."""
+    """Rms noise of a thinned reading, rad, by axis."""
     return _by_axis(np.sqrt(_mean(np.where(problem.read, np.maximum(problem.weight, TINY) ** -2.0, 0.0), problem)))
 
 
 def gap_rad(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Axis -> rms residual of a model above the noise, rad."""
+    """Rms residual of a model above the noise, rad, by axis."""
     return _above_noise(problem, model.fit, model.residuals.level)
 
 
 def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float]:
-    """Axis -> rms residual of a fit above a given level of the noise, rad."""
+    """Rms residual of a fit above a given level of the noise, rad, by axis."""
     residual = bounded_residual(problem, fitted)
     lost = 1 - (problem.segments.starts.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - level
@@ -104,7 +104,7 @@ def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float
 
 
 def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Joint -> rms torque that would remove the residual of a fit, N m.
+    """Rms torque that would remove the residual of a fit, N m, by joint.
 
     In every segment, a torque in each joint, piecewise linear in time, is fitted to the residual. The variance that
     noise alone would cause is subtracted.
@@ -125,7 +125,7 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
 def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
-    """Gap of several models by the length of segments with free initial states: length (s) -> model -> rms, rad."""
+    """Gap of several models, rms in rad, by length of the segments with free initial states, s, and by model."""
     gaps: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
@@ -139,7 +139,7 @@ def by_horizon(
 
 
 def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
-    """Axis -> rms residual of a model above the noise with segments of another length, rad."""
+    """Rms residual of a model above the noise with segments of another length, rad, by axis."""
     states = carried(working.segments, model.fit.estimate.initial, problem.segments, initial)
     fitted = fit(problem, model.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS)
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)

@@ -100,9 +100,9 @@ class Transfer:
     closed so far.
     """
     left_out: Mapping[str, Interval]
-    """Run -> share of the gap that closes in a fitted run when it is predicted from the other runs."""
+    """Share of the gap that closes in a fitted run when it is predicted from the other runs, by run."""
     held_out: Mapping[str, Interval]
-    """Run -> share of the gap that closes in a held-out run."""
+    """Share of the gap that closes in a held-out run, by run."""
     effects: Mapping[str, Mapping[str, Interval]]
     """Share of the gap without an effect that the effect closes, by effect and by run."""
     withdrawn: tuple[str, ...]

@@ -116,7 +116,7 @@ class _Test:
         return reduction(pair, self.rng, self.data.block)
 
     def by_run(self, pair: Array) -> dict[str, Interval]:
-        """Run -> share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
+        """Share of the gap that closes, by run, from (2, segments) chi2 above the noise without and with effects."""
         return {name: self.reduction(pair[:, rows]) for name, rows in self.data.runs}
 
     def carries_over(self, pair: Array, least: float) -> bool:
@@ -143,8 +143,8 @@ def worse_free_run(
     Source: Fleming & Wallace (1986), How not to lie with statistics, Communications of the ACM 29, 218-221.
 
     Args:
-        before: run -> error of the free run of the bare model
-        after: run -> error of the free run with the effects; half a turn where it cannot be simulated
+        before: error of the free run of the bare model, by run
+        after: error of the free run with the effects, by run; half a turn where it cannot be simulated
         noise: part of `before` that is expected from the noise of the first readings
         compared: names of the runs
     """

@@ -23,16 +23,16 @@ class Selection:
     final_test: ScoreTest
     """Score test of further effects for the selected set."""
     detectable: Mapping[str, Mapping[str, float | None]]
-    """Effect -> amplitude -> minimum detectable size next to the selected set; None if undetectable at any size."""
+    """Minimum detectable size next to the selected set, by effect and amplitude; None if undetectable at any size."""
     without: Mapping[str, Hypothesis]
-    """Effect of the selected set -> the set without it."""
+    """Sets without one effect of the selected set, by the removed effect."""
     without_substitute: Mapping[str, Hypothesis]
-    """Effect of the selected set -> the set without it and without a curve that would imitate it.
+    """Sets without one effect and without a curve that would imitate it, by the removed effect.
 
     `thresholds.substitute_curve` determines the curve.
     """
     tests_without: Mapping[str, ScoreTest]
-    """Effect of the selected set -> score test of the set without it."""
+    """Score tests of the sets without one effect of the selected set, by the removed effect."""
     own_shares: Mapping[str, float]
     """Own share, 0 to 1, of each secondary effect that not every rig has.
 
