@@ -52,7 +52,7 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
     """Recommend checks that distinguish each named effect from its alternatives; none if no question is open."""
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))
-    # the result of a release is predicted for a clamped arm; one that moves needs its input
+    # a release is predicted for a clamped arm; the motion of a moving arm would depend on its input
     expected = expected_recordings(recordings, chosen, names) if names and not recordings.arm_moves else []
     steps: list[NextStep] = []
     for open_one in open_causes:

@@ -36,7 +36,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         return steps
     about, probability = question.about, dict(zip(question.causes, question.probabilities, strict=True))
     for other in (name for name in question.causes if name != about):
-        # of two forms in a class, the wider one may have a size that the narrower one cannot have
+        # a richer form may have a size that a simpler form cannot reproduce, so both directions are tested
         pairs = ((about, other), (other, about)) if question.one_class else ((about, other),)
         separations = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
         best = int(np.argmax(separations))

@@ -286,7 +286,7 @@ def _with_missed_counts(record: Record, part: LeftOut) -> Record:
 def _finding(record: Record, part: LeftOut) -> Finding:
     first, name = part.jumps[0], record.run.name
     if not part.of_reading and np.isinf(part.since):
-        evidence = f"until {part.until:.2g} s the rods do not move as free rods: a hand or a latch still acts; excluded"
+        evidence = f"until {part.until:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
         return Finding("disturbance", name, None, float(record.t[0]), evidence)
     if not part.of_reading and len(part.jumps) == 1:
         speeds = " and ".join(f"{change:+.2g}" for change in dict.fromkeys(first.size))
@@ -295,7 +295,7 @@ def _finding(record: Record, part: LeftOut) -> Finding:
         )
         return Finding("disturbance", name, None, first.at, evidence)
     if not part.of_reading:
-        evidence = f"until {part.until:.3g} s the rods do not move as free rods: a hand pushes or holds them; excluded"
+        evidence = f"until {part.until:.3g} s the rods do not swing freely: a hand pushes or holds them; excluded"
         return Finding("disturbance", name, None, part.since, evidence)
     step = next(jump for jump in part.jumps if jump.joint is not None)
     shifted = f"the reading steps by {1e3 * step.size[0]:+.3g} mrad"

@@ -72,7 +72,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
     evidence = "the rods gain energy until {:.2g} s: a hand still pushes, so these readings are excluded"
     if until is None:
         until = _held_until(alone, undriven)
-        evidence = "until {:.2g} s the rods do not move as free rods: a hand or a latch still acts; excluded"
+        evidence = "until {:.2g} s the rods do not swing freely: a hand or a latch still acts; excluded"
     if until is None:
         return record
     finding = Finding("disturbance", record.run.name, None, float(record.t[0]), evidence.format(until))
@@ -112,7 +112,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
     if len(energy) < 2 * HAND.smoothed:
         return None
     if level[0] > max(HAND.first, HAND.first * float(level[1:].max())):
-        # A model of free rods does not follow the readings during a push, so that only the readings show their speed.
+        # The model of undriven rods does not fit a push, so the speeds are estimated from the readings.
         of_readings = energies(problem, fit.estimate.changed(initial=recordings.cut(LENGTHS.first)[1]))
         energy = np.concatenate([of_readings[:1], energy[1:]])
     smooth, scatter = _smoothed(energy), _scatter(energy)
@@ -147,7 +147,7 @@ def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
     if len(level) < 4 or not np.isfinite(level).all():
         return None
     usual = max(float(level[1:].max()), 1.0)
-    # A model of free rods does not follow the readings of held rods, so that only the readings show their speed.
+    # The model of undriven rods does not fit held rods, so the speeds are estimated from the readings.
     speed = np.abs(recordings.cut(LENGTHS.first)[1][:, 2:]).max(axis=1)
     if level[0] < HAND.first * usual or speed[0] > HAND.at_rest * speed.max():
         return None

@@ -71,7 +71,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     alone = stands & goes_on & (moved > IMPLAUSIBLE.moved * np.hypot(std, jitter * speed))
     all_axes = stands.all(axis=1)
     turning = np.flatnonzero((np.nan_to_num(step) != 0.0).any(axis=0))
-    # the other axis is clamped, or is the same rod
+    # only one rod moves: the other axis is constant, or shows the same rod
     if len(turning) and all(np.array_equal(joints[:, k], joints[:, turning[0]], equal_nan=True) for k in turning):
         all_axes &= goes_on[:, turning[0]]
     last_new = np.maximum.accumulate(np.where(all_axes, 0, np.arange(len(t))))

@@ -161,7 +161,7 @@ def screen(run: Run, rig: Rig) -> Screened:
         faults = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
         keep[faults.outliers, axis] = False
         for kind, instant, evidence in (
-            ("outlier", t[wild[:, axis]], "the reading jumps there and back faster than any rod"),
+            ("outlier", t[wild[:, axis]], "the reading jumps away and back faster than a rod can move"),
             ("repeated_sample", t[stale[:, axis]], "the reading is constant while the rod moves"),
             ("outlier", t[faults.outliers], "one reading deviates from the polynomial through its neighbours"),
         ):

@@ -361,7 +361,7 @@ class FittedSets:
         direction.
         """
         params = model.fit.estimate.params.copy()
-        values = named_params(params).get(effect, {})  # empty if the fit does not need it
+        values = named_params(params).get(effect, {})  # empty if its fitted size is zero
         for parameter in self.library[other].amplitudes:
             params[param_index(other, parameter.name)] = values.get(parameter.name, 0.0)
         start = model.fit.estimate.changed(params=without_effect(params, effect))
