@@ -185,7 +185,8 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Arr
     linear = linearise(problem, estimate, model.columns, problem.measured, slopes)
     shifts = np.broadcast_to(np.eye(problem.weight.shape[1], 2), (len(problem.t), problem.weight.shape[1], 2))
     zeros = linear.projected(problem.whitened(shifts))
-    return tuple(J.reshape(len(batch), -1, linear.A.shape[1], J.shape[-1]) for J in (linear.A, zeros))
+    A, Z = (J.reshape(len(batch), -1, linear.A.shape[1], J.shape[-1]) for J in (linear.A, zeros))
+    return A, Z
 
 
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:

@@ -141,8 +141,13 @@ def _most_significant(diagnosis: Diagnosis) -> str:
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:
     """Tests of the amplitudes that may have their minimum detectable size; events that occur only once are left out."""
+    return [exclusion for exclusion in recurring(diagnosis) if not exclusion.is_excluded]
+
+
+def recurring(diagnosis: Diagnosis) -> list[Exclusion]:
+    """Tests of all amplitudes of effects that recur and are not named."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
-    return [exclusion for exclusion in tested if not (exclusion.is_excluded or EFFECTS[exclusion.effect].event)]
+    return [exclusion for exclusion in tested if not EFFECTS[exclusion.effect].event]
 
 
 def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:

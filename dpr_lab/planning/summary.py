@@ -116,7 +116,7 @@ def _forecast(
     failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
     settled = 1.0
     if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
-        settled = settled_probability(OpenAmplitudes.of(objective.known, F))
+        settled = settled_probability(OpenAmplitudes.of(objective.known, F, excluded=True))
     return settled * decision_probability(objective.pairs, gained, releases, together, failed)
 
 

@@ -192,19 +192,37 @@ def test_a_plan_tests_the_effects_that_keep_no_gap_undecided(paper: Rig) -> None
         assert (open_bits(after_one, large) > 2 * open_bits(after_one, small)) is is_open
 
 
-def test_a_forecast_with_an_effect_that_is_not_excluded_is_the_share_of_draws_that_exclude_or_name_it() -> None:
-    tested = Exclusion(effect="latency_joint2", parameter="delay_s", size=5.0, estimate=-4.5, confidence=0.69)
-    gain, count, rng = 2.0, 100_000, np.random.default_rng(0)
-    made = settled_probability(OpenAmplitudes((tested,), np.ones(1), np.full(1, gain)))
-    sizes = np.concatenate([np.zeros(count), 4.5 + rng.standard_normal(count)])  # absent, present
-    further = sizes * (gain - 1) ** 0.5 + rng.standard_normal(2 * count)
-    both = (4.5 + (gain - 1) ** 0.5 * further) / gain**0.5
-    assert made == pytest.approx(np.mean((np.abs(both) < 5.0 - 1.645) | (np.abs(both) > FORECAST.named)), abs=0.01)
-    more = [settled_probability(OpenAmplitudes((tested,), np.ones(1), np.full(1, g))) for g in (1.0, 2.0, 4.0, 100.0)]
-    assert more == sorted(more)
-    assert more[0] == 0.0
-    assert more[-1] > 0.99
-    assert settled_probability(OpenAmplitudes((), np.zeros(0), np.zeros(0))) == 1.0
+def latency(sizes: float) -> Exclusion:
+    """Test of a latency whose estimate has this size in standard deviations."""
+    confidence = NormalDist().cdf(5.0 - sizes)
+    return Exclusion(effect="latency_joint2", parameter="delay_s", size=5.0, estimate=-sizes, confidence=confidence)
+
+
+@pytest.mark.parametrize("sizes", [2.5, 4.0, 5.5])
+def test_the_forecast_without_a_visible_gap_is_the_share_of_draws_that_exclude_or_decide_an_effect(
+    sizes: float,
+) -> None:
+    gain, count, rng, limit = 2.5, 200_000, np.random.default_rng(0), 5.0 - NormalDist().inv_cdf(0.95)
+    made = settled_probability(OpenAmplitudes((latency(sizes),), np.ones(1), np.full(1, gain)))
+    present = rng.random(count) < 1 / (1 + np.exp(-0.5 * (sizes**2 - limit**2)))
+    true = present * (sizes + rng.standard_normal(count))  # a flat prior of the size
+    further = true * (gain - 1) ** 0.5 + rng.standard_normal(count)
+    both = (sizes + (gain - 1) ** 0.5 * further) / gain**0.5
+    assert made == pytest.approx(np.mean((both < limit) | (both > FORECAST.named)), abs=0.01)
+
+
+def test_the_forecast_without_a_visible_gap_considers_effects_that_are_excluded_now() -> None:
+    """An effect of 3 standard deviations is excluded, but if it is present, its estimate grows."""
+
+    def settled(*sizes: float, gain: float = 2.5) -> float:
+        tested = tuple(map(latency, sizes))
+        return settled_probability(OpenAmplitudes(tested, np.ones(len(tested)), np.full(len(tested), gain)))
+
+    assert 1.0 == settled() > settled(1.0) > settled(3.0) > settled(4.0)
+    grown = [settled(5.0, gain=gain) for gain in (1.0, 2.0, 4.0, 16.0)]
+    assert grown == sorted(grown)
+    assert grown[0] < 1e-6
+    assert grown[-1] > 0.99
 
 
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])

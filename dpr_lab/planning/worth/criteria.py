@@ -41,7 +41,7 @@ from dpr_lab.gap.classes.posterior import CALIBRATION
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.planning.knowledge import RATIO_COLUMNS, Knowledge
-from dpr_lab.planning.stopping import Causes, not_excluded
+from dpr_lab.planning.stopping import Causes, not_excluded, recurring
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +232,7 @@ def library_bits(known: Knowledge, F: Array) -> float:
 
 @dataclass(frozen=True, slots=True)
 class OpenAmplitudes:
-    """Amplitudes of the library that the recordings do not exclude, and further information about them."""
+    """Tested amplitudes of the library, and further information about them."""
 
     tested: tuple[Exclusion, ...]
     """Test of each amplitude."""
@@ -242,11 +242,18 @@ class OpenAmplitudes:
     """(n,) the same with further information."""
 
     @classmethod
-    def of(cls, known: Knowledge, F: Array) -> "OpenAmplitudes":
-        """Open amplitudes, given the information F; none if part of the gap remains unexplained."""
+    def of(cls, known: Knowledge, F: Array, excluded: bool = False) -> "OpenAmplitudes":
+        """Amplitudes that are not excluded, given the information F; none if part of the gap remains unexplained.
+
+        Args:
+            known: the present knowledge
+            F: (k, k) information
+            excluded: whether to include the amplitudes that the recordings exclude
+        """
         diagnosis, places = known.diagnosis, dict[int, Exclusion]()
         if diagnosis is not None and diagnosis.verdict in ("no_gap", "named"):
-            tested = {(amplitude.effect, amplitude.parameter): amplitude for amplitude in not_excluded(diagnosis)}
+            exclusions = recurring(diagnosis) if excluded else not_excluded(diagnosis)
+            tested = {(amplitude.effect, amplitude.parameter): amplitude for amplitude in exclusions}
             names = [(column.effect, column.name) for column in known.model.columns]
             places = {i: tested[name] for i, name in enumerate(names) if name in tested}
         if not places:
