@@ -41,7 +41,7 @@ class OpenQuestion:
     """Predicted changes of the readings of each possible release."""
 
     def check(self, kind: str, text: str, splits: Sequence[str], bits: float) -> AdvisedCheck:
-        """Check of a given kind for this question, without an identifier."""
+        """Create a check of a given kind for this question; its identifier is still empty."""
         return AdvisedCheck(id="", kind=kind, text=text, about=self.about, splits=list(splits), expected_bits=bits)
 
 

@@ -40,7 +40,7 @@ class CheckSettings:
     scale with a smaller error.
     """
     linear_error: float = 0.3
-    """Additional relative standard deviation of an amplitude from a linear score test instead of a fit; assumed."""
+    """Additional relative standard deviation of an amplitude from a linear score test; the value is assumed."""
     background: float = 0.1
     """m': relative standard deviation of an amplitude whose effect is not the cause.
 
@@ -82,7 +82,7 @@ class CheckSettings:
     The tail of the normal distribution does not describe such improbable results.
     """
     dropped: float = 0.01
-    """Minimum probability of a member to stay in its class, relative to the probability of the class."""
+    """Minimum probability of a member that stays in its class, relative to the probability of the class."""
     iterations: int = 20
     """Maximum number of iterations of a fit to new recordings."""
 

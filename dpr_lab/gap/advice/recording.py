@@ -59,7 +59,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
-    """Tempered likelihood of the runs of a check under each candidate, after a fit of the candidate to them.
+    """Tempered likelihood of the runs of a check under each candidate, which is fitted to these runs.
 
     A cause outside the library has the mean likelihood of the candidates.
     """

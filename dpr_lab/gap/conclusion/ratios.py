@@ -16,8 +16,8 @@ from dpr_lab.setup import only_inner
 def ratios(state: Advised) -> dict[str, Interval]:
     """Ratios to b with 90 % intervals.
 
-    The interval of a friction ratio contains no negative values. Neither does an interval that the bounds of the rig
-    file widen.
+    The interval of a friction ratio contains no negative values. An interval that the bounds of the rig
+    file widen contains none either.
     """
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
@@ -34,8 +34,7 @@ def ratios(state: Advised) -> dict[str, Interval]:
 def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     """Ratios that the recordings determine: to b, or to a if only the inner rod is mounted.
 
-    The covariance of a ratio contains the covariances of both fitted values. An absolute value is divided by the
-    assumed inertia.
+    Value and covariance of a fitted parameter are divided by the inertia to which the ratio refers.
 
     Returns:
         the ratios, and their (n, n) covariance

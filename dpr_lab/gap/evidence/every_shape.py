@@ -50,7 +50,7 @@ SHAPES = ShapeSettings()
 
 @dataclass(frozen=True)
 class AllShapes:
-    """Intervals of the amplitudes of effects over all shapes of each effect, next to a fitted set of effects."""
+    """Intervals of the amplitudes of effects over all shapes of each effect, in addition to a fitted set of effects."""
 
     problem: Problem
     """The segments."""

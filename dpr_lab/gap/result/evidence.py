@@ -90,7 +90,7 @@ EXCLUDED = ExclusionLevels()
 
 
 class Exclusion(Saved):
-    """Exclusion of an effect above a size."""
+    """Exclusion of an effect that is larger than a given size."""
 
     effect: str
     parameter: str

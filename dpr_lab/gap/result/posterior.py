@@ -15,7 +15,7 @@ class PosteriorComponent(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     probability: Annotated[float, Field(ge=0, le=1)]
-    """Probability of the set among the fitted sets, without a cause outside the library."""
+    """Probability of the set among the fitted sets, given that the cause is in the library."""
     ratios: dict[str, Number]
     """Ratios a/b, d/b, e1/b, c1/b, c2/b, and b, kg m^2, if the recordings determine it."""
     effects: dict[str, dict[str, Number]]

@@ -148,7 +148,7 @@ def _refuse_still(recordings: Recordings) -> None:
 
 
 def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ()) -> Fit:
-    """Fit of a model with a free gain and some effects to short segments, starting from the gain of the best unit."""
+    """Fit of a model with a free gain and some effects to short segments, starting from the unit that fits best."""
     problem, initial = recordings.cut(LENGTHS.first)
     estimate = Estimate.of(start, recordings.start_params, initial)
     if recordings.driven_arm and recordings.rig.motor:

@@ -63,7 +63,7 @@ class InstantSettings:
     least: float = 0.1
     """Minimum delay, in periods; a smaller delay counts as noise."""
     wild: float = 8.0
-    """Limit of a single reading in the search for a cycle, in standard deviations."""
+    """Limit of the error of a single reading in the search for a cycle, in standard deviations."""
     usual: float = 0.98
     """Quantile of the errors that replaces the limit `wild` if it is larger, because a cycle has many late
     readings."""

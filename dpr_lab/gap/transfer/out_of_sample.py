@@ -41,7 +41,7 @@ def block(problem: Problem) -> int:
 
 @dataclass(frozen=True, slots=True)
 class OutOfSample:
-    """Predictions of recordings by models that were fitted to other recordings, with free initial states only."""
+    """Predictions of recordings by models that were fitted to other recordings; only initial states are fitted."""
 
     names: tuple[str, ...]
     """Names of the runs."""
