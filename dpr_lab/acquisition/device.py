@@ -87,9 +87,8 @@ class Device:
         self._bytes = self._frames = self._meaningless = 0
         self._held: Row | None = None
         """The newest sample, delayed until the next sample arrives; discarded if the next sample contradicts it."""
-        self._overruns = Counter()
-        self._dropped = Counter()
-        self._heard_at = time.monotonic()
+        self._overruns, self._dropped = Counter(), Counter()
+        self._heard_at, self._stream_token = time.monotonic(), -1  # a repeated ACK of STREAM has the same token
         self._clock = PingClock(timing, self._heard_at)
         self._failure: Exception | None = None
         self._closing = threading.Event()
@@ -387,7 +386,8 @@ class Device:
             self._dropped.read(message.dropped)
         elif isinstance(message, Pong):
             self._clock.note(message, host_time)
-        elif isinstance(message, Ack) and message.command == _STREAM:
+        elif isinstance(message, Ack) and message.command == _STREAM and message.token != self._stream_token:
+            self._stream_token = message.token
             self._overruns.restart()
             self._dropped.restart()
             self._clock.restart(host_time)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import TorqueKind, complete_rig
+from dpr_lab.cli.checks import TorqueKind, complete_rig, require_runs
 from dpr_lab.cli.console import emit, line, table
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def check(
 
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """
+    require_runs(torque, runs)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.check import CheckRequest, take_check
 

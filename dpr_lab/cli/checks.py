@@ -24,6 +24,16 @@ def positive(value: float | None) -> float | None:
     return value
 
 
+def require_runs(torque: str | None, runs: Iterable[Path] | None) -> None:
+    """Refuse --torque if there are no runs whose torques it could choose.
+
+    Raises:
+        BadParameter: --torque is given without runs.
+    """
+    if torque is not None and not runs:
+        raise typer.BadParameter("--torque requires runs")
+
+
 @dataclass(frozen=True, slots=True)
 class Choices:
     """Names that an option accepts, alone or separated by commas.

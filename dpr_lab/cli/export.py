@@ -86,6 +86,8 @@ def export(
         raise typer.BadParameter("--joints requires --into")
     if seed is not None and ensemble is None:
         raise typer.BadParameter("--seed requires --ensemble")
+    if torque is not None and not check:
+        raise typer.BadParameter("--torque requires --check")
     if ensemble is not None:
         from dpr_lab.workflows.export_ensemble import EnsembleRequest
 

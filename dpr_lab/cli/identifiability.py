@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import Json, RigName, TorqueKind
+from dpr_lab.cli.checks import Json, RigName, TorqueKind, require_runs
 from dpr_lab.cli.console import emit, line, table
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def identifiability(
 
     Example: dpr-lab identifiability runs/*.mcap --rig paper
     """
+    require_runs(torque, runs)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
     from dpr_lab.workflows.identifiability import IdentifiabilityRequest

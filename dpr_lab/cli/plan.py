@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind
+from dpr_lab.cli.checks import AnyClock, Json, RigName, TorqueKind, require_runs
 from dpr_lab.cli.console import emit, line, table
 from dpr_lab.shown import percent
 
@@ -64,6 +64,7 @@ def plan(
 
     Example: dpr-lab plan runs/*.mcap --rig paper --budget 10min
     """
+    require_runs(torque, runs)
     from dpr_lab.cli.listener import Listener
     from dpr_lab.workflows.plan import PlanRequest
     from dpr_lab.workflows.plan import plan as plan_recordings

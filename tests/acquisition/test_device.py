@@ -18,7 +18,7 @@ from dpr_lab.transports import open_transport
 from dpr_lab.transports.transport import Capacity, Received
 from firmware_protocol.device_role import DeviceSession
 from firmware_protocol.identity import DeviceInfo
-from firmware_protocol.messages import NUMBERS, Frame, Position, State, Status, Stream
+from firmware_protocol.messages import NUMBERS, Ack, Frame, Position, State, Status, Stream, encode
 
 LINKS = ("pty", "slcan", "tcp:0", "virtual:device-test")
 
@@ -311,6 +311,18 @@ def test_overruns_are_counted_over_wraps_and_restarts() -> None:
         loop.push([loop.session.status(overruns=7, dropped=0, sent=0)])
         device.stop()
         assert device.losses["device_overrun"] == 65_636 + 3 + 7
+
+
+def test_a_repeated_answer_to_stream_does_not_count_overruns_twice() -> None:
+    loop = Loop()
+    with Device(loop) as device:
+        device.connect()
+        device.hold()
+        device.stream(1000)
+        status = loop.session.status(overruns=5, dropped=0, sent=0)
+        loop.push([status, encode(Ack(NUMBERS[Stream], device._session._token), device._session.node), status])
+        device.stop()
+        assert device.losses["device_overrun"] == 5
 
 
 def test_clock_fit_finds_the_error_of_the_crystal(simulated) -> None:

@@ -24,11 +24,19 @@ from tests.exports.models import model_of
         ("--into mine.xml --to mjcf", "remove the option --to"),
         ("--into mine.xml --seed 1", "--seed requires --ensemble"),
         ("--seed 0", "--seed requires --ensemble"),
+        ("--torque measured", "--torque requires --check"),
+        ("--ensemble 3 --torque measured", "--torque requires --check"),
     ],
 )
 def test_an_option_of_another_mode_is_refused(options: str, message: str) -> None:
     done = CliRunner().invoke(app, ["export", "model.json", "--rig", "paper", *options.split()])
     assert (done.exit_code, message in " ".join(done.output.split())) == (2, True)
+
+
+@pytest.mark.parametrize("command", ["identifiability --rig paper", "plan --rig paper", "check found.json 1 --value 1"])
+def test_torques_are_not_chosen_without_runs(command: str) -> None:
+    done = CliRunner().invoke(app, [*command.split(), "--torque", "measured"])
+    assert (done.exit_code, "--torque requires runs" in done.output) == (2, True)
 
 
 @pytest.mark.parametrize("mode", ["export", "export_ensemble", "export_into"])

@@ -14,6 +14,7 @@ from dpr_lab.report.gap.trust_trials import trust_words
 from dpr_lab.rig import Rig
 from dpr_lab.trials import own_rig
 from dpr_lab.trials.own_rig import trust
+from tests.a_diagnosis import made
 
 LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "coulomb_joint2")}
 
@@ -58,3 +59,9 @@ def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[...,
     assert trust_figure(whole) is not None
     assert trust_figure(found) is None
     assert "--trust 40" in trust_words(found)[0]
+
+
+def test_blind_trials_are_recommended_unless_the_arm_moves() -> None:
+    of_arm = {f"joint{joint}": 1e-3 for joint in (1, 2, 0)}
+    arm_moves = made(gap=made().gap.model_copy(update={"before_rad": of_arm}))
+    assert ["--trust 40" in trust_words(diagnosis)[0] for diagnosis in (made(), arm_moves)] == [True, False]

@@ -255,7 +255,7 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def per_reading(by_joint: Mapping[str, float]) -> float:
-    """Root mean square over both joints of a gap or noise floor, rad."""
+    """Root mean square over the joints of a gap or noise floor, rad."""
     return float(np.sqrt(np.mean(np.square(list(by_joint.values())))))
 
 

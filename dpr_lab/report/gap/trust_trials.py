@@ -16,6 +16,8 @@ def trust_words(diagnosis: Diagnosis) -> list[str]:
     """Sentences on the results of the blind trials and their limits."""
     trust = diagnosis.trust
     if trust is None or not trust.trials:
+        if "joint0" in diagnosis.gap.before_rad:
+            return ["No blind trials were made on plants like this rig: `--trust` does not support a moving arm."]
         return ["No blind trials were made on plants like this rig. To run them: `dpr-lab diagnose --trust 40`."]
     return [
         f"Blind trials: {len(trust.trials)} plants with the fitted parameters were simulated with the named"

@@ -110,7 +110,7 @@ BUDGET = EvidenceSection(
     figure=budget_figure,
     alternative="Bars of the contribution of each source of uncertainty, and of the error, for both models.",
     caption=(
-        "Contribution of each source to the uncertainty of a free run: rms over both joints and all"
+        "Contribution of each source to the uncertainty of a free run: rms over all joints and"
         " recordings, up to 2.6 s or the predictability horizon. The initial state of the free run is"
         " fitted to 0.3 s of readings. Logarithmic scale."
     ),

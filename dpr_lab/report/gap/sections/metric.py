@@ -111,7 +111,7 @@ METRIC = EvidenceSection(
             metric_rows,
             "Horizon: time at which the uncertainty of the initial state alone moves an angle by 0.1 rad; ≥"
             " if this time is beyond the free run of 2.6 s. Growth rate: largest finite-time Lyapunov"
-            " exponent of the angles up to the horizon. Areas: mean of both joints.",
+            " exponent of the angles up to the horizon. Areas: mean of the joints.",
         ),
     ),
     symbols="d = ∫ |F_S(x) − F_D(x)| dx = ∫ |x_S(p) − x_D(p)| dp, F_S and F_D the empirical distributions. Area"
