@@ -6,12 +6,16 @@ import numpy as np
 
 from dpr_lab.effects import effect_params, without_events
 from dpr_lab.fitting.estimate import Estimate
+from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.screen.record import record
+from dpr_lab.gap.screen.record import THINNING, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+
+SHORTER_S = 2 * THINNING.after_release_s
+"""Maximum part of the horizon that a free run may lack, s: a recording that ends at the horizon begins later."""
 
 
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
@@ -21,8 +25,10 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     If the runs are not those of the diagnosis, effects that occurred only once are omitted, because they refer to a run
     of the diagnosis by its number.
 
+    A kick or another disturbance ends the free run, as in a diagnosis.
+
     Args:
-        runs: the runs; runs that are shorter than the horizon are left out
+        runs: the runs; runs without an undisturbed swing over the horizon are left out
         rig: the rig
         diagnosis: the diagnosis with the corrected model
         horizon_s: duration of the free run, s
@@ -34,6 +40,6 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     if [run.name for run in long] != list(diagnosis.gap.closed_held_out.per_run):
         params = without_events(params)
     estimate = Estimate.of(diagnosis.unknowns, params, np.zeros((0, 4)))
-    recordings = Recordings(tuple(record(run, rig) for run in long), rig)
+    recordings = without_disturbances(Recordings(tuple(record(run, rig) for run in long), rig), estimate.ratios)
     errors = free_runs(recordings, estimate, horizon_s).errors
-    return {name: error.rms_rad for name, error in errors.items()}
+    return {name: error.rms_rad for name, error in errors.items() if error.t[-1] >= horizon_s - SHORTER_S}

@@ -182,7 +182,7 @@ def _free_run(diagnosis: Diagnosis, limits: Limits, errors: Mapping[str, float])
     if failed:
         reason = reason or f"the simulation of {listed(failed)} fails before {limit.horizon_s:g} s"
     elif len(errors) < 2:
-        reason = reason or f"fewer than two recordings are longer than {limit.horizon_s:g} s"
+        reason = reason or f"fewer than two recordings contain an undisturbed swing of {limit.horizon_s:g} s"
     else:
         logs = np.log(np.maximum(list(errors.values()), np.finfo(float).tiny))
         spread = float(stdtrit(len(logs) - 1, SURE) * logs.std(ddof=1) / np.sqrt(len(logs)))
@@ -236,9 +236,8 @@ def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, h
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Factors (b / b0)^power of a size, for the assumed b0 and both ends of the interval of b."""
-    scale = diagnosis.scale
-    return [1.0] if scale is None else [(b / scale.b) ** power for b in (scale.b, *scale.interval90)]
+    """Factors of a size for the assumed b and for both ends of its interval (`Scale.factors90`)."""
+    return [1.0, *(() if diagnosis.scale is None else diagnosis.scale.factors90(power))]
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:

@@ -168,7 +168,8 @@ class Advised(Transferred):
             driven = any(setup.torques is not None and setup.arm_moves for setup in self.problem.segments.setups)
             of_drive = drive_gain(self.recordings.rig).relative_std if driven else 0.0
             reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
-            return Scale(b=b, interval90=(max(b - reach, 1e-3 * b), b + reach), fixed_by="data")
+            ends = (max(b - reach, 1e-3 * b), b + reach)
+            return Scale(b=b, interval90=ends, fixed_by="data", constants_std=of_drive)
         visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
         assumed = assumed_b(self.selection.bare.fit.estimate.ratios, self.recordings.rig)
         return scale_of(assumed.model_copy(update={"value": b}), unknown, self.recordings.rig, visible)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -20,7 +20,9 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.detectable import SIGMAS
 from dpr_lab.gap.result.causes import EffectSize
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.result.evidence import JointFriction
+from dpr_lab.gap.result.evidence import Evidence, Exclusion, JointFriction
+from dpr_lab.gap.transfer.free_run import FreeRunError
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.report.gap.acceptance import limit_rows
 from dpr_lab.rig import PARAMETERS, Rig
@@ -226,6 +228,30 @@ def test_a_free_run_that_the_model_cannot_simulate_does_not_pass() -> None:
     assert judged.reason == "the simulation of X3 fails before 1 s"
 
 
+@pytest.mark.parametrize(("fixed_by", "width"), [("data", 1e-3), ("bound", 1.2e-3)])
+def test_the_error_of_a_fitted_scale_counts_once(fixed_by: Literal["data", "bound"], width: float) -> None:
+    excluded = Exclusion(
+        effect="coulomb_joint1", parameter="torque_Nm", size=2e-3, estimate=0.0, confidence=1.0, interval90=(0.0, 1e-3)
+    )
+    scale = Scale(b=0.01, interval90=(0.008, 0.012), fixed_by=fixed_by)
+    found = made(effects=[], scale=scale, evidence=Evidence.model_construct(exclusions=[excluded]))
+    (judged,) = judge(found, limit("coulomb_joint1", "torque_Nm", 1.1e-3, "N m")).limits
+    assert judged.interval90 == pytest.approx((0.0, width))
+    assert judged.answer == ("pass" if fixed_by == "data" else "not decidable")
+
+
+def test_a_kick_before_the_horizon_leaves_a_run_out(paper: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    ends = {"kicked": 1.2, "whole": 1.97}
+    errors = {name: FreeRunError(np.arange(0.3, end, 0.005), np.ones(1)) for name, end in ends.items()}
+    monkeypatch.setattr(free_run, "free_runs", lambda *_: SimpleNamespace(errors=errors))
+    monkeypatch.setattr(free_run, "record", lambda run, _: run)
+    monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
+    runs: list[Any] = [SimpleNamespace(name=name, t=np.array([0.0, 2.0])) for name in ends]
+    gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={}))
+    found: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects={}, gap=gap)
+    assert free_run_errors(runs, paper, found, 2.0) == {"whole": 1.0}
+
+
 def enumerate_runs(errors: tuple[float, ...]) -> list[tuple[str, float]]:
     return [(f"X{number}", error) for number, error in enumerate(errors, 1)]
 
@@ -248,6 +274,7 @@ def test_missed_counts_of_one_run_are_not_applied_to_another_run(paper: Rig, mon
 
     monkeypatch.setattr(free_run, "free_runs", simulated)
     monkeypatch.setattr(free_run, "record", lambda run, _: run)
+    monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
     runs: list[Any] = [SimpleNamespace(name=f"R{i}", t=np.array([0.0, end])) for i, end in enumerate((0.5, 2.0, 2.0))]
     gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={run.name: 1.0 for run in runs}))
     effects = {"missed_counts": {"counts": 20.0, "joint": 1.0, "run": 1.0, "time_s": 0.2}}

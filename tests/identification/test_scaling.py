@@ -77,6 +77,13 @@ def test_an_absolute_interval_is_as_wide_as_fit_and_scale_together() -> None:
     assert identified.absolute90(2.0, (1.7, 2.3)) == (1.7, 2.3)
 
 
+def test_a_motor_constant_widens_absolute_sizes_although_the_recordings_determine_b() -> None:
+    fitted = Scale(b=0.005, interval90=(0.004, 0.006), fixed_by="data", constants_std=0.1)
+    assert fitted.absolute90(2.0, (2.0, 2.0)) == pytest.approx((2.0 - 0.329, 2.0 + 0.329), abs=1e-3)
+    assert fitted.absolute90(2.0, (1.7, 2.3), power=0) == (1.7, 2.3)
+    assert fitted.as_inertia("a", 3.0).factors90(1) == fitted.factors90(1) == pytest.approx((0.8355, 1.1645), abs=1e-4)
+
+
 def test_a_ratio_does_not_depend_on_the_assumed_b() -> None:
     for b in (0.004, 0.005):
         assumed = Scale(b=b, interval90=(0.9 * b, 1.1 * b), fixed_by="bound")

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from dpr_lab.estimation.noise import NORMAL_Q90
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Interval90 = tuple[float, float]
 
 
@@ -36,6 +37,8 @@ class Scale(BaseModel):
     """
     inertia: Literal["a", "b"] = "b"
     """Name of the inertia: `b` of the outer rod about joint 2, or `a` of the inner rod about joint 1 if it is alone."""
+    constants_std: NonNegative = 0.0
+    """Relative standard deviation of b due to measured constants that are not fitted, such as motor constants."""
 
     @property
     def known(self) -> bool:
@@ -68,8 +71,9 @@ class Scale(BaseModel):
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
         """Express the scale by another inertia, which is `factor` times this one."""
         low, high = self.interval90
-        ends = (low * factor, high * factor)
-        return Scale(b=self.b * factor, interval90=ends, fixed_by=self.fixed_by, inertia=inertia)
+        return self.model_copy(
+            update={"b": self.b * factor, "interval90": (low * factor, high * factor), "inertia": inertia}
+        )
 
     def ratio(self, value: float, power: int = 1) -> float:
         """Ratio of a size to b^power, which does not depend on the scale."""
@@ -78,6 +82,17 @@ class Scale(BaseModel):
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
         """90 % interval of a ratio, from the interval of the size at this b."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
+
+    def factors90(self, power: int) -> tuple[float, float]:
+        """Factors of a size at both ends of the interval of b, without errors of b that the fit of the size contains.
+
+        If the recordings determine b, it is fitted together with the size. Only errors of constants that are not fitted
+        then remain.
+        """
+        reach = NORMAL_Q90 * self.constants_std
+        low, high = (1 - reach, 1 + reach) if self.fixed_by == "data" else [end / self.b for end in self.interval90]
+        ends = [max(low, 1e-3) ** power, high**power]
+        return min(ends), max(ends)
 
     def absolute90(self, value: float, interval: Interval90, power: int = 1) -> Interval90:
         """90 % interval of an absolute size, including the uncertainty of the scale.
@@ -90,9 +105,10 @@ class Scale(BaseModel):
             interval: 90 % interval of the size at this b
             power: power of the scale in the size; 0 for an angle or a time, whose interval is unchanged
         """
-        if self.fixed_by == "data" or power == 0:
+        factors = self.factors90(power)
+        if factors == (1.0, 1.0):
             return interval
-        moved = sorted(value * (end / self.b) ** power for end in self.interval90)
+        moved = sorted(value * factor for factor in factors)
         below = hypot(value - interval[0], max(value - moved[0], 0.0))
         above = hypot(interval[1] - value, max(moved[1] - value, 0.0))
         return value - below, value + above
