@@ -1,7 +1,7 @@
 """Update a diagnosis by the result of a recommended check.
 
 The hypotheses about one named effect are its candidates and, in addition, a cause other than the candidates. The
-candidates are the members of the class of the effect, which are equally probable before any check, and its
+candidates are the members of the class of the effect, weighted by the prior of their fitted sizes, and its
 alternatives. Let p_c be the probability of hypothesis c, and L_c the predictive density of the result under c. Bayes'
 theorem gives
 
@@ -68,7 +68,7 @@ def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
     if done := _done(diagnosis, about):
         return {name: p for name, p in done[-1].after.items() if name != NONE_OF_THEM}
     named = _named(diagnosis, about)
-    members = dict.fromkeys(named.members, named.probability / len(named.members))
+    members = {name: named.probability * named.odds.get(name, 1 / len(named.members)) for name in named.members}
     return members | {rival.name: rival.probability for rival in diagnosis.rivals if rival.instead_of == about}
 
 

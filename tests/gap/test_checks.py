@@ -104,6 +104,13 @@ def test_the_odds_of_a_class_are_those_after_the_check(std: float) -> None:
     assert causes.probabilities == pytest.approx(after)
 
 
+def test_the_odds_of_a_class_are_its_prior_in_a_check() -> None:
+    before = made()
+    named = before.effects[0].model_copy(update={"odds": {CLOCK: 0.01, LENGTH: 0.99}})
+    weighted = before.model_copy(update={"effects": [named]})
+    assert candidates(weighted, CLOCK) == pytest.approx({CLOCK: 0.0098, LENGTH: 0.9702})
+
+
 @pytest.mark.timeout(900)
 def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     before = open_between(diagnosis, "com_offset_link1")

@@ -68,9 +68,8 @@ def _open_causes(
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[float, ...], bool]]:
     """Open questions: the named effect, its possible causes, their probabilities, and whether they form one class."""
     for effect in posteriors:
-        count = len(effect.members)
-        if count > 1:
-            yield effect.name, effect.members, (effect.probability / count,) * count, True
+        if len(effect.members) > 1:
+            yield effect.name, effect.members, tuple(effect.probability * share for share in effect.odds), True
         for other in effect.alternatives:
             if other.probability >= WORTH_A_CHECK:
                 yield effect.name, (effect.name, other.name), (effect.probability, other.probability), False
