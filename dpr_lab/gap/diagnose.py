@@ -173,7 +173,9 @@ def _selected(drafted: Drafted) -> Selected:
     refuse_impossible_scale(chosen.fit.estimate.ratios, request.runs, request.rig, chosen.effects)
     _begin(request, "classes")
     posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
-    return Selected.after(drafted, selection=selection, posteriors=posteriors)
+    bare = selection.bare
+    places = drafted.places if bare is drafted.bare else locate(drafted.problem, bare)
+    return Selected.after(drafted, selection=selection, posteriors=posteriors, bare=bare, places=places)
 
 
 def _transferred(before: Selected) -> Transferred:

@@ -165,7 +165,9 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
     """(blocks, n) gradient of each block of `block_s`; blocks are the independent units of the covariance."""
     owner, t = problem.owner, problem.t
     first = problem.segments.offsets[owner]
-    by_sample = scores.reshape(len(scores), -1, 2, scores.shape[2]).sum(axis=2)[owner, np.arange(len(t)) - first]
+    by_sample = scores.reshape(len(scores), -1, problem.axes, scores.shape[2]).sum(axis=2)[
+        owner, np.arange(len(t)) - first
+    ]
     block = ((t - t[first]) // SETTINGS.block_s).astype(int)
     edges = np.flatnonzero((np.diff(owner, prepend=-1) != 0) | (np.diff(block, prepend=-1) != 0))
     return np.add.reduceat(by_sample, edges, axis=0)

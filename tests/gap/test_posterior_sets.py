@@ -2,16 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from dpr_lab.effects import EFFECTS
-from dpr_lab.gap.classes.posterior import CALIBRATION, effect_posterior, outside
+from dpr_lab.effects import EFFECTS, effect_params
+from dpr_lab.gap.classes.posterior import CALIBRATION, _hidden, effect_posterior, outside
 from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.detectable import comparable_size
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.select import forward, refined
 from dpr_lab.gap.which.selected import Selection
@@ -122,3 +125,33 @@ def test_a_simpler_form_is_in_the_class_if_the_richer_one_adds_less_than_remains
     names = ("encoder_drift_joint1", "encoder_offset_joint1")  # the wandering torque is in no library
     named = diagnose(runs, rig, library={name: EFFECTS[name] for name in names}).effects
     assert [effect.members for effect in named] == [list(names)]
+
+
+def test_a_drift_is_compared_with_an_offset_by_their_typical_sizes() -> None:
+    """5 mrad correspond to 0.5 mrad/s, so a drift of 1 mrad/s that is undetectable is in the class of the offset."""
+    offset, drift = EFFECTS["encoder_offset_joint1"], EFFECTS["encoder_drift_joint1"]
+    params = effect_params({"encoder_offset_joint1": {"offset_rad": 5e-3}})
+    assert [comparable_size(params, offset, p) for p in drift.amplitudes] == pytest.approx([5e-3, 5e-4])
+    chosen = Mock(fit=Mock(estimate=Mock(params=params)))
+    selection = Mock(chosen=chosen, final_test=Mock(ranking=[Mock(effect=drift)]))
+    for rate, hidden in ((1e-3, (drift.name,)), (2e-4, ())):
+        assert _hidden(selection, offset, {drift.name: {"offset_rad": None, "rate_rad_per_s": rate}}) == hidden
+
+
+def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> None:
+    """Orders of cogging are proposed for the arc that the fitted swing covers, which is shorter in another fit."""
+    name = "detent_joint1"
+    params = effect_params({name: {"cos1_Nm": 1e-3}})
+    residuals = Mock(z=1.0, inflation=1.0, noise_ratio=0.1)
+    selection = Mock(
+        chosen=Mock(fit=Mock(estimate=Mock(params=params)), residuals=residuals, cost=10.0),
+        without={name: None},
+        tests_without={name: ScoreTest(*[cast(Any, None)] * 5)},
+        without_substitute={name: Mock(cost=1000.0)},
+        own_shares={},
+        share_explained=1.0,
+    )
+    selection.unique_share.return_value = 1.0
+    posterior = effect_posterior(selection, name)
+    assert (posterior.members, posterior.alternatives, posterior.odds) == ((name,), (), (1.0,))
+    assert posterior.probability == pytest.approx(1 - CALIBRATION.outside_when_closed)

@@ -20,9 +20,9 @@ from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
-from dpr_lab.gap.transfer.out_of_sample import reduction
+from dpr_lab.gap.transfer.out_of_sample import block_starts, reduction
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
-from dpr_lab.gap.transfer.transfer import worse_free_run
+from dpr_lab.gap.transfer.transfer import _blocks, _signed_rank, worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
@@ -135,7 +135,7 @@ def test_small_effects_explain_less_than_a_hundredth_of_the_gap_together() -> No
 
 def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
     nothing_to_close = reduction(
-        np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), np.random.default_rng(1), 1
+        np.array([[3.0, -4.0, 2.0, -2.0], [1.0, -4.0, 0.0, -2.0]]), np.random.default_rng(1), 1, np.zeros(4, dtype=int)
     )
     silent = Transfer("held-out runs", True, nothing_to_close, 0.3, (), {}, {}, {}, (), (), (), None)
     assert how_far(silent) == "On held-out runs the gap is too small to show a reduction."
@@ -293,9 +293,25 @@ def test_the_most_chaotic_of_several_free_runs_does_not_decide_alone() -> None:
 def test_the_interval_of_a_short_recording_has_a_width() -> None:
     rng = np.random.default_rng(0)
     above = np.array([[10.0, 20.0, 30.0, 40.0, 50.0], [1.0, 9.0, 4.0, 30.0, 8.0]])
-    low, high = reduction(above, rng, block=5).interval90
+    low, high = reduction(above, rng, 5, np.zeros(above.shape[1], dtype=int)).interval90
     assert low < 1 - np.sqrt(52 / 150) < high
-    assert reduction(above[:, :1], rng, block=1).interval90 == (-1.0, 1.0)
+    assert reduction(above[:, :1], rng, 1, np.zeros(1, dtype=int)).interval90 == (-1.0, 1.0)
+
+
+def test_no_block_contains_segments_of_two_runs() -> None:
+    assert block_starts(np.array([0, 0, 0, 1, 1, 2]), 2).tolist() == [0, 2, 3, 5]
+    test = Mock(run=np.array([0, 0, 1, 1]), block=3)
+    assert _blocks(test, np.array([1.0, 2.0, 4.0, 8.0])).tolist() == [3.0, 12.0]
+    above, run = np.array([np.ones(9), np.eye(9)[0]]), np.array([0, *[1] * 8])
+    of_run, across = (reduction(above, np.random.default_rng(0), 2, runs) for runs in (run, 0 * run))
+    assert of_run.interval90 != across.interval90
+
+
+def test_signed_ranks_of_equal_and_zero_differences_do_not_depend_on_the_order() -> None:
+    assert _signed_rank(np.array([1.0, -1.0, 1.0, -1.0])) == _signed_rank(np.array([-1.0, 1.0, 1.0, -1.0])) == 0.0
+    assert _signed_rank(np.zeros(5)) == 0.0
+    assert _signed_rank(np.array([0.0, 3.0, 0.0, -1.0, 2.0])) == _signed_rank(np.array([3.0, -1.0, 2.0]))
+    assert _signed_rank(np.arange(1.0, 7.0)) == pytest.approx(21 / np.sqrt(91))
 
 
 def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:

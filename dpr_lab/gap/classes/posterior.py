@@ -35,7 +35,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, effect_params, param_index, plausibility
 from dpr_lab.effects.effect import Effect
-from dpr_lab.gap.hypothesis.detectable import linear_exclusions
+from dpr_lab.gap.hypothesis.detectable import comparable_size, linear_exclusions
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
@@ -156,19 +156,17 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         name: the effect
     """
     without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
-    named_score = test.shaped[name][0]
+    named_score = test.of(name)
     others = {score.effect.name: score for score in test.ranking if score is not named_score}
-    plausibilities, forms = _class_members(selection, without, test, named_score, others)
+    if named_score is None:  # without the effect, no shape of it is proposed, and no signature can be compared with it
+        plausibilities, forms, alternatives = dict[str, float](), (), list[Alternative]()
+    else:
+        plausibilities, forms = _class_members(selection, without, test, named_score, others)
+        rest = {other: others[other] for other in others if other not in plausibilities and other not in forms}
+        alternatives = _alternatives(selection, without, test, named_score, rest)
     prior = np.array([plausibility(chosen.fit.estimate.params, name), *plausibilities.values()])
-    rest = {other: score for other, score in others.items() if other not in plausibilities and other not in forms}
-    alternatives = _alternatives(selection, without, test, named_score, rest)
-    added_cost = np.array(
-        [
-            0.0,
-            *(_added_cost(selection, name, alternative) for alternative in alternatives),
-            selection.without_substitute[name].cost - chosen.cost,
-        ]
-    )
+    costs = [_added_cost(selection, name, alternative) for alternative in alternatives]
+    added_cost = np.array([0.0, *costs, selection.without_substitute[name].cost - chosen.cost])
     scaled = -added_cost / (2 * chosen.residuals.inflation * CALIBRATION.temperature)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
     weights[1:-1] *= [_prior_odds(selection, without, alternative) for alternative in alternatives]
@@ -312,12 +310,14 @@ def _adds_nothing(selection: Selection, without: Hypothesis, richer: str, sizes:
 def _hidden(selection: Selection, effect: Effect, least: Mapping[str, Mapping[str, float | None]]) -> tuple[str, ...]:
     """Richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.fit.estimate.params
-    size = max(abs(float(params[param_index(effect.name, p.name)])) for p in effect.amplitudes)
     return tuple(
-        score.effect.name
-        for score in selection.final_test.ranking
-        if effect.name in score.effect.nested
-        and all(minimum is None or minimum > CALIBRATION.hidden * size for minimum in least[score.effect.name].values())
+        form.name
+        for form in (score.effect for score in selection.final_test.ranking if effect.name in score.effect.nested)
+        if all(
+            (minimum := least[form.name][p.name]) is None
+            or minimum > CALIBRATION.hidden * comparable_size(params, effect, p)
+            for p in form.amplitudes
+        )
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.effects import EFFECTS, param_index
-from dpr_lab.effects.effect import EffectParameter
+from dpr_lab.effects.effect import Effect, EffectParameter
 from dpr_lab.fitting.prior import prior_of
 from dpr_lab.fitting.projection import TINY
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -69,6 +69,21 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
         remaining: fraction of the squared norm of the column that the fitted columns do not explain
     """
     return float(spread * scale / remaining**0.5) if remaining > SEEN and scale < 1 / TINY else None
+
+
+def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -> float:
+    """Size of a fitted effect in the unit of an amplitude of another effect.
+
+    The size is converted by the typical sizes if its unit is different: half the typical offset corresponds to half the
+    typical drift.
+
+    Args:
+        params: (SIZE,) fitted parameters
+        effect: the fitted effect
+        amplitude: amplitude of the other effect
+    """
+    sizes = {p: abs(float(params[param_index(effect.name, p.name)])) for p in effect.amplitudes}
+    return max(size if p.unit == amplitude.unit else size / p.typical * amplitude.typical for p, size in sizes.items())
 
 
 def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:

@@ -39,6 +39,18 @@ def block(problem: Problem) -> int:
     return max(1, round(BOOTSTRAP.block_s / max(length, 1e-9)))
 
 
+def block_starts(run: Integers, size: int) -> Integers:
+    """Indices of the first segments of all blocks; a block has at most `size` segments of one run.
+
+    Args:
+        run: (segments,) index of the run of each segment; the segments of one run are neighbours
+        size: number of segments in a block
+    """
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    within = np.arange(len(run)) - np.repeat(first, np.diff(first, append=len(run)))
+    return np.flatnonzero(within % size == 0)
+
+
 @dataclass(frozen=True, slots=True)
 class OutOfSample:
     """Predictions of recordings by models that were fitted to other recordings; only initial states are fitted."""
@@ -91,7 +103,7 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
     )
 
 
-def reduction(above: Array, rng: np.random.Generator, block: int) -> Interval:
+def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers) -> Interval:
     """Relative reduction of the gap with a bootstrap interval, from (2, segments) chi2 above the noise.
 
     The rows are before and after. The interval is the whole range for a single segment, because it shows no scatter,
@@ -100,7 +112,7 @@ def reduction(above: Array, rng: np.random.Generator, block: int) -> Interval:
     if above.shape[1] == 1 or above[0].sum() <= 0.0:
         return Interval(value=share(above), interval90=(-1.0, 1.0))
     block = max(1, min(block, above.shape[1] // BOOTSTRAP.fewest))
-    sums = np.add.reduceat(above, np.arange(0, above.shape[1], block), axis=1)
+    sums = np.add.reduceat(above, block_starts(run, block), axis=1)
     blocks = sums.shape[1]
     drawn = _shares(sums[:, rng.integers(0, blocks, (BOOTSTRAP.draws, blocks))])
     low, high = np.quantile(drawn, [0.05, 0.95])

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, Flags
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import Basis
@@ -37,9 +37,12 @@ from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Selected
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
 from dpr_lab.gap.transfer.lone_recording import lone_recording
-from dpr_lab.gap.transfer.out_of_sample import OutOfSample, left_out, reduction, share
+from dpr_lab.gap.transfer.out_of_sample import OutOfSample, block_starts, left_out, reduction, share
 from dpr_lab.gap.transfer.outcome import TRANSFER, Transfer, WorseFreeRun
 from dpr_lab.gap.which.selected import Selection
+
+Rows = slice | Flags
+"""Selection of segments."""
 
 
 def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: Mapping[str, FreeRunError]) -> Transfer:
@@ -111,13 +114,13 @@ class _Test:
         """(segments,) chi2 of a model above the noise."""
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
-    def reduction(self, pair: Array) -> Interval:
-        """Share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
-        return reduction(pair, self.rng, self.data.block)
+    def reduction(self, pair: Array, rows: Rows = slice(None)) -> Interval:
+        """Share of the gap that closes in some segments, from (2, segments) excess chi2 without and with effects."""
+        return reduction(pair[:, rows], self.rng, self.data.block, self.data.run[rows])
 
     def by_run(self, pair: Array) -> dict[str, Interval]:
-        """Share of the gap that closes, by run, from (2, segments) chi2 above the noise without and with effects."""
-        return {name: self.reduction(pair[:, rows]) for name, rows in self.data.runs}
+        """Run -> share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
+        return {name: self.reduction(pair, rows) for name, rows in self.data.runs}
 
     def carries_over(self, pair: Array, least: float) -> bool:
         """Whether an effect improves the prediction, and closes at least the share `least` if this is measurable."""
@@ -175,9 +178,10 @@ def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[tuple[s
 
 def _helps(test: OutOfSample, reductions: Array) -> bool:
     """Whether an effect reduces chi2 significantly over all runs and increases it significantly in none."""
-    total, tolerance = _sum(reductions, test.block)
-    by_run = [_sum(reductions[rows], test.block) for _, rows in test.runs]
-    beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(reductions, test.block) > TRANSFER.beyond_chance)
+    blocks = _blocks(test, reductions)
+    total, tolerance = _sum(blocks)
+    by_run = [_sum(_blocks(test, reductions, rows)) for _, rows in test.runs]
+    beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(blocks) > TRANSFER.beyond_chance)
     return beyond_chance and all(of_run > -tolerance_of_run for of_run, tolerance_of_run in by_run)
 
 
@@ -192,21 +196,25 @@ def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 
-def _signed_rank(reductions: Array, block: int) -> float:
-    """Wilcoxon's signed-rank sum over groups of segments, in its standard errors."""
-    blocks = _blocks(reductions, block)
-    ranks = 1.0 + np.argsort(np.argsort(np.abs(blocks)))
-    n = len(blocks)
-    return float((ranks * np.sign(blocks)).sum() / np.sqrt(n * (n + 1) * (2 * n + 1) / 6))
+def _signed_rank(blocks: Array) -> float:
+    """Wilcoxon's signed-rank sum over groups of segments, in its standard errors.
+
+    Groups without a difference are omitted, and equal differences have the mean of their ranks.
+    """
+    blocks = blocks[blocks != 0.0]
+    if not len(blocks):
+        return 0.0
+    _, place, count = np.unique(np.abs(blocks), return_inverse=True, return_counts=True)
+    ranks = (np.cumsum(count) - (count - 1) / 2)[place]
+    return float((ranks * np.sign(blocks)).sum() / np.sqrt(np.sum(ranks**2)))
 
 
-def _blocks(reductions: Array, block: int) -> Array:
-    """Sums over groups of neighbouring segments, whose residuals are correlated."""
-    return np.add.reduceat(reductions, np.arange(0, len(reductions), block))
+def _blocks(test: OutOfSample, reductions: Array, rows: Rows = slice(None)) -> Array:
+    """Sums over groups of neighbouring segments of one run, whose residuals are correlated."""
+    return np.add.reduceat(reductions[rows], block_starts(test.run[rows], test.block))
 
 
-def _sum(reductions: Array, block: int) -> tuple[float, float]:
-    """Sum over segments, and the minimum sum that is significant."""
-    blocks = _blocks(reductions, block)
+def _sum(blocks: Array) -> tuple[float, float]:
+    """Sum over groups of segments, and the minimum sum that is significant."""
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
-    return float(reductions.sum()), float(TRANSFER.beyond_chance * spread)
+    return float(blocks.sum()), float(TRANSFER.beyond_chance * spread)

@@ -205,7 +205,8 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
     for name in sets.unexpected(chosen):
         smaller = sets.without(chosen, name)
         test, plausibility_here = sets.test(smaller), plausibility(chosen.fit.estimate.params, name)
-        score = test.shaped[name][0]
+        if (score := test.of(name)) is None:
+            continue
         for other in test.ranking:
             model = sets.fits.get(smaller.key | {other.effect.name})
             if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
@@ -247,7 +248,8 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
     """Scores of effects with the signature of another effect that are neither a simpler nor a richer form of it."""
-    current_score = test.shaped[name][0]
+    if (current_score := test.of(name)) is None:
+        return
     for score in test.ranking:
         form = score.effect.name in {name, *current_score.effect.nested} or name in score.effect.nested
         if not form and score.gain > 0 and test.cosine(current_score, score) > THRESHOLDS.indistinguishable:
