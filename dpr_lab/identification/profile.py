@@ -34,6 +34,8 @@ SETTINGS = ProfileSettings()
 def profile90(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float, float]:
     """90 % profile likelihood interval of one unknown; the lower end of a friction ratio is at least zero.
 
+    The interval of an unknown at its bound of zero is one-sided.
+
     Args:
         ratio_fit: maximum of the likelihood
         ratio_uncertainty: information matrix and standard deviations of the fit
@@ -42,10 +44,10 @@ def profile90(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: i
     Returns:
         lower and upper end; infinite if the likelihood does not decrease within `widest` standard deviations
     """
-    std = float(ratio_uncertainty.cramer_rao_std[index]) * max(1.0, ratio_fit.chi2_per_dof) ** 0.5
-    if std == 0.0:
-        return 0.0, 0.0
-    return _end(ratio_fit, ratio_uncertainty, index, -std), _end(ratio_fit, ratio_uncertainty, index, std)
+    std = ratio_uncertainty.cramer_rao_with(index) * max(1.0, ratio_fit.chi2_per_dof) ** 0.5
+    at_bound = ratio_uncertainty.values[index] <= 0.0
+    low = 0.0 if at_bound else _end(ratio_fit, ratio_uncertainty, index, -std)
+    return low, _end(ratio_fit, ratio_uncertainty, index, std)
 
 
 def _end(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, unit: float) -> float:
@@ -66,7 +68,7 @@ def _end(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, u
 
 def _chi2_at(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, value: float) -> float:
     """Minimum chi-square with one unknown fixed, starting from the solution of the linear problem."""
-    free = ratio_uncertainty.values > 0
+    free = (ratio_uncertainty.values > 0) | (np.arange(len(ratio_uncertainty.values)) == index)
     direction = np.zeros(len(free))
     direction[free] = np.linalg.inv(ratio_uncertainty.information[np.ix_(free, free)])[
         :, np.count_nonzero(free[:index])

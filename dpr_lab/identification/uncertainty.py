@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import ndtri, stdtr, stdtrit
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.fitting.estimate import ON_ELBOW, UNKNOWN_RATIOS, ratio_parameters
+from dpr_lab.fitting.gauss_newton import RigPrior
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.identification.ratio_fit import RatioFit
@@ -49,6 +50,11 @@ class RatioUncertainty:
     """(n, n) information of the rig file on the unknowns; None if there is no prior."""
     assumed: Array | float = 0.0
     """(n, n) additional covariance due to ratios that the runs do not determine and that come from the rig file."""
+    unconstrained: Array | None = None
+    """(n, 2) unconstrained estimate and standard deviation of each unknown at its bound, with the others refitted.
+
+    Zero for unknowns inside their bounds.
+    """
 
     @property
     def std(self) -> Array:
@@ -63,11 +69,16 @@ class RatioUncertainty:
     @property
     def cramer_rao_std(self) -> Array:
         """(n,) Cramér-Rao bound of the standard deviation, with the prior; zero for unknowns fixed at zero."""
-        free = self.values > 0
-        std = np.zeros(len(free))
-        information = self.information if self.prior is None else self.information + self.prior
-        std[free] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(free, free)])))
+        std, free = np.zeros(len(self.values)), self.values > 0
+        std[free] = [self.cramer_rao_with(place) for place in np.flatnonzero(free)]
         return std
+
+    def cramer_rao_with(self, place: int) -> float:
+        """Cramér-Rao bound of the standard deviation of one unknown, if it is not fixed at zero."""
+        released = np.flatnonzero((self.values > 0) | (np.arange(len(self.values)) == place))
+        information = self.information if self.prior is None else self.information + self.prior
+        variance = np.diag(np.linalg.inv(information[np.ix_(released, released)]))
+        return float(variance[np.searchsorted(released, place)] ** 0.5)
 
     @property
     def of_prior(self) -> Array:
@@ -97,9 +108,15 @@ class RatioUncertainty:
     def interval90(self, index: int) -> tuple[float, float]:
         """90 % interval of one unknown by Student's t with the number of blocks.
 
-        If undetermined ratios of the rig file widen the interval, its lower end is at least zero.
+        If undetermined ratios of the rig file widen the interval, its lower end is at least zero. The interval of an
+        unknown at its bound of zero is one-sided: it contains 90 % of the positive part of the distribution around the
+        unconstrained estimate.
         """
         freedom = max(self.blocks - len(self.values), 1)
+        if self.unconstrained is not None and self.values[index] <= 0.0:
+            estimate, std = self.unconstrained[index]
+            beyond = max(0.1 * float(stdtr(freedom, estimate / std)), np.finfo(float).tiny)
+            return 0.0, max(float(estimate - std * stdtrit(freedom, beyond)), 0.0)
         reach = float(stdtrit(freedom, 0.95)) * float(self.std[index])
         assumed = np.broadcast_to(self.assumed, self.covariance.shape)[index, index] > 0.0
         low = float(self.values[index]) - reach
@@ -120,28 +137,56 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     """
     A, e = ratio_fit.slopes, ratio_fit.fit.linear.e
     H = np.einsum("smi,smj->ij", A, A)
-    scores = _block_scores(ratio_fit.problem, A * e[:, :, None])
-    free, weight = ratio_fit.unknowns > 0, max(1.0, ratio_fit.chi2_per_dof)
-    prior = ratio_fit.prior_information
+    scores, prior = _block_scores(ratio_fit.problem, A * e[:, :, None]), ratio_fit.prior_information
+    free = ratio_fit.unknowns > 0
+    bread, of_free = _covariance(ratio_fit, H, scores, free)
+    covariance, assumed, unconstrained = np.zeros_like(H), np.zeros_like(H), np.zeros((len(free), 2))
+    covariance[np.ix_(free, free)] = of_free
+    assumed[np.ix_(free, free)] = _by_unseen(ratio_fit, A, bread, free)
+    gradient = np.einsum("smi,sm->i", A, e) + _prior_gradient(ratio_fit)
+    for place in np.flatnonzero(~free):  # the gradients of the other unknowns are zero
+        released = free | (np.arange(len(free)) == place)
+        index = np.count_nonzero(free[:place])
+        bread, of_released = _covariance(ratio_fit, H, scores, released)
+        unconstrained[place] = bread[index, index] * gradient[place], of_released[index, index] ** 0.5
+    names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
+    return RatioUncertainty(ratio_fit.unknowns, H, covariance, len(scores), names, prior, assumed, unconstrained)
+
+
+def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tuple[Array, Array]:
+    """(free, free) inverse information of the free unknowns, and their covariance.
+
+    The mean of the gradients is zero for all unknowns inside their bounds.
+
+    Args:
+        ratio_fit: the fit
+        H: (n, n) information of the readings
+        scores: (blocks, n) gradient of each block of residuals
+        free: (n,) mask of the free unknowns
+    """
+    prior, weight = ratio_fit.prior_information, max(1.0, ratio_fit.chi2_per_dof)
     bread = np.linalg.inv((H + weight * prior)[np.ix_(free, free)])
     if not (np.diag(bread) > 0.0).all():
         raise np.linalg.LinAlgError("the information matrix is numerically singular")
     white = bread * ratio_fit.chi2_per_dof
-    free_scores = scores[:, free]
-    blocks = len(free_scores) / max(len(free_scores) - len(free), 1) * bread @ free_scores.T @ free_scores @ bread
-    variance = np.maximum(np.diag(white), np.diag(blocks))
+    free_scores = scores[:, free] - scores[:, free].mean(axis=0)
+    count = len(scores) / max(len(scores) - len(free), 1)
+    variance = np.maximum(np.diag(white), np.diag(count * bread @ free_scores.T @ free_scores @ bread))
     if ratio_fit.chi2_per_dof > SETTINGS.misfit:
         difference = SETTINGS.halves * _halves_apart(ratio_fit)[free]
         variance = np.maximum(variance, (difference / 2 / ndtri(0.95)) ** 2)
     before = np.diag(np.linalg.inv(prior))[free] if prior.any() else np.inf
     variance = np.maximum(np.minimum(variance, before), np.diag(white))
     widen = np.sqrt(variance / np.diag(white))
-    covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = white * np.outer(widen, widen)
-    names = tuple(UNKNOWN_RATIOS[i] for i in ratio_fit.visible)
-    assumed = np.zeros_like(covariance)
-    assumed[np.ix_(free, free)] = _by_unseen(ratio_fit, A, bread, free)
-    return RatioUncertainty(ratio_fit.unknowns, H, covariance, len(free_scores), names, prior, assumed)
+    return bread, white * np.outer(widen, widen)
+
+
+def _prior_gradient(ratio_fit: RatioFit) -> Array:
+    """(n,) gradient of the prior of the rig file at the fit, in the unit of the gradient of chi2."""
+    fit = ratio_fit.fit
+    prior = RigPrior.at(ratio_fit.problem, fit.estimate, fit.free, fit.linear)
+    gradient = prior.A.T @ prior.e
+    return gradient[[i for i, parameter in enumerate(fit.free) if parameter.block == "ratios"]]
 
 
 def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Array:

@@ -219,3 +219,18 @@ def test_the_profile_of_friction_ends_at_zero(paper: Rig, rng: np.random.Generat
     fit = fitted(paper, ratios(base), runs, states, 0.5)
     low, _ = profile90(fit, uncertainty(fit), 3)
     assert low == pytest.approx(0.0, abs=1e-15)
+
+
+def test_friction_at_zero_has_a_one_sided_interval(paper: Rig) -> None:
+    base = base_parameters(TRUE, paper.rig.L1, paper.rig.g)
+    base[4] = -0.005 * base[4]
+    runs, states = record(paper, np.random.default_rng(0), base=base, duration=2.0)
+    fit = fitted(paper, ratios(base_parameters(TRUE, paper.rig.L1, paper.rig.g)), runs, states, 0.5)
+    spread = uncertainty(fit)
+    assert spread.at_zero == ("c1/b",)
+    (low, high), (profile_low, profile_high) = spread.interval90(3), profile90(fit, spread, 3)
+    assert low == profile_low == 0.0 < profile_high
+    assert profile_high / 2 < high < 5 * profile_high
+    assert spread.unconstrained is not None
+    estimate, std = spread.unconstrained[3]
+    assert estimate == pytest.approx(base[4] / base[1], abs=4 * std)
