@@ -90,6 +90,8 @@ def _estimate(
         params = effect_params({name: dict(values) for name, values in effects.items()})
         estimate = fitted.estimate.changed(params=params)
         fitted = fit(problem, estimate, free_parameters(estimate, tuple(effects), problem))
+    if not np.isfinite(fitted.chi2):
+        raise RunError(f"{run.file or run.name}: the model cannot follow this run. Omit it")
     A, _ = fitted.linear.flat
     norms = np.linalg.norm(A, axis=0)
     if not (norms > 0).all():

@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
+from dpr_lab.drift import estimates
 from dpr_lab.drift.changes import DriftSettings, changes
 from dpr_lab.drift.estimates import Estimates, estimate_each
 from dpr_lab.drift.groups import Occasion, grouped
@@ -110,3 +112,12 @@ def test_a_change_names_the_two_groups_that_differ_most() -> None:
     estimates.values[np.array(group) == 1, 2] -= 0.0
     (last,) = drift_of(estimates, group).moved
     assert last.between[1] == "day 3"
+
+
+def test_a_run_that_the_model_cannot_follow_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = Mock(fit=Mock(chi2=np.inf, free=(), linear=Mock(flat=(np.ones((4, 1)), np.ones(4)))))
+    for name, value in (("record", None), ("refuse_without_motion", None), ("Recordings", None)):
+        monkeypatch.setattr(estimates, name, lambda *_, value=value: value)
+    monkeypatch.setattr(estimates, "fit_bare_model", lambda *_: (None, Mock(measured=np.ones(4)), lost))
+    with pytest.raises(RunError, match="X1: the model cannot follow this run"):
+        estimate_each([Mock(file="X1")], load_rig("paper"))

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from dpr_lab.checks.update import candidates, find_check, update
 from dpr_lab.configs import BUILTIN
 from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
+from dpr_lab.gap.advice import recording
 from dpr_lab.gap.advice.check_kind import CheckAnswer, expected_bits
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
@@ -102,6 +104,22 @@ def test_the_odds_of_a_class_are_those_after_the_check(std: float) -> None:
     assert after[CLOCK] > 0.7
     (causes,) = causes_of(found)
     assert causes.probabilities == pytest.approx(after)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "words"),
+    [
+        ({}, f"these runs cannot show {CLOCK}"),
+        ({CLOCK: Mock(cost=np.inf)}, "no candidate of check 9-rec can be"),
+    ],
+)
+def test_runs_that_decide_nothing_are_refused(
+    fitted: dict[str, Mock], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording, "_fitted", lambda *_: fitted)
+    before = open_between(made(), "com_offset_link1")
+    with pytest.raises(RunError, match=words):
+        update(before, before.checks[0], CheckAnswer((Mock(spec=Run),), load_rig("paper")))
 
 
 def test_the_odds_of_a_class_are_its_prior_in_a_check() -> None:

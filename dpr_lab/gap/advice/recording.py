@@ -62,10 +62,17 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     """Tempered likelihood of the runs of a check under each candidate, which is fitted to these runs.
 
     A cause outside the library has the mean likelihood of the candidates.
+
+    Raises:
+        RunError: the runs cannot show the named effect, or no candidate can be fitted to them.
     """
     open_ones = {check.about, *check.splits, *(r.name for r in diagnosis.rivals if r.instead_of == check.about)}
     fitted = _fitted(diagnosis, check.about, [name for name in prior if name in open_ones], answer)
+    if check.about not in fitted:
+        raise RunError(f"these runs cannot show {check.about}: record the release of check {check.id}")
     best = min(fitted.values(), key=lambda candidate: candidate.cost)
+    if not np.isfinite(best.cost):
+        raise RunError(f"no candidate of check {check.id} can be fitted to these runs: record the release again")
     scale = 2 * best.residuals.inflation * CALIBRATION.temperature
     densities = {name: -(candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
     # indistinguishable members have the same likelihood as the named effect
