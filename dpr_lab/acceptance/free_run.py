@@ -12,7 +12,7 @@ from dpr_lab.gap.screen.record import THINNING, record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run
+from dpr_lab.run import Run, with_distinct_names
 
 SHORTER_S = 2 * THINNING.after_release_s
 """Maximum part of the horizon that a free run may lack, s: a recording that ends at the horizon begins later."""
@@ -33,7 +33,7 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
         diagnosis: the diagnosis with the corrected model
         horizon_s: duration of the free run, s
     """
-    long = [run for run in runs if run.t[-1] >= horizon_s]
+    long = [run for run in with_distinct_names(runs) if run.t[-1] >= horizon_s]
     if not long:
         return {}
     params = effect_params(diagnosis.model_effects)

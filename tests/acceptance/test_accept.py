@@ -26,6 +26,7 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning.limits import PlanLimits
 from dpr_lab.report.gap.acceptance import limit_rows
 from dpr_lab.rig import PARAMETERS, Rig
+from dpr_lab.run import Run
 from tests.a_diagnosis import made
 
 TORQUE_NM = 1.5e-3
@@ -282,6 +283,23 @@ def test_missed_counts_of_one_run_are_not_applied_to_another_run(paper: Rig, mon
     for horizon in (0.4, 1.0):
         free_run_errors(runs, paper, found, horizon)
     assert compared == [20.0, 0.0]
+
+
+def test_runs_of_one_name_are_judged_separately(paper: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        free_run,
+        "free_runs",
+        lambda recordings, *_: SimpleNamespace(
+            errors={run.name: FreeRunError(np.array([2.0]), np.ones(1)) for run in recordings.records}
+        ),
+    )
+    monkeypatch.setattr(free_run, "record", lambda run, _: run)
+    monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
+    t = np.linspace(0.0, 2.0, 9)
+    run = Run("X1", t, np.zeros((9, 3)), None, None, paper.name, "", 4.0)
+    gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={}))
+    found: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects={}, gap=gap)
+    assert free_run_errors([run, run], paper, found, 2.0) == {"X1": 1.0, "X1 (2)": 1.0}
 
 
 def friction(size: float, speed: float = 3.0) -> Limits:
