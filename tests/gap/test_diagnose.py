@@ -51,7 +51,7 @@ def test_the_gap_closes_in_cross_validation_across_releases(two_found: Diagnosis
         assert lengths["after"] < 0.5 * lengths["before"]
     assert len(two_found.gap.waterfall) == 2
     assert two_found.gap.by_horizon["0.5"]["after"] == pytest.approx(two_found.gap.waterfall[-1]["gap_rad"])
-    assert two_found.gap.by_horizon["0.5"]["before"] == pytest.approx(per_reading(two_found.gap.before_rad))
+    assert two_found.gap.by_horizon["0.5"]["before"] == pytest.approx(per_reading(two_found.gap, "before_rad"))
 
 
 @pytest.mark.slow

@@ -1,8 +1,13 @@
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
 from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction, ResidualLook, RunBudget, Whiteness
+from dpr_lab.gap.transfer.gap_size import _per_reading
 from dpr_lab.report.gap import tables as gap_tables
 from dpr_lab.report.gap.figures import save_gap_figures, where_figure
 from dpr_lab.report.gap.html import write_gap_report
@@ -295,3 +300,12 @@ def test_the_area_metric_has_one_panel_for_each_rod(diagnosis, rods: int) -> Non
     figure = metric_figure(diagnosis().model_copy(update={"evidence": evidence}))
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles == ["inner rod, first", "outer rod, first"][:rods]
+
+
+def test_a_joint_without_readings_does_not_reduce_the_gap_per_reading(diagnosis: Callable[..., Diagnosis]) -> None:
+    gap = diagnosis().gap
+    assert gap_tables.per_reading(gap, "before_rad") == pytest.approx(12.5e-6**0.5)
+    of_one_rod = gap.model_copy(update={"floor_rad": {"joint1": 1e-4, "joint2": 0.0}})
+    assert gap_tables.per_reading(of_one_rod, "before_rad") == pytest.approx(3e-3)
+    problem = cast(Any, SimpleNamespace(read=np.array([[True, False]] * 3)))
+    assert _per_reading({"joint1": 3e-3, "joint2": 0.0}, problem) == pytest.approx(3e-3)

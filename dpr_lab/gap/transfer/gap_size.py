@@ -75,9 +75,9 @@ def gap(
             if all(run in of_model for of_model in errors.values())
         },
         waterfall=[
-            {"effect": name, "gap_rad": _per_reading(by_axis), "rms_rad": float(np.linalg.norm([*by_axis.values()]))}
+            {"effect": name, "gap_rad": _per_reading(gaps, problem), "rms_rad": float(np.linalg.norm([*gaps.values()]))}
             for name, model in selection.path
-            for by_axis in (gap_rad(problem, model),)
+            for gaps in (gap_rad(problem, model),)
         ],
         budget=budget,
         remainder_Nm=dict(zip(ALL_AXES, remainder.torque_Nm, strict=False)) if remainder else {},
@@ -131,7 +131,8 @@ def by_horizon(
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
         gaps[f"{length:g}"] = {
             name: _per_reading(
-                gap_rad(problem, model) if initial is None else _at_other_length(problem, initial, working, model)
+                gap_rad(problem, model) if initial is None else _at_other_length(problem, initial, working, model),
+                problem,
             )
             for name, model in models.items()
         }
@@ -145,9 +146,9 @@ def _at_other_length(problem: Problem, initial: Array, working: Problem, model: 
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)
 
 
-def _per_reading(by_axis: Mapping[str, float]) -> float:
-    """Root mean square over the axes."""
-    return float(np.sqrt(np.mean(np.square([*by_axis.values()]))))
+def _per_reading(by_axis: Mapping[str, float], problem: Problem) -> float:
+    """Root mean square over the axes with readings."""
+    return float(np.sqrt(np.mean(np.square([*by_axis.values()])[problem.read.any(axis=0)])))
 
 
 def _mean(values: Array, problem: Problem) -> Array:

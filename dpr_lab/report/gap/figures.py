@@ -58,7 +58,7 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
     with style.house_style():
         names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
         heights = 1e3 * np.array(gaps)
-        floor = 1e3 * per_reading(diagnosis.gap.floor_rad)
+        floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
         figure = new_figure(1.1 + 0.4 * len(names))
         axes = figure.subplots()
         bars = axes.barh(names, heights, color=style.RESIDUAL["color"], height=0.6)
@@ -84,7 +84,7 @@ def horizon_figure(diagnosis: Diagnosis) -> Figure:
         ):
             rms = [1e3 * max(models[name], 1e-9) for models in diagnosis.gap.by_horizon.values()]
             axes.loglog(lengths, rms, label=label, marker="o", **line)
-        floor = 1e3 * per_reading(diagnosis.gap.floor_rad)
+        floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
         axes.axhline(floor, label="noise floor", **style.HORIZON)
         lowest, highest = axes.get_ylim()
         axes.set_ylim(bottom=max(lowest, min(floor, highest) / 300))

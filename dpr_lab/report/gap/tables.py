@@ -1,7 +1,7 @@
 """Tables of a diagnosis as rows of text, with notes that explain their columns."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.causes import PROBABLE, NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM
 from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
-from dpr_lab.gap.result.gap_size import Where
+from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.planning.stopping import reservation, undecided
 from dpr_lab.report.angles import RADIANS, AngleUnit
@@ -189,9 +189,8 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBAB
 
 def open_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Rows of `standing_rows` without improbable alternatives; empty if no alternative is probable."""
-    if not any(alternative.probability >= PROBABLE for alternative in diagnosis.rivals):
-        return []
-    return standing_rows(diagnosis, most=0)
+    probable = any(alternative.probability >= PROBABLE for alternative in diagnosis.rivals)
+    return standing_rows(diagnosis, most=0) if probable else []
 
 
 def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
@@ -246,7 +245,7 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
 def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     """Label and gap, rad, of each model, from the bare model to the model with all effects."""
     return [
-        ("bare model", per_reading(diagnosis.gap.before_rad)),
+        ("bare model", per_reading(diagnosis.gap, "before_rad")),
         *(
             (f"+ {named(step['effect'])}", float(step.get("gap_rad", step["rms_rad"] / 2**0.5)))  # old: joint sum
             for step in diagnosis.gap.waterfall
@@ -254,9 +253,10 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     ]
 
 
-def per_reading(by_joint: Mapping[str, float]) -> float:
-    """Root mean square over the joints of a gap or noise floor, rad."""
-    return float(np.sqrt(np.mean(np.square(list(by_joint.values())))))
+def per_reading(gap: Gap, of: str) -> float:
+    """Root mean square of `floor_rad`, `before_rad` or `after_rad` of a gap over the joints with readings, rad."""
+    read = [size for joint, size in getattr(gap, of).items() if gap.floor_rad[joint] > 0.0]
+    return float(np.linalg.norm(read)) / max(len(read), 1) ** 0.5
 
 
 def run_words(name: str, held_out: bool = False) -> str:
@@ -269,7 +269,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
-    elif per_reading(diagnosis.gap.after_rad) < per_reading(diagnosis.gap.floor_rad):
+    elif per_reading(diagnosis.gap, "after_rad") < per_reading(diagnosis.gap, "floor_rad"):
         partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
     likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
     more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"

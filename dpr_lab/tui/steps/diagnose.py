@@ -348,7 +348,7 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
 
     words = gap_tables.run_words
     gap, closed, per_rad = diagnosis.gap, diagnosis.gap.closed_held_out, unit.small_per_rad
-    floor = per_rad * gap_tables.per_reading(gap.floor_rad)
+    floor = per_rad * gap_tables.per_reading(gap, "floor_rad")
     steps = [
         (name, max((per_rad * left) ** 2 - floor**2, 0.0) ** 0.5, None, f"{gap}, {explained}")
         for (name, left), (_, gap, explained) in zip(

@@ -35,7 +35,7 @@ def closing_figure(diagnosis: Diagnosis) -> Figure:
             axes.annotate(three(gap), (gap, row), (4, 0), textcoords="offset points", va="center")
         for row, (_, after) in enumerate(pairwise(gaps.tolist())):
             axes.plot([after, after], [row + 0.7, row + 2.3], color="#555555", linewidth=0.8)
-        floor = 1e3 * per_reading(diagnosis.gap.floor_rad)
+        floor = 1e3 * per_reading(diagnosis.gap, "floor_rad")
         axes.axvline(floor, label="noise floor", **style.HORIZON)
         axes.set_yticks(rows, names)
         axes.invert_yaxis()
