@@ -14,9 +14,6 @@ from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, with_distinct_names
 
-SHORTER_S = 2 * THINNING.after_release_s
-"""Maximum part of the horizon that a free run may lack, s: a recording that ends at the horizon begins later."""
-
 
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
     """Compute the rms error of a free run of the corrected model from the start of each recorded swing, rad.
@@ -42,4 +39,5 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     estimate = Estimate.of(diagnosis.unknowns, params, np.zeros((0, 4)))
     recordings = without_disturbances(Recordings(tuple(record(run, rig) for run in long), rig), estimate.ratios)
     errors = free_runs(recordings, estimate, horizon_s).errors
-    return {name: error.rms_rad for name, error in errors.items() if error.t[-1] >= horizon_s - SHORTER_S}
+    least_s = horizon_s - 2 * THINNING.after_release_s  # a recording that ends at the horizon begins later
+    return {name: error.rms_rad for name, error in errors.items() if error.t[-1] >= least_s}
