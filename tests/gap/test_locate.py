@@ -1,6 +1,7 @@
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, cast
 from unittest.mock import Mock
 
 import pytest
@@ -13,17 +14,16 @@ from tests import one_rod
 def test_the_gap_is_located_for_the_bare_model_of_the_selected_set(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that finds a better bare model replaces the minimum to which the first maps belong."""
     drafted = SimpleNamespace(**dict.fromkeys(field.name for field in fields(diagnose.Drafted)))
-    drafted.bare, drafted.places, drafted.sets, drafted.search = "first", "of first", None, None
-    for base, places in (("first", "of first"), ("better", "of better")):
-        selection = Mock(base=base)
-        monkeypatch.setattr(diagnose, "_drafted", lambda _: drafted)
-        monkeypatch.setattr(diagnose, "CORRECTIONS", ())
-        monkeypatch.setattr(diagnose, "refined", lambda *_, selection=selection: selection)
+    drafted.bare, drafted.places, drafted.request = "first", "of first", Mock()
+    for bare, places in (("first", "of first"), ("better", "of better")):
+        selection = Mock(bare=bare, path=[])
+        monkeypatch.setattr(diagnose, "refined", lambda _, selection=selection: selection)
         monkeypatch.setattr(diagnose, "with_other_noise", lambda *_: None)
         monkeypatch.setattr(diagnose, "refuse_impossible_scale", lambda *_: None)
+        monkeypatch.setattr(diagnose, "_begin", lambda *_: None)
         monkeypatch.setattr(diagnose, "locate", lambda _, bare: f"of {bare}")
-        selected = diagnose._selected(Mock())
-        assert (selected.bare, selected.places) == (base, places)
+        selected = diagnose._selected(cast(Any, drafted))
+        assert (selected.bare, selected.places) == (bare, places)
 
 
 @pytest.mark.slow
