@@ -1,16 +1,16 @@
 """Exceptions for problems that the operator can resolve.
 
     DprError               base; the message says what happened, where, and what to do
-    +-- ConfigError        a rig, search or plant file: names file, key, value, range
-    +-- LinkError          a port or bus: cannot open, busy, lost; names the URL
+    +-- ConfigError        a rig, search or plant file is not valid; the message names file, key, value and range
+    +-- LinkError          a port or bus cannot be opened, is busy or was lost; the message names the URL
     |   +-- LinkUrlError   the URL is not valid
-    |   +-- LinkTimeout    it opened but nothing answered
-    |   +-- DeviceLost     it answered and then stopped (cable pulled, power gone)
+    |   +-- LinkTimeout    the link opened, but the device did not answer
+    |   +-- DeviceLost     the device stopped answering (for example, cable pulled or power lost)
     +-- MismatchError      the device uses another protocol version or schema
     +-- DeviceFault        the device refused a command or reported a fault
     +-- SafetyStop         a check before the release did not pass, so the release was refused
-    +-- RunError           a recording that cannot be read or does not match
-    +-- IdentificationError  the fit ran and failed its own checks
+    +-- RunError           a recording cannot be read or does not match the rig
+    +-- IdentificationError  the identification ran but failed its own checks
 
 Each class defines the exit code of `dpr-lab`. Other failures are reported in other ways. An invalid argument raises a
 `ValueError`, a candidate of a search that cannot be simulated has the cost `inf`, and a bug violates an `assert`.
@@ -46,9 +46,9 @@ def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = s
     The text may be the name, its description, or both in the form `description [name]`.
 
     Args:
-        name: the given text
-        known: the existing names
-        worded: function that returns the description of a name
+        name: the text
+        known: the existing identifiers
+        worded: function that returns the description of an identifier
     """
     wanted, names = " ".join(name.lower().split()), list(known)
     for candidate in names:

@@ -37,7 +37,7 @@ class Exchange:
 
 
 class Pinger:
-    """Assignment of each PONG to its PING."""
+    """Generator of PING commands, which assigns each PONG to its PING."""
 
     def __init__(self) -> None:
         self._sent: dict[int, float] = {}
@@ -45,7 +45,7 @@ class Pinger:
         self._tick = 0
 
     def ping(self, now: float) -> Ping:
-        """Next PING, to be sent at the host time `now`, s."""
+        """Create the next PING, to be sent at the host time `now`, s."""
         self._token = (self._token + 1) & 0xFFFF
         self._sent[self._token] = now
         if len(self._sent) > OUTSTANDING:
@@ -53,7 +53,7 @@ class Pinger:
         return Ping(self._token)
 
     def exchange(self, pong: Pong, now: float) -> Exchange | None:
-        """Exchange that a PONG at the host time `now`, s, completes; None for an unexpected PONG."""
+        """Return the exchange that a PONG received at the host time `now`, s, completes; None if it is unexpected."""
         t_sent = self._sent.pop(pong.token, None)
         if t_sent is None:
             return None
@@ -68,8 +68,8 @@ class ClockFit:
     offset: float
     """Host time of tick 0, s."""
     offset_std: float
-    """Standard uncertainty of the offset, s. It includes the uncertainty of the line at tick 0 and of the unknown
-    division of the shortest round trip into both directions."""
+    """Standard uncertainty of the offset, s: uncertainty of the line at tick 0, and of the unknown division of the
+    shortest round trip into its two directions."""
     rate_ppm: float
     """Difference of the tick rate from its nominal value by the host's clock, relative, ppm."""
     rate_ppm_std: float
@@ -89,10 +89,11 @@ def fit_clock(exchanges: Sequence[Exchange], rate_hz: float) -> ClockFit:
     """Fit a line to the exchanges of one stream (ticks restart with every STREAM).
 
     Only the half with the shortest round trips is used, because queues can only lengthen a round trip. The excess of a
-    round trip over the shortest one occurred on the way to or from the device. Its midpoint therefore has the variance
-    of a uniform distribution of this width. The median width is a lower limit, because the shortest round trip also
-    contains such a delay. The line is weighted by the inverse variances. If the scatter is larger than expected, the
-    uncertainties are increased in proportion.
+    round trip over the shortest one is a delay on the way to or from the device, in unknown proportions. The time of
+    the device's reading therefore has the variance of a uniform distribution with the excess as its width. The median
+    excess is a lower limit of this width, because the shortest round trip also contains such a delay. The line is
+    weighted by the inverse variances. If the scatter is larger than expected, the uncertainties are increased in
+    proportion.
 
     Source: after K. O'Connor, Klipper, `clocksync.py` (regression on exchanges with short round trips); the weights are
     not from this source.

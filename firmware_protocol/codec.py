@@ -36,7 +36,7 @@ class Codec:
 
 
 def plain_codec(kind: type[Any], layout: Layout) -> Codec:
-    """Codec of a dataclass whose fields are the signals of the message, in the same order."""
+    """Create the codec of a dataclass whose fields are the signals of the message, in the same order."""
     names = [field.name for field in fields(kind)]
     assert names == [signal.name for signal in layout.signals], f"{kind.__name__} and the DBC differ"
     to_bytes, from_bytes = _struct_pair(layout) if _whole_bytes(layout) else _cantools_pair(layout)
@@ -60,7 +60,7 @@ def plain_codec(kind: type[Any], layout: Layout) -> Codec:
 
 
 def paged_codec(kind: type[Any], layout: Layout) -> Codec:
-    """Codec of a dataclass with a page number and, by name, the signals of this page."""
+    """Create the codec of a dataclass with a page number, and with the signals of this page by name."""
     pages = range(1 + int(layout.get_signal_by_name("page").maximum or 0))
 
     def unpack(data: bytes) -> Any:
@@ -89,7 +89,7 @@ def _getter(names: list[str]) -> Callable[[Any], tuple[int, ...]]:
 
 
 def _converter(hint: type, signal: Signal) -> Convert | None:
-    """Function that converts a raw value to a field and refuses invalid values; None if every raw value is valid."""
+    """Create a function that converts a raw value to a field and refuses invalid values; None if all are valid."""
     if hint is bool or issubclass(hint, IntEnum):
         return hint
     lowest, highest = cast(int, signal.minimum), cast(int, signal.maximum)

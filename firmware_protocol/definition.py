@@ -10,7 +10,7 @@ DBC_TEXT = resources.files("firmware_protocol").joinpath("dpr.dbc").read_text(en
 
 
 def schema_hash(dbc_text: str) -> int:
-    """First four bytes of the SHA-256 of a DBC with LF line ends, the most significant byte first."""
+    """Compute the first four bytes of the SHA-256 of a DBC with LF line ends, as a big-endian integer."""
     canonical = "\n".join(dbc_text.splitlines()) + "\n"
     return int.from_bytes(hashlib.sha256(canonical.encode("ascii")).digest()[:4], "big")
 

@@ -125,11 +125,11 @@ class DeviceSession:
         return Answer((self.event(EventKind.FAULT, tick, fault),), Stop())
 
     def event(self, kind: EventKind, tick: int, detail: int = 0) -> Frame:
-        """An EVENT at a tick."""
+        """Create an EVENT at a tick."""
         return self._frame(Event(kind, detail, tick & 0xFFFFFFFF))
 
     def released(self, tick: int) -> Frame:
-        """EVENT for the opening of the latch at a tick.
+        """Create the EVENT for the opening of the latch at a tick.
 
         Every `report` repeats it while the device is RELEASED.
         """
@@ -165,7 +165,7 @@ class DeviceSession:
     def report(self, tick: int, positions: Sequence[int], overruns: int, dropped: int, sent: int) -> tuple[Frame, ...]:
         """Frames of the report that is sent ten times per second.
 
-        The release is repeated in it, so that the loss of one frame has no effect.
+        The report repeats the EVENT of a release, so that the loss of one frame has no effect.
         """
         frames = (*self.positions(tick, positions), self.status(overruns, dropped, sent))
         return (*frames, self.released(self._release_tick)) if self.state is State.RELEASED else frames

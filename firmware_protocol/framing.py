@@ -28,7 +28,7 @@ def crc16(data: bytes) -> int:
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """Encode data by COBS: the result contains no zeros and is one byte longer per 254 bytes.
+    """Encode data by COBS. The result contains no zeros, and has one additional byte for each 254 bytes of data.
 
     Source: Cheshire & Baker (1999), IEEE/ACM Transactions on Networking 7(2) 159-172.
     """
@@ -64,7 +64,7 @@ def cobs_decode(data: bytes) -> bytes:
 
 
 def encode_frame(frame: Frame) -> bytes:
-    """Bytes of a frame on a serial line with the final zero: 14 bytes for 8 bytes of data.
+    """Convert a frame to bytes of a serial line, with the final zero: 14 bytes for 8 bytes of data.
 
     Raises:
         LocalProtocolError: the identifier exceeds 11 bits, or there are more than eight bytes of data.

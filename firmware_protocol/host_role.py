@@ -33,7 +33,7 @@ from firmware_protocol.messages import (
 )
 
 KEEPALIVE_S = 0.1
-"""Interval of keepalives, s: a fifth of the lease, so that four successive ones may be lost."""
+"""Interval of keepalives, s: a fifth of the lease, so that four successive keepalives may be lost."""
 RETRY_S = 0.1
 """Time without an answer after which a command is repeated, s."""
 RETRIES = 5

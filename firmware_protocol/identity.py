@@ -78,7 +78,7 @@ def info_pages(info: DeviceInfo) -> list[Info]:
 
 
 def assemble(pages: Iterable[Info]) -> DeviceInfo | None:
-    """Identity from INFO pages in any order; None while a page is missing.
+    """Assemble an identity from INFO pages in any order; None while a page is missing.
 
     Raises:
         RemoteProtocolError: page 9 declares an input of the arm without its quantity.
@@ -132,8 +132,8 @@ def same_schema(minor: int, schema_hash: int) -> bool:
 def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
     """Reason why this host cannot communicate with a device, from INFO page 0; None if it can.
 
-    In another major version messages have other meanings. Another minor version only adds or lacks messages, and both
-    sides use the common ones.
+    In another major version, messages have other meanings. Another minor version only adds or lacks messages; both
+    sides then use the common messages.
     """
     major, minor = protocol_page["major"], protocol_page["minor"]
     version = f"{PROTOCOL_VERSION[0]}.{PROTOCOL_VERSION[1]}"

@@ -237,7 +237,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class KeepAlive:
-    """Sign of life of the host."""
+    """Message that confirms that the host is still active."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,7 +326,7 @@ class Frame:
 
 
 def encode(message: Message, node: int = DEVICE_NODE) -> Frame:
-    """Frame with a message to or from a node.
+    """Convert a message to or from a node to a frame.
 
     Raises:
         LocalProtocolError: a field is out of its range in dpr.dbc.
@@ -340,7 +340,7 @@ def encode(message: Message, node: int = DEVICE_NODE) -> Frame:
 
 
 def decode(frame: Frame) -> Message:
-    """Message in a frame, from any node.
+    """Convert a frame from any node to a message.
 
     Raises:
         RemoteProtocolError: the number of the message or a value in it is not in dpr.dbc, or the frame has a wrong

@@ -14,7 +14,7 @@ HALF_RANGE = 0x7FFF
 REMEMBERED = 1024
 """Number of recent samples that are kept, for comparison with repeated ones."""
 LATE_IN_A_ROW = 6
-"""Number of consecutive samples with past ticks that the reordering of a link cannot explain."""
+"""Number of consecutive samples with past ticks above which reordering by a link is no longer an explanation."""
 
 
 class Row(NamedTuple):
@@ -44,8 +44,8 @@ class SampleStream:
     samples.
 
     If two samples of one tick have different counts, the correct one is unknown. A link that duplicates or reorders
-    frames delivers late samples, but neither contradictory ones nor several late ones in succession. In both of these
-    cases the tick of the device has decreased.
+    frames delivers late samples, but no contradictory samples and not several late samples in succession. These two
+    cases show that the tick of the device has decreased.
     """
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class SampleStream:
         self.position_slips = 0
         """Number of POSITION messages that contradicted the rows by multiples of 65536 counts.
 
-        After each of them, some rows since the previous POSITION are wrong.
+        In each case, some rows since the previous POSITION are wrong.
         """
         self._blind = HALF_RANGE
         self._tick = -1

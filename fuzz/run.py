@@ -1,9 +1,10 @@
-"""Search for inputs that break a reader, guided by coverage (atheris, on libFuzzer).
+"""Coverage-guided fuzzing of a reader (atheris, based on libFuzzer).
 
     python fuzz/run.py TARGET [--seconds 60]
 
-Starts from `corpus/TARGET`; what it finds on the way stays in a temporary folder. An input that breaks a target ends
-the search and is written to `fuzz/findings`; put it into the corpus with the mend, so that the tests replay it.
+The search starts from the inputs in `corpus/TARGET`. New inputs are kept in a temporary folder. An input for which a
+target fails ends the search and is written to `fuzz/findings`. After the fault is corrected, add the input to the
+corpus, so that the tests repeat it.
 """
 
 import argparse
@@ -22,7 +23,7 @@ MOST_MB = 1024
 
 
 def main() -> None:
-    """Fuzz one target for as long as asked."""
+    """Fuzz one target for the requested time."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("target", choices=TARGETS)
     parser.add_argument("--seconds", type=int, default=60)

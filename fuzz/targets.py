@@ -1,7 +1,7 @@
-"""Fuzz targets: one function for each reader of foreign bytes, which asserts what must hold for any input.
+"""Fuzz targets: one function for each reader of untrusted bytes. It asserts the properties that hold for any input.
 
-An input may be refused by the error that the reader documents. Everything else that leaves a target is a finding:
-another exception, a wrong answer, a hang, memory without bound.
+A reader may refuse an input with its documented error. Any other exception, a wrong result, a hang, or unlimited use of
+memory is a fault.
 """
 
 import json
@@ -33,7 +33,7 @@ from firmware_protocol.messages import NUMBERS, RELEASE_KEY, Frame, Hello, Hold,
 from firmware_protocol.stream import SampleStream
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
-"""Files go here and not to a disk, which is asked to sync each."""
+"""Folder for temporary files, in memory if possible, because the writer synchronises each file with the disk."""
 PAPER = load_rig("paper")
 IDENTITY = DeviceInfo("1.0.0", "00000000000000ff", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=100)
 METADATA = RunMetadata(PAPER, "X1", 1000)
@@ -45,19 +45,22 @@ CSV_OPTIONS = (
 
 
 def frames(data: bytes) -> None:
-    """The decoder of the serial framing: chunking never matters, a frame that comes out was in the bytes."""
+    """Test the decoder of the serial framing.
+
+    The division of the bytes into blocks has no effect, and the bytes contain every decoded frame.
+    """
     whole, cut = FrameDecoder(), FrameDecoder()
-    found = whole.feed(data)
-    at = data[0] if data else 0
-    assert cut.feed(data[:at]) + cut.feed(data[at:]) == found
+    decoded = whole.feed(data)
+    split = data[0] if data else 0
+    assert cut.feed(data[:split]) + cut.feed(data[split:]) == decoded
     assert (cut.crc_errors, cut.framing_errors) == (whole.crc_errors, whole.framing_errors)
-    for frame in found:
+    for frame in decoded:
         assert encode_frame(frame)[:-1] in data
     assert len(whole._rest) <= MAX_ENCODED
 
 
 def slcan(data: bytes) -> None:
-    """The decoder of an adapter's lines."""
+    """Test the decoder of the lines of a CAN adapter."""
     whole, cut = SlcanDecoder(), SlcanDecoder()
     found = whole.feed(data)
     at = data[0] if data else 0
@@ -70,7 +73,7 @@ def slcan(data: bytes) -> None:
 
 
 def session(data: bytes) -> None:
-    """Both ends of the conversation: only RELEASE with its key opens the latch, and nothing breaks either end."""
+    """Test both sides of the protocol: no input causes an error, and only RELEASE with its key opens the latch."""
     device, host, stream = DeviceSession(IDENTITY), HostSession(), SampleStream()
     for number, opening in enumerate((Hello(1), Hold(2), Stream(3, 1000))):
         device.receive(encode(opening), 0.1 * number)
@@ -92,21 +95,21 @@ def session(data: bytes) -> None:
 
 
 def _sliced(data: bytes) -> list[Frame]:
-    """Bytes as frames: identifier, length, data."""
-    found: list[Frame] = []
+    """Interpret bytes as a sequence of frames: identifier, length, data."""
+    sliced: list[Frame] = []
     while len(data) >= 2:
         length = data[1] % 9
-        found.append(Frame(64 | data[0] & 63, data[2 : 2 + length]))
+        sliced.append(Frame(64 | data[0] & 63, data[2 : 2 + length]))
         data = data[2 + length :]
-    return found
+    return sliced
 
 
 def run_file(data: bytes) -> None:
-    """The reader of run files."""
+    """Test the reader of run files with arbitrary bytes."""
     with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
         path = Path(folder) / "a.mcap"
         path.write_bytes(data)
-        assert not verify(path).ok  # its hash is not beside it
+        assert not verify(path).ok  # there is no hash file
         with suppress(RunError):
             info(path).to_json()
         with suppress(RunError):
@@ -114,9 +117,9 @@ def run_file(data: bytes) -> None:
 
 
 def run_content(data: bytes) -> None:
-    """The reader of run files, given a file whose CRCs and digests are right and whose content is foreign.
+    """Test the reader of run files with a file that has correct CRCs and digests, but arbitrary messages.
 
-    Each line is one message: the first byte says the channel or the end record, the rest is what it holds.
+    Each line is one message: the first byte selects the channel or a truncated file, the other bytes are the content.
     """
     with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
         path = Path(folder) / "a.mcap"
@@ -135,7 +138,7 @@ def run_content(data: bytes) -> None:
 
 
 def _write_lines(writer: RunWriter, lines: list[bytes]) -> bool:
-    """Write lines as messages; True when one of them asks for a file without its end."""
+    """Write lines as messages. Return True if a line requests a file without its end."""
     topics, cut = (SAMPLES, SAMPLES, SAMPLES, EVENTS, CLOCK, STATUS), False
     for at, line in enumerate(lines):
         if line[:1] == b"E":
@@ -146,7 +149,7 @@ def _write_lines(writer: RunWriter, lines: list[bytes]) -> bool:
 
 
 def table(data: bytes) -> None:
-    """The importer of any logger's table."""
+    """Test the import of a table."""
     with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
         path = Path(folder) / "a.csv"
         path.write_bytes(data)
@@ -166,7 +169,7 @@ def _check_run(run: Run) -> None:
 
 
 def rig(data: bytes) -> None:
-    """The reader of rig files."""
+    """Test the reader of rig files."""
     with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
         path = Path(folder) / "a.toml"
         path.write_bytes(data)
@@ -178,7 +181,7 @@ def rig(data: bytes) -> None:
 
 
 def model(data: bytes) -> None:
-    """The reader of identified models."""
+    """Test the reader of identified models."""
     with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
         path = Path(folder) / "a.json"
         path.write_bytes(data)
@@ -196,4 +199,4 @@ TARGETS: dict[str, Callable[[bytes], None]] = {
     "rig": rig,
     "model": model,
 }
-"""Name -> target; `corpus/NAME` holds where its search starts."""
+"""Target of each name. `corpus/NAME` contains the inputs from which its search starts."""

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from sim_device.options import Options
 
 DESCRIPTION = """\
-A simulated device. It speaks the same protocol as the board, over a pseudo terminal (serial, or CAN in SLCAN) or over
-TCP on this machine. It is ready once it prints one line of JSON with the URL to connect to."""
+Simulated device. It uses the same protocol as the board, over a pseudo-terminal (serial, or CAN in SLCAN) or over TCP
+on this machine. When it is ready, it prints one line of JSON with the URL to connect to."""
 
 EXAMPLE = """\
 example:
@@ -31,18 +31,19 @@ faults (--fault NAME=VALUE, repeatable):
 
 
 DRAW_HELP = """\
-draw the effects too, from the seed: single, pair, triple, clean, dirty, form, outside or any; clear, subtle or faint"""
+also draw the effects, from the seed, as KIND:LEVEL. Kinds: single, pair, triple, clean, dirty, form, outside or any.
+Levels: clear, subtle or faint"""
 
 SEAL_HELP = """\
-draw a plant, write its truth to FOLDER, print its seal (a salted hash) and its rig file as JSON, and exit; afterwards
---plant FOLDER/plant.toml selects this plant. With - instead of FOLDER nothing is written: the first line of standard
-input is the text of a rig file as a JSON string. Each further line that is a JSON object is a release to record:
-{"theta1": rad, "theta2": rad, "duration_s": s}, optionally with "rods" and "added_mass" as in a rig file. Any other
-line reveals the truth"""
+draw a plant, write its true values to FOLDER, print its seal (a salted hash) and its rig file as JSON, and exit;
+afterwards --plant FOLDER/plant.toml selects this plant. With - instead of FOLDER nothing is written: the first line of
+standard input is the text of a rig file as a JSON string. Each further line that is a JSON object is a release to
+record: {"theta1": rad, "theta2": rad, "duration_s": s}, optionally with "rods" and "added_mass" as in a rig file. Any
+other line reveals the true values"""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve until stopped and return the exit code."""
+    """Run a simulated device until it is stopped, and return the exit code."""
     options = _parser().parse_args(arguments)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="sim_device: %(message)s")
     try:
@@ -63,36 +64,34 @@ def _parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--rig", default="paper", help="rig file or built-in name: lengths, poses, encoders (default: %(default)s)")
-    add("--plant", default="paper", help="plant file or built-in name: the hidden truth (default: %(default)s)")
+    add("--plant", default="paper", help="plant file or built-in name: the true values (default: %(default)s)")
     add("--link", default="pty", help="pty, slcan or tcp:PORT (default: %(default)s)")
     add("--clock", default="realtime", choices=("realtime", "fast"), help="fast: as fast as the host receives")
-    add(
-        "--seed", type=_whole, help="seed of noise and operator; also the truth with --draw (default: the plant file's)"
-    )
-    add("--draw", action="store_true", help="draw the true parameters around the plant file's, from the seed")
+    add("--seed", type=_whole, help="seed of noise and operator, and of --draw (default: the seed of the plant file)")
+    add("--draw", action="store_true", help="draw the true parameters around those of the plant file, from the seed")
     add("--draw-effects", metavar="KIND[:LEVEL[:EFFECT,...]]", help=DRAW_HELP)
     add("--arm", choices=("free", "driven"), help="arm of a plant drawn by --seal (default: as in the rig file)")
     add("--baud", type=_whole, help="bit/s of the line (default: 921600 for serial, 1000000 for CAN)")
-    add("--uid", type=_uid, default=0x51D0_0000_0001, help="the device's number, hexadecimal")
-    add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal (default: %(default)s)")
+    add("--uid", type=_uid, default=0x51D0_0000_0001, help="unique identifier of the device, hexadecimal")
+    add("--drift-ppm", type=float, default=0.0, help="error of the device's crystal, ppm (default: %(default)s)")
     add(
         "--torques",
         metavar="FILE",
-        help="table that drives replay from the release on: t_s, tau1_Nm, tau2_Nm, or t_s and the arm's input (tau0_Nm,"
-        " current_A or voltage_V)",
+        help="table that the drives replay from the release on, with the columns t_s, tau1_Nm, tau2_Nm, or t_s and the"
+        " input of the arm (tau0_Nm, current_A or voltage_V)",
     )
     add("--hand-error", type=float, default=0.0, help="error of the operator at every pose, rad (default: %(default)s)")
     add("--fault", action="append", default=[], metavar="NAME=VALUE", help="fault to simulate, see below")
     add("--firmware", default="python", choices=("python", "c"), help="c: the reference firmware (default: python)")
     add("--exit-with-parent", action="store_true", help="stop when standard input closes")
-    add("--reveal", action="store_true", help="print the plant's truth as JSON and exit")
+    add("--reveal", action="store_true", help="print the true values of the plant as JSON and exit")
     add("--seal", type=Path, metavar="FOLDER", help=SEAL_HELP)
     add(
         "--direct",
         action="store_true",
         help="with --seal: also print the recordings, simulated without device and link",
     )
-    add("--unseal", type=Path, metavar="FOLDER", help="print the truth kept in FOLDER and its salt as JSON and exit")
+    add("--unseal", type=Path, metavar="FOLDER", help="print the true values in FOLDER and their salt as JSON and exit")
     return parser
 
 
@@ -124,9 +123,9 @@ def _tell(options: argparse.Namespace) -> int:
 
 
 def _hold(options: argparse.Namespace) -> int:
-    """Keep a sealed plant, whose truth exists only in the memory of this process.
+    """Keep a sealed plant, whose true values exist only in the memory of this process.
 
-    Each line of input with a JSON object requests the recording of a release. Any other line reveals the truth.
+    Each line of input with a JSON object requests the recording of a release. Any other line reveals the true values.
     """
     from dpr_lab.rig import parse_rig
     from sim_device.trials.trial import drawn_trial, recorded_next

@@ -28,7 +28,7 @@ from sim_device.trials.request import parse_request, with_kind
 
 
 def hidden_plant(options: Options) -> HiddenPlant:
-    """Plant of a device with these options.
+    """Create the plant of a device with these options.
 
     Raises:
         ConfigError: a rig or plant file is missing or invalid, or the requested draw is impossible.
@@ -43,7 +43,7 @@ def hidden_plant(options: Options) -> HiddenPlant:
 
 
 def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceLink, Faults]:
-    """Board and open link of a device, with its faults, ready for `serve`.
+    """Create board, open link and faults of a device, for `serve`.
 
     Args:
         options: options of the device
@@ -52,7 +52,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
     Raises:
         ConfigError: an invalid file or fault.
-        LinkError: no such link, or it cannot be opened.
+        LinkError: the link is unknown or cannot be opened.
     """
     rig, plant = load_rig(options.rig), hidden_plant(options)
     drives = _drives(options, plant.config)
@@ -105,7 +105,7 @@ def with_drives(info: DeviceInfo, drives: JointDrives | ArmDrive | None) -> Devi
 
 
 def _firmware(name: str) -> tuple[Callable[[DeviceInfo, SimulatedRods, Clock, Faults], Board], Framing]:
-    """Function that creates a board with a firmware, and the framing of this firmware for a serial line."""
+    """Return a function that creates a board with the named firmware, and its framing for a serial line."""
     if name == "python":
         return PythonBoard, SerialCodec
     from sim_device.firmware.c_board import CBoard

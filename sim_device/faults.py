@@ -1,4 +1,4 @@
-"""Faults that can be requested: a bad cable, a failing board, a broken encoder."""
+"""Simulated faults of cable, board, encoders and link, which can be requested by name."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -55,7 +55,7 @@ FAULTS: dict[str, FaultKind] = {
     "major": FaultKind("identity", "major version of the protocol that the device claims", 255, whole=True),
     "schema": FaultKind("identity", "schema hash that the device claims", 0xFFFFFFFF, whole=True),
 }
-"""Name of a fault on the command line -> its description. Faults can be given several times and combined."""
+"""Description of each fault, by its name on the command line. Several faults can be combined."""
 
 STRAY_BYTES = 24
 """Number of bytes that `garbage` inserts before a write."""
@@ -65,7 +65,7 @@ MISSED_AFTER_S = 0.25
 
 
 class Faults:
-    """Requested faults, with their random numbers."""
+    """Requested faults, with the random numbers that determine when they occur."""
 
     def __init__(self, values: dict[str, float] | None = None, seed: int = 0) -> None:
         self._values = values or {}
@@ -115,7 +115,7 @@ class Faults:
         return [frame for frame, gone in zip(frames, lost, strict=True) if not (gone and frame.number == number)]
 
     def _untrue(self, frame: Frame) -> Frame:
-        """Frame with false content in place of a PONG or STATUS, if this fault is requested."""
+        """Falsify a PONG or STATUS if this fault is requested; return other frames unchanged."""
         if frame.number == NUMBERS[Pong] and "pong_scale" in self._values:
             pong = decode(frame)
             assert isinstance(pong, Pong)
@@ -135,7 +135,7 @@ class Faults:
         return data[: self._rng.integers(1, len(data))]
 
     def taken(self, count: int) -> NDArray[np.bool_]:
-        """Whether the board takes each of `count` samples in time: (count,)."""
+        """Flags (count,) of the samples that the board takes in time."""
         late = self._values.get("overrun", 0.0)
         return self._rng.random(count) >= late if late else np.ones(count, dtype=np.bool_)
 
@@ -189,7 +189,7 @@ class Faults:
 
 
 def parse_faults(texts: Iterable[str], seed: int = 0) -> Faults:
-    """Faults from texts such as `drop=0.01`.
+    """Parse faults from texts such as `drop=0.01`.
 
     Raises:
         ConfigError: the text is not `name=value`, the fault is unknown, or its value is out of range.

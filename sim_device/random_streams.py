@@ -1,4 +1,4 @@
-"""Random numbers of the simulated device: one seed, a separate stream for each purpose, no state."""
+"""Stateless random numbers of the simulated device, from one seed, with a separate stream for each purpose."""
 
 from enum import IntEnum
 

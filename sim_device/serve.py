@@ -31,7 +31,7 @@ def serve(
     stopped: Callable[[], bool],
     wall: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Run until `stopped()`, or until the link is cut as requested; then close the link."""
+    """Run the device until `stopped()` is true or a requested fault cuts the link. Then close the link."""
     reset_after = faults.value("reset_after_s")
     line = _Line(link, faults)
     while not stopped():

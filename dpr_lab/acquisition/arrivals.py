@@ -29,10 +29,10 @@ class ArrivalSettings:
     shortest_s: float = 0.5
     """Minimum duration for an estimate of the rate, s."""
     delay_drift_s: float = 0.01
-    """Possible change of the shortest delay during a recording that stays undetected, s: a few time slices of the
+    """Assumed bound on an undetected change of the shortest delay during a recording, s: a few time slices of the
     host."""
     central: tuple[float, float] = (0.1, 0.9)
-    """Quantiles of the residuals between which blocks are used. Blocks outside may lie entirely within a stall."""
+    """Quantiles of the residuals; only blocks between them are used. Other blocks may lie entirely within a stall."""
 
 
 ARRIVALS = ArrivalSettings()

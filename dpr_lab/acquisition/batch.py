@@ -47,7 +47,7 @@ def arrays(rows: Sequence[AnyRow]) -> tuple[Integers, Integers]:
 
 
 class Counter:
-    """Total of a 16-bit counter, which wraps and restarts with every stream."""
+    """Total count of a 16-bit counter that overflows and restarts with every stream."""
 
     def __init__(self) -> None:
         self.total = 0

@@ -3,8 +3,8 @@
     check the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> permission -> release ->
     record -> stop -> quality gate
 
-Progress is reported by events; there is no output. Only the command RELEASE releases the rods. It is sent only after
-pose and rest were checked and the caller has given permission. If a capture ends before that, the rods stay held.
+Progress is reported by events; nothing is printed. Only the command RELEASE releases the rods. It is sent only after
+pose and rest were checked and the caller has given permission. If a capture ends before RELEASE, the rods stay held.
 """
 
 import math
@@ -82,12 +82,12 @@ OnProgress: TypeAlias = Callable[[Progress], None]
 
 
 def refuse() -> bool | None:
-    """Default permission: never release."""
+    """Default of the argument `confirm`: never permit the release."""
     return False
 
 
 def ignore(progress: Progress) -> None:
-    """Default listener: ignore events."""
+    """Default of the argument `on_progress`: ignore all events."""
 
 
 def capture(
@@ -117,8 +117,8 @@ def capture(
         ConfigError: the pose is unknown, or the device does not match the rig.
         LinkError, DeviceFault: see `Device`.
         SafetyStop: a check before the release failed, or no permission was given; the rods stay held.
-        RunError: the disk has no space for the file (detected before the rods move), or failed; the recorded data are
-        kept.
+        RunError: the disk has no space for the file (detected before the rods move), or writing failed; the recorded
+        data are kept.
         DeviceLost: the connection was lost; the message names the partial file if there is one.
         KeyboardInterrupt: re-raised with the name of the file, after the file was finished as incomplete and the device
             was stopped.
@@ -149,7 +149,7 @@ def capture(
 
 
 def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
-    """Path of a run file that does not exist yet: `<utc>_<pose>_<uid8>.mcap`."""
+    """Choose the path of a new run file: `<utc>_<pose>_<uid8>.mcap`."""
     stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{in_file_name(pose_name)}_{uid[-8:]}"
     path, number = out_dir / f"{stem}{SUFFIX}", 1
     while path.exists():
@@ -159,7 +159,7 @@ def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
 
 
 def in_file_name(pose_name: str) -> str:
-    """Name of a pose in the form that names of run files contain."""
+    """Convert the name of a pose to the form that is used in names of run files."""
     return re.sub(r"[^A-Za-z0-9.-]", "-", pose_name)
 
 

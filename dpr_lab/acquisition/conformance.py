@@ -1,4 +1,4 @@
-"""Conformance test of a device: the exchanges of `traces.json` over its port, and its timing.
+"""Conformance test of a device: the exchanges in `traces.json` over its port, and a timing test.
 
 The test opens and closes the latch many times, so the rods must be removed.
 """
@@ -75,7 +75,7 @@ class Conformity:
 
 
 DRIVES = {"joints": PAGES, "arm": ARM_PAGE}
-"""Kind of drives in a trace -> page of INFO that only devices with such drives send."""
+"""INFO page that only devices with a kind of drives send, for each kind in a trace."""
 
 MARK = 0xBA00
 """First token of the pings that follow a command. A device processes messages in order, so the answers to the pings
@@ -115,7 +115,7 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
 
 
 class _Peer:
-    """Host side of an exchange; it sends exactly the given messages."""
+    """Host in an exchange. It sends only the given messages."""
 
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
@@ -206,7 +206,7 @@ class _Peer:
 
 
 def _step(peer: _Peer, step: Step, where: str) -> str:
-    """Description of how a device deviates from a step of a trace; empty if it does not."""
+    """Run a step of a trace and describe how the device deviates from it; empty if it does not deviate."""
     if "silent_s" in step:
         asked, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
     elif "frame" in step:
@@ -238,7 +238,7 @@ def _names(messages: Sequence[Message]) -> str:
 
 
 def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) -> Iterator[Conformity]:
-    """Results of the timing test: samples and reports in a period of the host's clock."""
+    """Run the timing test and yield its results: rates of samples and STATUS messages by the host's clock."""
     peer.ask(Hello(token=1))
     peer.ask(Hold(token=2))
     peer.ask(Stream(token=3, rate_hz=settings.rate_hz))

@@ -141,7 +141,7 @@ class Device:
         return self._timing.silence_s * patience
 
     def connect(self, timeout: float = 2.0) -> DeviceInfo:
-        """Handshake with the device, which is repeated until the device answers or `timeout` s have passed.
+        """Perform the handshake. It is repeated until the device answers or `timeout` s have passed.
 
         Raises:
             LinkTimeout: the device does not answer; the message states whether any bytes arrived.
@@ -201,7 +201,7 @@ class Device:
         self._command(Stop())
 
     def poll(self, timeout: float) -> list[Batch]:
-        """All messages since the last call; waits at most `timeout` s for the first one.
+        """Return all messages since the last call. Wait at most `timeout` s for the first one.
 
         No message is discarded between calls, so call the method regularly while the device streams. Messages that
         arrived before the link was lost are returned first; the next call raises an exception.
@@ -240,7 +240,7 @@ class Device:
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Fit from device ticks of the last stream to `time.monotonic()`, or None and the reason."""
+        """Return the fit from device ticks of the last stream to `time.monotonic()`, or None and the reason."""
         if self.simulated_time:
             return None, ""
         with self._lock:
@@ -282,7 +282,7 @@ class Device:
         speeds = " and ".join(capacity.name for capacity in self._transport.capacities)
         if self._bytes and not self._frames:
             return (
-                f"{self.url}: {self._bytes} bytes arrived and no valid frame: {speeds or 'the speed'} is probably"
+                f"{self.url}: {self._bytes} bytes arrived, but no valid frame: {speeds or 'the speed'} is probably"
                 " wrong; give the speed of the device's firmware in the link (?baud=... or ?bitrate=...)"
             )
         hint = f", and that the device is set to {speeds}" if speeds else ""
@@ -293,7 +293,7 @@ class Device:
             raise self._failure
 
     def _read(self) -> None:
-        """Main function of the reader thread: convert received data to batches, send keepalives and pings."""
+        """Run the reader thread: convert received data to batches, and send keepalives and pings."""
         try:
             while not self._closing.is_set():
                 received = self._transport.receive(self._timing.read_s)
@@ -337,7 +337,7 @@ class Device:
             self._batches.append(Batch(received.host_time, received.raw, tuple(rows), tuple(messages), lost_before))
 
     def _trusted(self, sample: Sample) -> list[Row]:
-        """The sample before `sample`, which was held until now; empty if `sample` contradicts it."""
+        """Return the delayed sample before `sample`, or an empty list if `sample` contradicts it."""
         if self._held is not None and self._stream.contradicts(self._held, sample):
             self._held = None
         row = self._stream.feed(sample)

@@ -76,7 +76,7 @@ class DeviceWord:
 
 @dataclass(frozen=True, slots=True)
 class JudgedRun:
-    """Input of the quality checks."""
+    """Recording to be checked, with the data that the quality checks require."""
 
     run: Run
     rig: Rig
@@ -136,7 +136,7 @@ def _rest(judged: JudgedRun) -> tuple[Array, Array] | None:
 def _hanging_before(judged: JudgedRun) -> Check | None:
     """Check the hanging position before the rods were raised.
 
-    A deviation indicates a wrong zero, or counts that were lost before.
+    A deviation indicates a wrong zero in the rig file, or earlier lost counts.
     """
     if judged.hanging is None:
         return None
@@ -176,7 +176,7 @@ def _pose(judged: JudgedRun) -> Check | None:
         return None
     error = np.abs(pose_error(rest[1], judged.pose)).mean(axis=0)[: judged.rig.rods.placed]
     rod, worst, limit = judged.rig.rods.names[int(error.argmax())], float(error.max()), judged.pose.tolerance
-    sentence = f"the {rod} was {worst:.3f} rad away from the pose (limit {limit}): place it closer"
+    sentence = f"the {rod} was {worst:.3f} rad away from the pose (limit {limit}): place the rods more accurately"
     return Check("pose", worst <= limit, worst, limit, "rad", sentence)
 
 
@@ -211,7 +211,7 @@ def _lost(judged: JudgedRun) -> Check | None:
     if lost.get("contradicted"):
         limit = 0.0
     causes = ", ".join(f"{cause} {n}" for cause, n in lost.items()) or "none"
-    sentence = f"lost by cause: {causes}, {100 * share:.2f} % of the samples (limit {100 * limit:g} %)"
+    sentence = f"lost samples: {causes}, {100 * share:.2f} % of the samples (limit {100 * limit:g} %)"
     return Check("lost", share <= limit, share, limit, "1", sentence + ": check cable and rate")
 
 
@@ -238,7 +238,7 @@ def _jitter(judged: JudgedRun) -> Check | None:
 
 
 def _clock(judged: JudgedRun) -> Check | None:
-    """Check the clock rate error of the device, from PING and PONG and from the arrival times of the samples."""
+    """Check the clock rate error of the device, estimated from PING and PONG and from the arrival times of samples."""
     if not clock_rates(judged.run.clock):
         return None
     limit = judged.limits.clock_ppm
@@ -268,11 +268,14 @@ def _clock_fit(judged: JudgedRun) -> Check | None:
     difference, allowed = abs(pong - arrival), margin + 5 * std + limits.clock_ppm
     if difference > allowed:
         sentence = (
-            f"by PONG the device's clock runs at {pong / 1e4:+.2f} %, by its samples at {arrival / 1e4:+.2f} %:"
-            " check which timer PONG reads in its firmware"
+            f"the rate error of the device's clock is {pong / 1e4:+.2f} % by PONG, but {arrival / 1e4:+.2f} % by its"
+            " samples: check which timer PONG reads in the firmware"
         )
         return Check("clock_fit", False, difference, allowed, "ppm", sentence)
-    sentence = f"PONG answers contradict each other: the clock rate has an uncertainty of {std / 1e4:.2g} %: check PONG"
+    sentence = (
+        f"PONG answers contradict each other, so the clock rate has an uncertainty of {std / 1e4:.2g} %: check PONG in"
+        " the firmware"
+    )
     return Check("clock_fit", std <= limits.clock_std_ppm, std, limits.clock_std_ppm, "ppm", sentence)
 
 
@@ -297,7 +300,7 @@ def _jumps(judged: JudgedRun) -> Check | None:
     speed = np.maximum(turned, 0.0) / np.diff(run.t)[:, np.newaxis]
     share = (speed / (limits.speed_margin * fastest_possible(judged.rig))).max(axis=0)
     rod, worst = judged.rig.rods.names[int(share.argmax())], float(share.max())
-    sentence = f"the {rod} jumps at {worst:.1f} times the fastest speed possible: check encoder and its wiring"
+    sentence = f"the {rod} jumps at {worst:.1f} times the maximum possible speed: check the encoder and its wiring"
     return Check("jumps", worst <= 1.0, worst, 1.0, "1", sentence)
 
 

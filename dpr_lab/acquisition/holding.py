@@ -173,7 +173,7 @@ def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iter
 def guide(
     device: Device, rig: Rig, pose: Pose, timeout: float, on_reading: OnReading, settings: CaptureSettings
 ) -> None:
-    """Report the error of the pose until it is within the tolerance several times in a row.
+    """Report the error of the pose until several consecutive readings are within the tolerance.
 
     Raises:
         SafetyStop: the pose was not reached in time, or the elbow is clamped at another angle.
@@ -239,16 +239,20 @@ class HeldPose:
         self._report_at = 0.0
 
     def await_rest(self, timeout: float) -> None:
-        """Wait until the rods have been at rest and at the pose for a whole window."""
+        """Wait until the rods have been at rest and at the pose for the duration of `RestLimits`.
+
+        Raises:
+            SafetyStop: this took longer than `timeout` s.
+        """
         deadline = time.monotonic() + timeout
         while (restless := self._look(self._settings.poll_s)) != "":
             if time.monotonic() > deadline:
                 raise SafetyStop(f"after {timeout:g} s {restless}; nothing was released, the rods stay held")
 
     def await_go_ahead(self, confirm: Confirm) -> None:
-        """Request permission until there is an answer, then check the rods again.
+        """Wait for the permission to release, then check the rods again.
 
-        The answer may take long.
+        The rods are checked again because they may have moved during the wait.
         """
         while (answer := confirm()) is None:
             self._look(self._settings.poll_s)
@@ -277,7 +281,7 @@ class HeldPose:
         return reading.restless or self._denied()
 
     def _denied(self) -> str:
-        """Reason against a release in the last STATUS; empty if the device holds the rods and streams."""
+        """Reason against a release, from the last STATUS; empty if the device holds the rods and streams."""
         status = self._device.status
         if status is None:
             return "the device has not reported that its latch holds"

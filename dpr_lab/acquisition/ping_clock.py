@@ -1,4 +1,4 @@
-"""Clock of the device from PING and PONG: exchanges during a stream, and the fit to them."""
+"""Clock rate and offset of the device, from PING and PONG exchanges during a stream."""
 
 from collections import deque
 
@@ -8,7 +8,7 @@ from firmware_protocol.messages import Ping, Pong
 
 
 class PingClock:
-    """Schedule of the requests for the device time, and the clock estimate from the answers.
+    """Schedule of the PING commands, and the clock fit to the PONG answers.
 
     Args:
         timing: interval of the requests
@@ -29,7 +29,7 @@ class PingClock:
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
 
     def stop(self) -> None:
-        """End the stream: later answers do not belong to its ticks, which a device may restart."""
+        """End the stream. Later answers are ignored, because the device may restart its ticks."""
         self._streaming = False
 
     def due(self, now: float) -> Ping | None:
@@ -48,7 +48,7 @@ class PingClock:
             self._exchanges.append(exchange)
 
     def fit(self, rate_hz: float) -> tuple[ClockFit | None, str]:
-        """Fit from ticks of the stream to host time, or None and the reason."""
+        """Return the fit from ticks of the stream to host time, or None and the reason."""
         exchanges = list(self._exchanges)
         if len(exchanges) < FEWEST:
             answers = f"{len(exchanges)} of {self._sent} PING commands were answered"

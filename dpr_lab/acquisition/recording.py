@@ -84,7 +84,7 @@ class Recording:
         return self._writer.metadata.rate_hz
 
     def expect_release(self) -> None:
-        """Accept an instant of release from now on, because RELEASE is sent."""
+        """Accept a reported instant of release from now on. Call this method just before RELEASE is sent."""
         self._earliest_release = max(self._newest_tick, 0)
 
     @property
@@ -146,9 +146,9 @@ class Recording:
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
-        """Write the newest clock fit, or store the reason why it is `missing`; a finished file is not changed.
+        """Write the clock fit `fit`, or store the reason `missing` why there is none.
 
-        The next fit is due after `next_in_s`.
+        A finished file is not changed. The next fit is due after `next_in_s`.
         """
         if self._finished:
             return
@@ -250,7 +250,7 @@ class Recording:
         )
 
     def finish(self, clock: tuple[ClockFit | None, str], notes: tuple[str, ...] = ()) -> QualityReport:
-        """Check the recording, add `notes` to the report, and complete the run file."""
+        """Check the recording, add `notes` to the quality report, and complete the run file."""
         self.note_clock(*clock)
         notes = (*notes, *self._torque_notes(), *self._motor_notes())
         report = judge(self.run(), self.rig, self._duration, self._hanging, self._limits, self._word)
@@ -269,7 +269,7 @@ class Recording:
         return (note,) if lost else ()
 
     def _motor_notes(self) -> tuple[str, ...]:
-        """Note that the device drives an arm which is described as free; empty otherwise."""
+        """Note if the device drives an arm that is described as free; otherwise empty."""
         if not self._motor or self.release_tick is None:
             return ()
         ticks, inputs = np.array(self._motor, dtype=np.float64).T

@@ -57,20 +57,20 @@ class QualityLimits:
     release_speed: float = 0.2
     """Maximum initial speed, rad/s. The fit over 20 ms has an uncertainty of about 0.03 rad/s."""
     sigmas: float = 5.0
-    """Maximum change of a speed that does not count as a push or a jump, in standard deviations due to coarse
-    counts."""
+    """Maximum change of a speed that does not count as a push or a jump, in standard deviations of the speed error
+    that results from the encoder resolution."""
     lost_share: float = 1e-3
     gap_periods: int = 10
     """Maximum number of consecutive missing samples."""
     clock_ppm: float = 600.0
-    """Maximum clock rate error of the device, ppm. Crystals stay below about 100 ppm. All times are wrong by this
-    amount."""
+    """Maximum clock rate error of the device, ppm. All times have this relative error. Crystal oscillators stay below
+    about 100 ppm."""
     clock_std_ppm: float = 10_000.0
     """Maximum standard deviation for which a clock rate is used, ppm. Two seconds of PING on a busy host give a tenth
     of this value."""
     real_pace_ppm: float = 300_000.0
-    """Maximum relative difference of a steady clock rate from real time for which the clock is not a simulated one,
-    ppm. A simulated clock is many times faster."""
+    """Maximum difference of a steady clock rate from real time for which the clock counts as real, ppm. A simulated
+    clock is many times faster."""
     latched_share: float = 0.5
     """Maximum share of STATUS messages after the release that still report a closed latch."""
     fewest_statuses: int = 3
@@ -78,8 +78,8 @@ class QualityLimits:
     jitter_periods: float = 0.05
     """Maximum irregularity of the sampling, rms in sample periods."""
     speed_margin: float = 1.5
-    """Factor on the maximum possible speed up to which a step between two samples does not count as a jump. It exceeds
-    1 because the values of the rig file are not exact."""
+    """Maximum ratio of the speed between two samples to the maximum possible speed; a larger ratio counts as a jump.
+    The limit exceeds 1 because the values of the rig file are not exact."""
     travel_counts: int = 16
     """Minimum motion of an encoder during a swing, counts."""
     hang_error: float = 0.02

@@ -65,10 +65,7 @@ class Captured:
 
 @dataclass(frozen=True, slots=True)
 class SwingRecorder:
-    """Recorder of one swing, for a given duration or until rest.
-
-    It reports the progress of the recording.
-    """
+    """Recorder of one swing, for a given duration or until rest, which also reports the progress."""
 
     device: Device
     longest: float
@@ -197,7 +194,7 @@ def _release(device: Device) -> None:
 
 
 class _Pace:
-    """Check that samples arrive at nearly their nominal rate; otherwise a recording might never end."""
+    """Monitor of the rate at which samples arrive. With far too few samples, a recording might never end."""
 
     def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:
         patience = device.silence_s / device.timing.silence_s
@@ -225,7 +222,7 @@ class _Pace:
 def _reason(error: BaseException) -> str:
     """Reason why a recording ended early.
 
-    Errors that are not written for the operator are given with their type.
+    If the error is not a `DprError`, its type is included.
     """
     if isinstance(error, KeyboardInterrupt):
         return STOPPED

@@ -1,1 +1,1 @@
-"""Certificates: claims of a diagnosis, which others verify by repeating it."""
+"""Certificates: claims of a diagnosis, which others can verify by repeating the diagnosis."""

@@ -18,7 +18,7 @@ LIBRARIES = ("python", "numpy", "scipy", "numba")
 
 
 def made_with() -> dict[str, str]:
-    """Versions and hash of the running code, by the field names of `dpr_lab.certificate.document.MadeWith`."""
+    """Determine versions and hash of the installed code, by the field names of `MadeWith`."""
     return {
         "dpr_lab": ", ".join([__version__, *packages()]),
         "code": _hash(Path(__file__).parents[1], fingerprint(*GROUPS)),
@@ -45,14 +45,14 @@ def compare_code(
 
     Args:
         certified: versions in the certificate
-        current: versions of the running code (`made_with`)
+        current: versions of the installed code, from `made_with`
         other_code: whether version and hash of the code may differ
         same_libraries: whether Python and the libraries must be equal
     """
-    code = "the certificate names other code; --other-code verifies its claims with this code"
+    code = "the certificate was made with different code; --other-code verifies its claims with the installed code"
     reasons = {} if other_code else dict.fromkeys(CODE, code)
     if same_libraries:
-        reasons |= dict.fromkeys(LIBRARIES, "the certificate names another version")
+        reasons |= dict.fromkeys(LIBRARIES, "the certificate was made with another version")
     versions = [(name, getattr(certified, name), current[name], reason) for name, reason in reasons.items()]
     return [
         Verified(f"made with: {name}", version, now, version == now, "" if version == now else reason)

@@ -45,8 +45,8 @@ def origin_of(certificate: Certificate, current: Mapping[str, str]) -> list[Decl
 
     Args:
         certificate: the certificate
-        current: versions of the running code (`dpr_lab.certificate.code.made_with`); notes name the versions that
-            differ
+        current: versions of the installed code, from `dpr_lab.certificate.code.made_with`; a note names each version
+            that differs
     """
     return [Declared("policy", str(certificate.policy)), *_made_with(certificate, current), _signed(certificate)]
 

@@ -1,8 +1,7 @@
 """The certificate file: recordings, rig, choices, code and claims of one diagnosis.
 
-The file contains no tolerances and no rules: these are the policy of the code (`dpr_lab.certificate.policy`). The seal
-is a hash without a key. The seal detects damage and accidental edits, but anyone can compute it again after an intended
-edit.
+The file contains no tolerances and no rules. These are part of the code (`dpr_lab.certificate.policy`). The seal is a
+hash without a key. It detects damage and accidental edits, but anyone can compute it again after a deliberate edit.
 """
 
 import hashlib
@@ -52,7 +51,7 @@ class CertifiedRecording(_Part):
     file: FilePath
     """Path relative to the folder of the certificate."""
     sha256: Sha256
-    """Hash of the file. Another import of the same table gives another file."""
+    """Hash of the file. Importing the same table again gives a file with another hash."""
     readings: Sha256
     """Hash of all data of the run that a fit uses (`dpr_lab.run.Run.readings_sha256`)."""
     held_out: bool
@@ -89,7 +88,7 @@ class CertifiedChoices(_Part):
     seed: int = Field(ge=0, lt=1 << 63)
     """Seed of the bootstrap."""
     any_clock: bool
-    """Whether runs are accepted although the clock of their device is less accurate than a crystal."""
+    """Whether runs are accepted if the clock of their device is less accurate than a crystal oscillator."""
     torque: Literal["measured", "commanded"] | None
     """Kind of torques to use for runs that contain both; None: measured."""
 
@@ -169,7 +168,7 @@ class Certificate(_Part):
         return self.model_copy(update={"seal": hashlib.sha256(self.content).hexdigest()})
 
     def compare_seal(self) -> list[Verified]:
-        """Failed verification of the seal; empty if the seal matches the content."""
+        """Verify the seal. The list is empty if the seal matches the content."""
         if self.seal == self.sealed().seal:
             return []
         return [Verified("seal", self.seal, None, False, "the certificate was changed after it was written")]
@@ -206,9 +205,9 @@ def load_certificate(path: Path) -> Certificate:
 
 
 def _text(path: Path, max_mb: int = 16) -> str:
-    """Content of a file of limited size.
+    """Read a text file of limited size.
 
-    A certificate of a thousand recordings has less than 1 MB.
+    A certificate of a thousand recordings is smaller than 1 MB.
     """
     try:
         if regular(path, RunError).stat().st_size > max_mb << 20:
@@ -221,9 +220,9 @@ def _text(path: Path, max_mb: int = 16) -> str:
 
 
 def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Convert key-value pairs to a mapping; repeated keys are refused.
+    """Convert key-value pairs to a mapping, and refuse repeated keys.
 
-    A reader may see the first value of a repeated key, whereas programs use the last one.
+    A person may read the first value of a repeated key, whereas programs use the last value.
     """
     values: dict[str, Any] = {}
     for key, value in pairs:

@@ -39,7 +39,7 @@ def certify_limits(path: Path, folder: Path) -> CertifiedLimits:
 
 
 def compare_limits(certificate: Certificate, folder: Path) -> list[Verified]:
-    """Compare the limits file with its hash; empty if there are no limits."""
+    """Compare the limits file with its hash. The list is empty if the certificate has no limits."""
     if certificate.limits is None:
         return []
     path, certified = folder / certificate.limits.file, certificate.limits.sha256
@@ -57,7 +57,7 @@ def _relative(path: Path, folder: Path) -> str:
 def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
     """Compare a run file with its hashes.
 
-    The hash of the readings is decisive, because another import of the same table gives another file with the same
+    Equal hashes of the readings are sufficient, because importing the same table again gives another file with the same
     readings.
     """
     try:

@@ -30,4 +30,4 @@ class Declared:
     value: str
     """Value in the certificate."""
     note: str = ""
-    """Default of the choice, or value of the running code, if it differs from the stated value."""
+    """Default of the choice, or value of the installed code, if it differs from the stated value; otherwise empty."""

@@ -1,9 +1,9 @@
 """Claims that a certificate must contain, and their tolerances.
 
-These rules are part of the code and not of the file: a certificate with a missing, additional or changed claim is not
-valid. A change of the rules requires a new policy (`dpr_lab.certificate.document.POLICY`). Names and verdicts must be
-equal. The tolerances of numbers are also used to compare the results of different versions of this program
-(tests/golden). They follow from the repeated diagnosis, so editing the file cannot widen them.
+These rules are part of the code and not of the file. A certificate with a missing, additional or changed claim is not
+valid. A change of the rules requires a new policy number (`dpr_lab.certificate.document.POLICY`). Names and verdicts
+must be equal. The tolerances of numbers are computed from the repeated diagnosis, so editing the file cannot widen
+them. They are also used to compare the results of different versions of this program (tests/golden).
 """
 
 from collections.abc import Iterator, Mapping
@@ -30,8 +30,8 @@ class Tolerances:
     of_interval: float = 0.1
     """Tolerance of any other number and of the ends of its interval, relative to the width of the interval."""
     of_typical: float = 1e-3
-    """Minimum tolerance, relative to the typical size of the parameter. It is needed because an interval at a bound has
-    no width."""
+    """Minimum tolerance, relative to the typical size of the parameter. It is needed because the interval of a
+    parameter at its bound has no width."""
 
 
 TOLERANCES = Tolerances()
@@ -115,10 +115,10 @@ def _number(value: float, interval90: Ends, typical: float) -> RequiredClaim:
 
 
 def _scale(scale: Scale) -> RequiredClaim:
-    """Claim on the b of absolute sizes.
+    """Claim on the value of b that absolute sizes assume.
 
-    If b is an estimate, its tolerance is that of the fit. If it is a value of the rig file, a repetition uses it
-    unchanged.
+    If b is an estimate, its tolerance follows from its interval. If b is a value of the rig file, a repetition uses the
+    same value.
     """
     claim, within = CertifiedClaim(value=scale.b, interval90=scale.interval90), _tolerance(scale.interval90, scale.b)
     return RequiredClaim(claim, within if scale.known else TOLERANCES.of_typical * scale.b, within)

@@ -1,6 +1,6 @@
 """Ed25519 signatures of certificates with keys of OpenSSH or OpenSSL, based on the library `cryptography`.
 
-Private keys are only read, and never written.
+Private keys are read, but never created or written.
 """
 
 import base64
@@ -21,7 +21,7 @@ CONTEXT = b"dpr-lab certificate\n"
 """Prefix of the signed bytes. It prevents the use of the signature for data other than a certificate."""
 
 MISSING = "signatures require the library cryptography: pip install 'dpr-lab[signing]'"
-MAKE_A_KEY = "make one with: ssh-keygen -t ed25519 -f my_key"
+MAKE_A_KEY = "create a key with: ssh-keygen -t ed25519 -f my_key"
 
 
 def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) -> "Ed25519PrivateKey":
@@ -29,7 +29,7 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
 
     Args:
         path: the key file
-        passphrase: asks for the passphrase of a protected key; None if there is no terminal
+        passphrase: function that asks for the passphrase of a protected key; None if there is no terminal
 
     Raises:
         ConfigError: the file does not exist or is not an Ed25519 private key, the passphrase is wrong, or

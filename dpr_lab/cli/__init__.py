@@ -1,4 +1,4 @@
-"""The `dpr-lab` command line, which calls the jobs of the library."""
+"""Entry point of the program `dpr-lab`: runs a command, reports errors and handles interrupts."""
 
 import _thread
 import atexit
@@ -26,7 +26,7 @@ REFUSED = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, e
 def main() -> None:
     """Run `dpr-lab` and exit with the code documented in its help.
 
-    An error for the operator becomes one message on stderr. Any other exception is a bug and keeps its traceback.
+    A `DprError` is printed as one message on stderr. Any other exception is a bug, and its traceback is printed.
     """
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -34,8 +34,8 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):  # not possible while the interpreter shuts down
         atexit.register(signal.signal, number, signal.SIG_IGN)
     try:
-        # The matrices are small: threads of the linear algebra would slow down the computation, and lanes already use
-        # all cores.
+        # The matrices are small. Threads of the linear algebra library would slow down the computation, because the
+        # parallel simulations already use all cores.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # The imports create some hundred thousand objects, nearly all of which live until the end. Searching them for
         # garbage would take a tenth of the start.
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    """Print the reason and exit; further Ctrl-C are ignored meanwhile."""
+    """Print an error message and exit. Ctrl-C is ignored until the message is printed."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         from dpr_lab.cli.console import complain
@@ -92,9 +92,9 @@ def _command() -> None:
 
 
 def _run(app: Callable[[], object]) -> None:
-    """Run the command and flush its output.
+    """Run a command and flush its output.
 
-    An interrupt is reported as such, whichever library it occurred in.
+    If a library converted an interrupt to another exception, the interrupt is raised instead of that exception.
     """
     try:
         app()
@@ -128,9 +128,10 @@ def _say_skipped_plugins() -> None:
 
 
 def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """Interrupt that caused an exception; None if no interrupt caused it.
+    """Return the interrupt that caused an exception, or None if no interrupt caused it.
 
-    It is in the chain of the exception, or was suppressed by a library before.
+    The interrupt is searched in the chain of the exception. If a library suppressed the interrupt, a new `Interrupt` is
+    returned.
     """
     cause: BaseException | None = error
     while cause is not None:
@@ -141,9 +142,10 @@ def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
 
 
 class Interrupt(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM, for `main`.
+    """Exception raised by Ctrl-C and SIGTERM.
 
-    `main` raises the interrupt again if a library suppressed it, for example in a callback of the compiler.
+    If a library suppresses the exception, for example in a callback of the compiler, it is raised again in the main
+    thread.
     """
 
     raised = False

@@ -12,11 +12,14 @@ if TYPE_CHECKING:
     from dpr_lab.acceptance.judge import Acceptance
 
 EXIT_CODES = {"pass": 0, "fail": 1, "not decidable": 9}
-"""Result -> exit code."""
+"""Exit code for each result of the test."""
 
 
 def accept(
-    runs: Annotated[list[Path], typer.Argument(help="Run files (.mcap). Three or more releases decide more limits.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="Run files (.mcap). With three or more releases, more limits can be decided."),
+    ],
     rig: RigName,
     limits: Annotated[
         Path,
@@ -30,7 +33,7 @@ def accept(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for accept.json and for the report of the diagnosis, which shows the limits."),
+        typer.Option(help="Folder for accept.json and for the diagnosis report, which includes the limits."),
     ] = None,
     any_clock: AnyClock = False,
     torque: TorqueKind = None,

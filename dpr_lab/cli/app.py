@@ -1,4 +1,4 @@
-"""Table of the commands.
+"""Table of all `dpr-lab` commands.
 
 The module of a command is imported only when the command runs or its help is shown.
 """
@@ -61,7 +61,8 @@ COMMANDS = {
     "run": "runs:app",
     "trials": "trials:app",
 }
-"""Command -> `module:name` in `dpr_lab.cli`; the name is a function, or the `Typer` of a group of commands."""
+"""Location of each command in `dpr_lab.cli`, as `module:name`. The name is a function, or the `Typer` of a command
+group."""
 
 _REFUSALS = {
     "Input should be a valid number": "must be a number with a decimal point and without a unit, such as 0.25",
@@ -70,7 +71,7 @@ _REFUSALS = {
 
 
 def refusal(message: str) -> str:
-    """Reason for a refused option in plain words, for example `must be a number: 0.25, without a unit`."""
+    """Convert pydantic's error message for an option to a plain sentence, for example `must be a whole number`."""
     for start, words in _REFUSALS.items():
         if message.startswith(start):
             return words
@@ -78,7 +79,7 @@ def refusal(message: str) -> str:
 
 
 class LazyCommands(UserDict[str, Any]):
-    """Name -> command; a command is imported when it is looked up."""
+    """Mapping of names to commands. Each command is imported on its first access."""
 
     def __getitem__(self, name: str) -> Any:
         """Import and return a command.
@@ -104,7 +105,7 @@ class Program(Listing):
         self.commands = LazyCommands(COMMANDS)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; the error message of pydantic for an invalid option is replaced by a plain sentence."""
+        """Run a command. Pydantic's error message for an invalid option is replaced by a plain sentence."""
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:

@@ -1,4 +1,4 @@
-"""`dpr-lab capture`: guide the rods to each pose, release, record and check."""
+"""`dpr-lab capture`: guide the operator to each pose, release the rods, record and check the run."""
 
 import select
 import sys
@@ -52,8 +52,8 @@ def capture(
 ) -> None:
     """Record free swings: one run file for each release.
 
-    The rods are released only if they are at the pose and at rest, and the operator gives the command. On a terminal
-    the command is Enter. Without a terminal, or with --yes, naming the poses on the command line counts as the command.
+    The rods are released only if they are at the pose and at rest, and the operator confirms the release. On a
+    terminal, the operator confirms with Enter. Without a terminal, or with --yes, no confirmation is required.
 
     Example: dpr-lab capture --rig paper --link sim:// --pose X1 --pose X2 --pose X3 --out runs
     """
@@ -81,10 +81,10 @@ def capture(
 
 
 def release_question(*, ask: bool) -> "Confirm":
-    """Function that asks the operator for the release command: Enter on the terminal, polled without blocking.
+    """Create a function that asks the operator to confirm the release with Enter, without blocking.
 
-    Only an empty line that was typed after the question permits the release. After any other line the question is
-    repeated. Without `ask` the release is always permitted.
+    The function returns True after an empty line that was typed after the question, False after any other line, and
+    None while no line was typed. If `ask` is False, the function always returns True.
     """
     if not ask:
         return lambda: True
@@ -105,7 +105,7 @@ def release_question(*, ask: bool) -> "Confirm":
 
 
 def _discard_typed() -> None:
-    """Discard keys that were typed before the question; they are no answer to it."""
+    """Discard keys that were typed before the question, because they do not answer it."""
     with suppress(ImportError):  # termios does not exist on Windows
         import termios
 

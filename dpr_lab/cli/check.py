@@ -45,7 +45,7 @@ def check(
     """Record the result of a recommended check and update the probabilities of the causes.
 
     The result is a measured value, or one or more runs. A value that none of the candidate causes predicts is refused
-    unless --force confirms it. A confirmed value is evidence for a cause outside the candidates.
+    unless --force is given. With --force, the value is evidence for a cause outside the candidates.
 
     Example: dpr-lab check diagnosis/diagnosis.json 1-3fa2 --value '2.1 mN m' --std '0.2 mN m' --out checked
     """
@@ -63,7 +63,7 @@ def check(
 
 
 def show(updated: "Diagnosis", out: Path | None) -> None:
-    """Print the last check on stdout: conclusion, then probabilities before and after."""
+    """Print the last check on stdout: its conclusion, then the probabilities before and after the check."""
     from dpr_lab.gap.result import RECORD
     from dpr_lab.report.gap import check_tables, tables
 

@@ -1,4 +1,4 @@
-"""Checks of command-line arguments before a command starts."""
+"""Shared command-line options, and checks of their values before a command starts."""
 
 import math
 import sys
@@ -14,7 +14,7 @@ from dpr_lab.errors import known_name, unknown_name
 
 
 def positive(value: float | None) -> float | None:
-    """Callback of an option: accepts a finite number above zero, or no value.
+    """Check that the value of an option is None, or finite and positive.
 
     Raises:
         BadParameter: any other value.
@@ -47,13 +47,13 @@ class Choices:
     """Function that converts a name to its description, which may end with the identifier in brackets."""
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
-        """Completions of the name after the last comma, with their descriptions."""
+        """Shell completions of the name after the last comma, as pairs of completed text and description."""
         before, comma, prefix = incomplete.rpartition(",")
         matching = (name for name in self.names() if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
 
     def check(self, value: str | None) -> str | None:
-        """Callback that converts the comma-separated names of an option, identifiers or descriptions, to identifiers.
+        """Convert a comma-separated list of identifiers or descriptions to a comma-separated list of identifiers.
 
         Raises:
             BadParameter: an unknown name.
@@ -61,7 +61,7 @@ class Choices:
         return None if value is None else ",".join(map(self._known, self._split(value)))
 
     def check_each(self, value: list[str] | None) -> list[str] | None:
-        """Callback that converts the names of a repeatable option, identifiers or descriptions, to identifiers.
+        """Convert a list of identifiers or descriptions to a list of identifiers.
 
         Raises:
             BadParameter: an unknown name.
@@ -90,7 +90,7 @@ class Choices:
 
 
 def names_in(given: str | None) -> tuple[str, ...] | None:
-    """Names in a text, separated by commas."""
+    """Split a text at its commas and return the nonempty names, without surrounding spaces; None for None."""
     return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
 
 
@@ -138,7 +138,7 @@ def built_in_rigs() -> list[str]:
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Completions of a rig: built-in names, and rig files in the folder typed so far."""
+    """Shell completions of a rig option: names of built-in rigs, and rig files in the folder typed so far."""
     files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
     return [name for name in built_in_rigs() if name.startswith(incomplete)] + files
 
@@ -168,10 +168,10 @@ EXPORT_NAMES = Choices("format", _exports, _export_words)
 REASON_NAMES = Choices("reason", _reasons)
 
 NO_RIG = (
-    "A rig file contains lengths and masses of the rig. `dpr-lab rig new` writes one; for a single rod, add --rods"
-    " inner --l1 0.3 --m1 0.1. `dpr-lab rig list` names the built-in ones"
+    "A rig file contains lengths and masses of the rig. `dpr-lab rig new` writes a rig file; for a single rod, add"
+    " --rods inner --l1 0.3 --m1 0.1. `dpr-lab rig list` lists the built-in rigs"
 )
-"""Advice for a command without --rig."""
+"""Advice that is printed if a command lacks --rig."""
 
 RigName = Annotated[str, typer.Option(help="Rig file, or name of a built-in rig.", autocompletion=complete_rig)]
 Library = Annotated[
@@ -207,7 +207,7 @@ AnyClock = Annotated[
 TorqueKind = Annotated[
     Literal["measured", "commanded"] | None,
     typer.Option(
-        "--torque", help="Torques to use for runs that contain measured and commanded torques. Default: measured."
+        "--torque", help="Torques to use if runs contain both measured and commanded torques. Default: measured."
     ),
 ]
 Rods = Annotated[

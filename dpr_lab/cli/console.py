@@ -23,7 +23,7 @@ def text(document: str) -> None:
 
 
 def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
-    """Print one JSON object or a list to stdout; non-finite numbers become null."""
+    """Print a JSON object or a list of JSON objects on stdout; non-finite numbers are written as null."""
     print(as_json(result))
 
 
@@ -120,7 +120,7 @@ class Bar(Protocol):
     """Progress bar on a terminal; otherwise it prints nothing."""
 
     def __call__(self, done: float | None, text: str = "") -> None:
-        """Show `done` of the total, and a text; None leaves the bar unchanged."""
+        """Move the bar to `done`, in the unit of the total, and show a text. None does not move the bar."""
         ...
 
 

@@ -99,7 +99,7 @@ def _show(done: "DemoResult") -> None:
     line(f"report: {known.report}")
     line()
     line("Blind trial: a plant with a hidden effect")
-    line(f"bare model: residual {hidden.model.fit.chi2_per_dof:.3g} times the noise level (1 = noise alone)")
+    line(f"bare model: chi-square per degree of freedom {hidden.model.fit.chi2_per_dof:.3g} (1 = noise only)")
     line(f"diagnosis: {in_words(hidden.diagnosis.sentence)}")
     show_opened(hidden.opened, hidden.trial)
     line(f"report: {hidden.report}")

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ShownRows:
-    """Lengths of tables in the short output."""
+    """Maximum numbers of rows of the tables in the short output."""
 
     runs: int = 6
-    """Number of runs in the table of the gap reduction."""
+    """Maximum number of runs in the table of the gap reduction."""
 
 
 SHOWN = ShownRows()
@@ -33,7 +33,8 @@ SHOWN = ShownRows()
 def diagnose(
     *,
     runs: Annotated[
-        list[Path], typer.Argument(help="Run files (.mcap); three or more releases distinguish more effects.")
+        list[Path],
+        typer.Argument(help="Run files (.mcap). With three or more releases, more effects can be distinguished."),
     ],
     rig: Annotated[
         str,
@@ -133,8 +134,8 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
 
     Args:
         diagnosis: the result
-        out: folder of its files; None: none were written
-        verbose: print all tables
+        out: folder of the written files; None if no files were written
+        verbose: print all tables of the report
     """
     from dpr_lab.report.gap import tables
     from dpr_lab.report.gap.sizes import scale_note
@@ -185,7 +186,7 @@ def _show_effects(diagnosis: "Diagnosis") -> None:
 
 
 def _show_gap_reduction(diagnosis: "Diagnosis", most: int | None) -> None:
-    """Print the gap reduction of the `most` runs with the smallest reduction; None: of all runs, in their order."""
+    """Print the gap reduction of the `most` runs with the smallest reduction, or of all runs if `most` is None."""
     from dpr_lab.report.gap import tables
 
     rows, title = tables.closed_rows(diagnosis), "Gap reduction by run"
@@ -196,7 +197,7 @@ def _show_gap_reduction(diagnosis: "Diagnosis", most: int | None) -> None:
 
 
 def _show_repeatability(diagnosis: "Diagnosis") -> None:
-    """Print the parts of the mean squared residual."""
+    """Print the shares of the mean squared residual in the analysis of repeatability."""
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
 
     if parts := repeatability_parts(diagnosis):
@@ -250,7 +251,7 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
         for cause in least.causes
     ]
     if rows and done.result.diagnosis.verdict == "no_gap":
-        line(f"The verdict concerns missing effects. Numbers of {name} are wrong:")
+        line(f"The verdict concerns missing effects. In addition, numbers in {name} are wrong:")
     if rows:
         columns = ("joint", "quantity", f"in {name}", "identified", "unit", "error without this change")
         table(f"Changes of {name}", columns, rows)

@@ -24,7 +24,7 @@ class SystemCheck:
     message: str
     """Result of the check, and the remedy if the check failed."""
     group: str = ""
-    """Name of a table row that is shared by checks of one group and state; empty for a row of its own."""
+    """Group of the check. Checks of one group with equal state share a table row. Empty: the check has its own row."""
 
     def to_json(self) -> dict[str, str]:
         """The check as an object of `doctor --json`."""

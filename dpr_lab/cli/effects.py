@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 class EffectCommands(Listing):
-    """Commands on effects.
+    """Command group `dpr-lab effects`.
 
-    If the user gives an effect in place of a command, the error message suggests `show`.
+    If the user gives the name of an effect instead of a command, the error message suggests the command `show`.
     """
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -26,7 +26,7 @@ class EffectCommands(Listing):
         """
         if args[0] not in self.list_commands(ctx):
             raise typer.BadParameter(
-                f"no command {args[0]!r}; if this is an effect: {ctx.command_path} show {args[0]}", ctx
+                f"no command {args[0]!r}. To describe an effect of this name: {ctx.command_path} show {args[0]}", ctx
             )
         return super().resolve_command(ctx, args)
 
@@ -45,7 +45,7 @@ app = typer.Typer(
 def list_effects(
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
-    """List the effects with their equations, and the package that each comes from.
+    """List the effects with their equations and the packages that contain them.
 
     Example: dpr-lab effects list
     """

@@ -161,7 +161,7 @@ def _show_bands(done: "EnsembleResult") -> None:
 
 
 def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
-    """Sentences on the limits of an ensemble of `size` models: widening, amplitudes, coverage of its bands."""
+    """Sentences about the limits of an ensemble of `size` models: increased uncertainty, amplitudes, coverage."""
     from dpr_lab.exports.ensemble.bands import BANDS, fewest_models
 
     if done.factor_of_fit > 1:
@@ -229,7 +229,7 @@ def _into(
 
 
 def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
-    """Print the errors of the user's file before and after the change, by recording."""
+    """Print the errors of the user's file before and after the change, for each recording."""
     if replays:
         kinds = {
             "before": "before_rad",

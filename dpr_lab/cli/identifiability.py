@@ -135,7 +135,7 @@ def show(analysis: "Identifiability") -> None:
 
 
 def _helping(analysis: "Identifiability", name: str) -> list[str]:
-    """Names of the measured values that contribute information on a parameter."""
+    """Names of the measured values that contribute information about a parameter, separated by commas."""
     return [measured for measured, helped in analysis.helps.items() if name in helped]
 
 
@@ -174,7 +174,7 @@ def _show_advice(analysis: "Identifiability | ArmIdentifiability") -> None:
     if analysis.sequence:
         _print("Recommended sequence:")
     for number, advice in enumerate(analysis.sequence, 1):
-        _print(f"{number}. {advice.how}: determines {', '.join(advice.frees) or 'no parameter alone'}")
+        _print(f"{number}. {advice.how}: determines {', '.join(advice.frees) or 'no single parameter'}")
 
 
 def _print(text: str) -> None:

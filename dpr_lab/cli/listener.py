@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Listener:
-    """Context manager that displays the events of a job; at the end it removes its progress bar."""
+    """Context manager that displays the events of a job and removes the progress bar at its end."""
 
     def __init__(self) -> None:
         self._bars, self._watch = ExitStack(), watch_compiling(self._compiling)
@@ -67,7 +67,7 @@ class Listener:
             case events.PaperSearchDone():
                 self._at("paper", event.done, event.of, f"search {event.done} of {event.of}")
             case events.TrialSealed():
-                say(f"sealed as {event.seal}")
+                say(f"seal of the plant: {event.seal}")
             case events.TrustTrialDone():
                 remaining = f"about {math.ceil(event.left_s / 60)} min" if event.done else ""
                 if event.done == 1:
@@ -75,7 +75,7 @@ class Listener:
                 text = (
                     f"{event.done} of {event.of}, {remaining} left"
                     if event.done
-                    else "the first trial determines the estimate"
+                    else "the remaining time is estimated after the first trial"
                 )
                 self._at("trust", event.done, event.of, text)
             case events.TrialDone():
@@ -107,14 +107,14 @@ class Listener:
         self._notes.clear()
 
     def _at(self, title: str, done: float, total: float | None, text: str = "") -> None:
-        """Show progress on a bar with a title; the bar of another title is closed."""
+        """Show progress on the bar with this title. A bar with another title is closed."""
         if title != self._title:
             self._close()
             self._bar, self._title = self._bars.enter_context(progress(title, total)), title
         self._bar(done, text)
 
     def _compiling(self) -> None:
-        """Print once why the start takes long, and show the number of compiled kernels."""
+        """Explain once why the first start takes long, and show the number of compiled kernels."""
         self._kernels += 1
         if self._kernels == 1:
             from dpr_lab.kernel_cache import COMPILING  # this import hashes every kernel source
@@ -156,7 +156,7 @@ class Listener:
             case HangReading(ok=False):
                 errors = _degrees(reading.error[: self._rods])
                 say(
-                    f"the hanging rods deviate by {errors} from the vertical: either counts were lost, or the"
+                    f"the hanging rods deviate by {errors} from the vertical: either the encoders lost counts, or the"
                     " zero in the rig file is wrong"
                 )
             case PoseReading():
@@ -174,7 +174,7 @@ class Listener:
 
 
 def effects_listed(names: tuple[str, ...]) -> str:
-    """Descriptions of effects, joined to a phrase."""
+    """Join the descriptions of effects into one phrase."""
     from dpr_lab.report.words import named
     from dpr_lab.shown import listed
 

@@ -15,10 +15,10 @@ class Listing(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command.
 
-        If the rig is missing, the error message explains how to write a rig file.
+        If --rig is missing, the error message explains how to write a rig file.
 
         Raises:
-            BadParameter: a value of a command is missing or refused.
+            BadParameter: an argument of the command is missing or not valid.
         """
         try:
             return super().invoke(ctx)

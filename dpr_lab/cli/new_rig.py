@@ -141,7 +141,7 @@ def new(
     out: Annotated[Path | None, typer.Option(help="File to write. Default: NAME.toml.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
 ) -> None:
-    """Write a rig file with plausible bounds from lengths and masses.
+    """Write a rig file from lengths and masses, with plausible bounds of all parameters.
 
     On a terminal, the command asks for missing values.
 
@@ -193,7 +193,7 @@ def new(
 
 
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
-    """Answer to a prompt on a terminal; without a terminal, the missing option is refused."""
+    """Prompt for a value on a terminal. Without a terminal, raise `BadParameter` for the missing option."""
     if not ask:
         raise typer.BadParameter(f"{flag} is required: {question}. On a terminal, the command asks for it")
     return str(typer.prompt(question, default=default, type=kind, err=True))
@@ -204,7 +204,7 @@ def _asked_length(ask: bool, flag: str, question: str) -> float:
 
 
 def _measure(flag: str, text: str, form: str = WEIGHED) -> "Measure":
-    """Parse a value, `0.21`, or `0.21+-0.001` for a weighed value that is not identified."""
+    """Parse a nominal value such as `0.21`, or a measured value with its standard uncertainty, `0.21+-0.001`."""
     from dpr_lab.workflows.rig_toml import Measure
 
     value, _, std = text.replace("±", "+-").partition("+-")

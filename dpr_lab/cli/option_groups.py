@@ -1,6 +1,6 @@
-"""Groups of options.
+"""Groups of command-line options, declared as dataclasses.
 
-If the type of a command's parameter is a dataclass, one option per field replaces the parameter.
+If a parameter of a command has such a dataclass as its type, the command gets one option for each field.
 """
 
 import inspect
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def with_groups(command: Callable[..., None]) -> Callable[..., None]:
-    """Replace each group in the signature of a command by one option per field.
+    """Replace each option group in the signature of a command by one option per field.
 
     A field of a group is declared as an option: `seed: Annotated[int, typer.Option(...)] = 0`.
     """
@@ -54,7 +54,7 @@ def _options(group: Any) -> list[inspect.Parameter]:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisChoices:
-    """Options of a diagnosis that influence its result; a certificate declares them."""
+    """Options that influence the result of a diagnosis. A certificate declares them."""
 
     held_out: HeldOut = None
     library: Library = None
@@ -67,10 +67,7 @@ class DiagnosisChoices:
     torque: TorqueKind = None
 
     def request(self, runs: Sequence[Path], rig: str, **others: Any) -> "DiagnoseRequest":
-        """Request of a diagnosis with these options.
-
-        `others` are further fields of the request.
-        """
+        """Create the request for a diagnosis with these options; `others` are further fields of the request."""
         from dpr_lab.workflows.diagnose import DiagnoseRequest
 
         return DiagnoseRequest(

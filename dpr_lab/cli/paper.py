@@ -18,8 +18,8 @@ def paper(
         int,
         typer.Option(
             min=1,
-            help="Number of searches for each interpretation of H, both with true values on the coding"
-            " grid and off it.",
+            help="Number of searches for each interpretation of H and each set of true values"
+            " (on the coding grid, off the coding grid).",
         ),
     ] = 5,
     generations: Annotated[

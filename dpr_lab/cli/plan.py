@@ -135,10 +135,7 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def commands(made: "Plan") -> list[str]:
-    """Commands that record all releases of a first plan, or the next release of a later plan.
-
-    In a later plan, even the next release can be optional.
-    """
+    """Commands that record all releases of a first plan, or only the next release of a later plan."""
     if made.state == "bench check":
         return []
     return [

@@ -23,7 +23,7 @@ Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
 
 @app.command("list")
 def list_(as_json: Json = False) -> None:
-    """List the built-in rigs, for --rig.
+    """List the names of the built-in rigs, which the option --rig accepts.
 
     Example: dpr-lab rig list
     """

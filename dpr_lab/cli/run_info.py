@@ -46,7 +46,7 @@ QUANTITIES = {
     "notes": "remarks",
     "extra": "further information",
 }
-"""Field of `dpr_lab.storage.inspect.RunInfo` -> name of the quantity in the table."""
+"""Name in the table for each field of `dpr_lab.storage.inspect.RunInfo`."""
 
 PARTS = {
     "device_overrun": "device too slow",
@@ -64,11 +64,11 @@ PARTS = {
     "jitter": "jitter of the samples",
     "clock": "clock rate error",
     "clock_fit": "uncertainty of the clock rate",
-    "latch": "share of messages that report a closed latch",
+    "latch": "share of messages after the release that report a closed latch",
     "jumps": "fastest motion relative to the fastest possible",
     "moved": "smallest motion of an encoder",
-    "hanging_before": "distance from hanging before",
-    "hanging_after": "distance from hanging after",
+    "hanging_before": "distance from the hanging position before the run",
+    "hanging_after": "distance from the hanging position after the run",
     "rate_ppm": "rate error by PING (ppm)",
     "rate_ppm_std": "standard deviation of that rate error (ppm)",
     "rtt_min": "shortest round trip (s)",
@@ -81,8 +81,7 @@ PARTS = {
     "arrival_ppm": "rate error by the arrival of samples (ppm)",
     "arrival_margin_ppm": "error bound of that rate error (ppm)",
 }
-"""Name of a loss, a check, a clock figure or a program -> words in the table. Other names are printed without
-underscores."""
+"""Words in the table for the name of a loss, a check or a clock figure. Other names are printed without underscores."""
 
 _ROUND_OFF = 1e-12
 """Largest magnitude that is printed as zero. Intervals of equal length differ by round-off."""

@@ -163,7 +163,7 @@ def layout(
 def _each(
     files: Sequence[Path], look: Callable[[Path], dict[str, Any]], show: Callable[[dict[str, Any]], None], json: bool
 ) -> None:
-    """Inspect every file, also after a damaged one; exits with 3 if any is damaged."""
+    """Inspect every file, and exit with code 3 afterwards if any file is damaged."""
     summaries: list[dict[str, Any]] = []
     for file in files:
         try:

@@ -77,7 +77,7 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 
 
 def _centre(name: str | None, arm: TrialArm | None) -> str:
-    """Name of the rig or plant; if none is given, the default for the mode of the arm."""
+    """Name of the rig or plant. Without a name, the default for the mode of the arm."""
     return name or ("paper" if arm is None else "driven_double")
 
 
@@ -157,7 +157,7 @@ def open_(folder: Folder, as_json: Json = False) -> None:
 
 
 def opening(opened: "Opened") -> dict[str, Any]:
-    """An opened trial as a JSON object."""
+    """Convert a revealed trial to a JSON object."""
     truth, outcome = opened.truth, opened.outcome
     return {
         "seal": outcome.seal,

@@ -1,4 +1,4 @@
-"""`dpr-lab tui`: the operator's screen."""
+"""`dpr-lab tui`: the terminal user interface."""
 
 import os
 import sys
@@ -35,8 +35,8 @@ def tui(
         typer.Option(
             "--allow-release",
             help=(
-                "With --serve: allow control. Anyone who has the address can send commands to the device, open"
-                " the latch and write files."
+                "With --serve: allow control of the rig. Anyone who has the address can then send commands to the"
+                " device, open the latch and write files."
             ),
         ),
     ] = False,
@@ -46,14 +46,14 @@ def tui(
             min=1,
             max=65535,
             metavar="PORT",
-            help="Serve the screen read-only to browsers on this computer. The command prints the address,"
-            " which contains a token.",
+            help="Serve the interface to browsers on this computer, read-only by default. The command prints the"
+            " address, which contains a token.",
         ),
     ] = None,
 ) -> None:
-    """Open the screen: connect, capture, identify, compare and diagnose.
+    """Open the terminal user interface: connect, capture, identify, compare and diagnose.
 
-    The screen restores the last session; F1 explains each step.
+    It restores the last session. F1 explains each step.
 
     Example: dpr-lab tui --rig paper --link sim:// --out bench
     """

@@ -50,7 +50,7 @@ class AngleUnit:
 
     @property
     def scale(self) -> str:
-        """The angles of the upright and of the hanging position."""
+        """Text with the angles of the upright and of the hanging position, for example `0 upright, 180 hanging`."""
         return f"0 upright, {math.pi * self.per_rad:.4g} hanging"
 
 

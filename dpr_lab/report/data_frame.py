@@ -31,12 +31,12 @@ def to_dataframe(
 
     Raises:
         DprError: pandas is not installed.
-        TypeError: a result of another type.
+        TypeError: the result has another type.
     """
     try:
         import pandas
     except ImportError as error:
-        raise DprError("to_dataframe needs pandas: pip install 'dpr-lab[notebook]'") from error
+        raise DprError("to_dataframe requires pandas: pip install 'dpr-lab[notebook]'") from error
     columns, index = _columns(result)
     frame = pandas.DataFrame(columns)
     return frame.set_index(index)

@@ -30,7 +30,7 @@ BASES = {
         " variation from run to run is unknown, so confirm a significant change with more runs"
     ),
 }
-"""`Drift.basis` -> phrase for the source of the standard deviation of a run."""
+"""Source of the standard deviation of a run, as a phrase for each value of `Drift.basis`."""
 
 
 def sentence(drift: Drift) -> str:
@@ -48,7 +48,7 @@ def sentence(drift: Drift) -> str:
 
 
 def between(parameter: ParameterChange) -> str:
-    """The groups that differ, for example `between 2026-11-16 and 2026-11-17`."""
+    """Phrase that names the groups that differ, for example `between 2026-11-16 and 2026-11-17`."""
     return f"between {parameter.between[0]} and {parameter.between[1]}"
 
 

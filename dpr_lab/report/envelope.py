@@ -18,12 +18,12 @@ def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> 
 
     Args:
         t: (n,) increasing instants, s
-        y: (n,) values; NaN where there is none
+        y: (n,) values; NaN where a value is missing
         points: approximate maximum number of points
-        gap_steps: a pause of more median sample steps than this is drawn as a gap
+        gap_steps: minimum interval between samples that is drawn as a gap, in median sample steps
 
     Returns:
-        instants and values to draw; equal to the input when n <= `points` and nothing is missing
+        Instants and values to draw. They equal the input if n <= `points` and no sample is missing.
     """
     points_kept = _extremes(y, points)
     breaks = _gaps(t, gap_steps)

@@ -60,9 +60,9 @@ def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
 
 
 def run_figure(run: Run) -> Figure:
-    """Measured angles over the time since the release.
+    """Draw measured angles against the time since the release.
 
-    For a moving arm, its angle and the input of its drive are included.
+    For a moving arm, the angle of the arm and the input of its drive are included.
     """
     further = [("arm (rad)", run.theta[:, 0])] if run.arm_mode != "clamped" else []
     further += [("input of the arm (SI)", run.arm_input)] if run.arm_input is not None else []
@@ -88,10 +88,10 @@ def run_figure(run: Run) -> Figure:
 
 
 def response_figure(comparisons: Compared) -> Figure:
-    """Measured and simulated angle of both rods, one row per run (figure 2 of the publication).
+    """Draw measured and simulated angles of both rods, one row per run (figure 2 of the publication).
 
     The free run is a strong line up to the predictability horizon and a faint line beyond it. The axis range is that of
-    the measurement, so a free run that diverges leaves the panel. With a moving arm there is one row per run and joint.
+    the measurement, so a diverging free run leaves the panel. With a moving arm, there is one row per run and joint.
     """
     arms, comparisons = _by_kind(comparisons)
     if arms:
@@ -112,7 +112,7 @@ def response_figure(comparisons: Compared) -> Figure:
 
 
 def error_figure(comparisons: Compared) -> Figure:
-    """Errors and residuals of each run with the noise floor, in mrad (figure 3 of the publication).
+    """Draw errors and residuals of each run with the noise floor, mrad (figure 3 of the publication).
 
     Left: error of the free run up to the horizon. Right: residual of segments with fitted initial states. The inner rod
     is above the outer rod. With a moving arm, the residual of each run and joint is shown.
@@ -132,7 +132,7 @@ def error_figure(comparisons: Compared) -> Figure:
 
 
 def _by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Comparison]]:
-    """Comparisons with a moving arm, and those with a clamped one."""
+    """Separate comparisons with a moving arm from comparisons with a clamped arm."""
     every = [comparisons] if isinstance(comparisons, Comparison | ArmComparison) else list(comparisons)
     arms = [comparison for comparison in every if isinstance(comparison, ArmComparison)]
     return arms, [comparison for comparison in every if isinstance(comparison, Comparison)]
@@ -175,7 +175,7 @@ def _arm_errors(runs: Sequence[ArmComparison]) -> Figure:
 
 
 def evolution_figure(model: Model | MovingArmModel) -> Figure:
-    """Evolution of the search: cost and fitness over generations (figure 4 of the publication).
+    """Draw the evolution of the search: cost and fitness against generations (figure 4 of the publication).
 
     Raises:
         DprError: the model has a moving arm; its fit starts from the rig file, so there is no search.
@@ -310,7 +310,7 @@ def _title(axes: Axes, comparison: Comparison) -> None:
 
 
 def _one_line(name: str, longest: int = 70) -> str:
-    """Name from a file, cleaned for a title: no line breaks, no lone surrogates, at most `longest` characters."""
+    """Clean a name from a file for a title: no line breaks, no lone surrogates, at most `longest` characters."""
     line = " ".join(name.encode("utf-8", "replace").decode().split())
     return line if len(line) <= longest else f"{line[: longest - 1]}…"
 

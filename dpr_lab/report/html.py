@@ -26,7 +26,7 @@ FIGURES = {
         "Cost and fitness of the best individual, and fitness of the population, until the local solver starts.",
     ),
 }
-"""Name of a figure -> text alternative and caption. The tables contain the values of the figures."""
+"""Text alternative and caption of each figure. The tables contain the values of the figures."""
 
 _RATIO_FORMULAS = (
     "a  = J1 + m1 l1² + (m2 + mb) L1²      b = J2 + m2 l2²",

@@ -107,9 +107,9 @@ def save_exports(
 
 
 def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
-    """Reference for the error of exports.
+    """Compute the reference for the errors of exports.
 
-    If no run can be replayed, the result is None and a message is reported.
+    If no run can be replayed, a message is reported and the result is None.
     """
     try:
         return yardstick(corrected, runs, rig)

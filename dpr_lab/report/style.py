@@ -51,5 +51,5 @@ _SETTINGS: dict[str, Any] = {
 
 
 def house_style() -> AbstractContextManager[None]:
-    """Context with the defaults of Matplotlib and the settings above; the user's matplotlibrc has no effect."""
+    """Context with the defaults of Matplotlib and the style of this module. The user's matplotlibrc has no effect."""
     return style.context(["default", _SETTINGS])

@@ -84,7 +84,7 @@ PARAMETER_UNITS = {
 class NoiseLike:
     """Range of the ratio of residual to noise floor in which the residual counts as noise.
 
-    The noise floor is also an estimate; if there was no rest, it comes from few samples.
+    The noise floor is also an estimate. Without a rest before the release, it is estimated from few samples.
     """
 
     least: float = 0.8
@@ -163,7 +163,7 @@ def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def _too_slow(limit: "LimitForecast") -> str:
-    """Note that the speed of a friction limit is not reached; empty if it is reached."""
+    """Note if the joint does not reach the speed of a friction limit; otherwise empty."""
     return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 
@@ -362,8 +362,8 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
 def _driven_by_noise(fitted: float, chi2_per_dof: float) -> bool:
     """Whether noise of the known motion or torques explains a residual of `fitted` times the noise of the readings.
 
-    Without such noise the reduced chi-square is the mean of two squared ratios, of which the square of `fitted` is the
-    larger.
+    Without such noise, the reduced chi-square is the mean of the squared ratios of both joints, and `fitted` is the
+    larger ratio.
     """
     return chi2_per_dof < min(NOISE_LIKE.most**2, 0.5 * fitted**2)
 

@@ -19,7 +19,7 @@ _DISPLAYED = {
     "kg/m^2": ("g/m²", 1e3),
     "1": ("%", 1e2),
 }
-"""SI unit of an amplitude -> displayed unit, and factor to the displayed unit."""
+"""Displayed unit and factor to it, for each SI unit of an amplitude."""
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([012])\b")
@@ -56,13 +56,13 @@ def negative_words(effect: str, name: str, value: float) -> str:
 
 
 def size_words(effect: str, name: str, angles: AngleUnit = RADIANS, *values: float) -> str:
-    """Text of a size: `0.80 mN m`, `0.80 mN m (0.70 to 0.90)` with its interval, or `2` for a chosen whole number.
+    """Format a size: `0.80 mN m`, `0.80 mN m (0.70 to 0.90)` with its interval, or `2` for a selected integer.
 
     Args:
         effect: name of the effect
         name: one of its parameters
         angles: the unit of angles
-        values: value in SI units, alone or followed by both ends of its interval
+        values: value in SI units, optionally followed by both ends of its interval
     """
     parameter = _parameter(effect, name)
     unit, factor = _displayed_unit(parameter, angles)

@@ -1,10 +1,10 @@
-"""Runs on disk: one append-only MCAP file per release, its reader, checks, exports and the table importer.
+"""Run files: one append-only MCAP file per release, with reader, checks, exports and the import of tables.
 
 sidecar     the .sha256 file of a finished run
 metadata    origin and end of a run
 layout      channels, schemas, records and limits of the file
 writer      RunWriter: samples to disk as they arrive
-scan        a file's records up to its first damage
+scan        records of a file up to the first damaged one
 reader      load_run: a file as a Run
 inspect     info, verify, recover
 export      EXPORTERS: .csv, .parquet, .h5, .mat, JointState in .mcap

@@ -19,10 +19,10 @@ class ChunkIndices:
     """Chunk index of an MCAP file, held in a temporary file until `mcap.writer.Writer` writes it at the end.
 
     Args:
-        folder: for the temporary file, 0.15 kB per chunk
+        folder: folder of the temporary file, which takes 0.15 kB per chunk
 
     Raises:
-        OSError: the disk is full, here or in `append`.
+        OSError: the disk is full. `append` raises this error too.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -83,9 +83,9 @@ def write_rows(writer: Writer, channel: int, log_ns: Integers, records: NDArray[
 
 
 def keep_on_disk(writer: Writer, folder: Path) -> ChunkIndices:
-    """Replace the list in which a new writer collects its chunk index by an index on disk.
+    """Replace the chunk index that a new writer collects in memory by an index on disk.
 
-    The list takes 0.6 kB of memory per chunk.
+    The index in memory would take 0.6 kB per chunk.
     """
     name = "_Writer__chunk_indices"
     if getattr(writer, name) != []:

@@ -35,17 +35,17 @@ def import_csv(
     before the release have negative times.
 
     Args:
-        file: the table, of a kind in `dpr_lab.storage.readers`; in a text, columns are separated by a comma, semicolon,
-        tab or blanks, and comments start with `#`, `%` or `//`
-        rig: the rig it was recorded on
+        file: the table, in a format of `dpr_lab.storage.readers`; columns of a text file are separated by commas,
+            semicolons, tabs or blanks, and comments start with `#`, `%` or `//`
+        rig: the rig on which the table was recorded
         options: interpretation of the numbers
         out: run file to write
         on_progress: called while the table is read and the run written
 
     Raises:
-        RunError: the file is not a table of numbers, a column cannot be found, the time runs backwards (with the line),
-        more than 10 % of the rows have no value, no row remains, a joint without a rod turns, or the table cannot be a
-        swing of the rig (`dpr_lab.storage.tables.questions`).
+        RunError: the file is not a table of numbers, a column cannot be found, the time decreases (the message names
+        the line), more than 10 % of the rows have no value, no row remains, a joint without a rod turns, or the table
+        cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
     path = Path(file)
@@ -103,12 +103,12 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
 
 
 def table_name(path: Path) -> str:
-    """Name of a table's run: the file name without its suffix; `.csv.gz` counts as one suffix."""
+    """Name of the run that is imported from a file: the file name without suffix; `.csv.gz` counts as one suffix."""
     return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 
 def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
-    """Run that results from a table."""
+    """Create the run that results from an interpreted table."""
     options, (kind, torques), (_, commanded) = swing.options, *[*swing.torques.items(), ("", None), ("", None)][:2]
     t, arm_input = swing.t, None
     if options.arm == "driven":

@@ -1,9 +1,9 @@
 """Export of a run to the formats of other programs.
 
 `EXPORTERS` has one writer per format. Every format contains the same columns, with one row per sample and without
-resampling: `COLUMNS`, also `COUNT_COLUMNS` if the run has counts, and the torques if it was driven. Formats with
-metadata also contain the metadata of the run: Parquet under the key `dpr_lab`, HDF5 and NetCDF as attributes, MATLAB as
-struct `run`. CSV has none.
+resampling: `COLUMNS`, `COUNT_COLUMNS` if the run has counts, and the torques if it was driven. Except for CSV, the
+formats also contain the metadata of the run: Parquet under the key `dpr_lab`, HDF5 and NetCDF as attributes, MATLAB as
+struct `run`.
 """
 
 import io
@@ -29,7 +29,7 @@ INPUT_COLUMN = "arm_input"
 BOTH_KINDS: tuple[str, ...] = ("tau1_measured_Nm", "tau2_measured_Nm", "tau1_commanded_Nm", "tau2_commanded_Nm")
 
 Columns = dict[str, Array | Integers]
-"""Column name -> (n,) values."""
+"""Values (n,) of each column."""
 
 UNITS = {"t_s": "s", **dict.fromkeys(COLUMNS[1:], "rad"), **dict.fromkeys(COUNT_COLUMNS, "counts")}
 UNITS |= dict.fromkeys(TORQUE_COLUMNS + BOTH_KINDS, "N m") | {INPUT_COLUMN: "SI"}
@@ -64,7 +64,7 @@ def export(run: Run, path: Path | str) -> Path:
 
 
 def columns(run: Run) -> Columns:
-    """The run as named columns, each (n,)."""
+    """Convert a run to named columns, each (n,)."""
     table: Columns = dict(zip(COLUMNS, (run.t, *run.theta.T), strict=True))
     if run.torques is not None and run.commanded is not None:
         table |= dict(zip(BOTH_KINDS, (*run.torques.T, *run.commanded.T), strict=True))
@@ -204,7 +204,7 @@ EXPORTERS: Mapping[str, Callable[[Run, Path], None]] = {
     ".mat": write_mat,
     ".mcap": write_joint_states,
 }
-"""File suffix -> writer."""
+"""Writer for each file suffix."""
 
 ALIASES: Mapping[str, str] = {".hdf5": ".h5"}
 

@@ -77,7 +77,7 @@ class RunInfo:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """Result of the integrity check, with every reason for a failure."""
+    """Result of the integrity check of a run file, with all reasons for a failure."""
 
     ok: bool
     faults: list[str]
@@ -180,20 +180,20 @@ def recover(path: Path | str, out: Path | str) -> int:
     """Write the valid part of a damaged run to a new, complete run file; the damaged file is not changed.
 
     Args:
-        path: the broken file
+        path: the damaged file
         out: the file to write; must not exist
 
     Returns:
-        The number of samples kept.
+        Number of recovered samples.
 
     Raises:
-        RunError: no sample can be saved, or `out` cannot be written.
+        RunError: no sample can be recovered, or `out` cannot be written.
     """
     stored = scan(Path(path))
     samples = stored.samples()
     recovered = len(samples.ticks)
     if not recovered:
-        raise RunError(f"{path}: no sample can be saved from it")
+        raise RunError(f"{path}: no sample can be recovered")
     origin = {"recovered_from": stored.path.name, "recovered_from_sha256": stored.sha256}
     summary = _summary(stored, samples)
     notes = (*summary.notes, f"recovered from {stored.path.name}, {recovered} samples kept")

@@ -35,8 +35,8 @@ class FileLimits:
     """Maximum size of a record, bytes. It is far above the largest chunk of the writer, and limits lengths in damaged
     or malicious files."""
     expansion: int = 100
-    """Maximum ratio of unpacked to compressed size, over all chunks together. Chunks of rods at rest have a ratio of
-    15."""
+    """Maximum ratio of unpacked to compressed size, over all chunks together. Chunks with samples at rest have a ratio
+    of 15."""
     small_chunk_bytes: int = 2 << 20
     """Maximum unpacked size of a small chunk, bytes: twice the chunk size of the writer."""
     surplus_bytes: int = 1 << 26
@@ -52,8 +52,8 @@ NANOSECONDS = 1_000_000_000
 """Nanoseconds per second: the unit of every time in the file."""
 
 TORQUE_KEYS = ("tau", "tau_commanded")
-"""Keys of the torques in a sample. The first is the only torque or, if both are known, the measured torque; the second
-is the commanded torque."""
+"""Keys of the torques in a sample. If both kinds are known, the first is measured and the second commanded. If one kind
+is known, it has the first key."""
 
 UNIT_TABLE = {
     "tick": "sample periods since the stream started; row number in an imported table",

@@ -72,7 +72,7 @@ class RunMetadata:
         return rig_toml(self.rig)
 
     def to_record(self, rig_text: str) -> dict[str, str]:
-        """The provenance record; it contains only the hash of `rig_text`, which is attached separately."""
+        """Create the provenance record. It contains only the hash of `rig_text`, which is attached separately."""
         pose = self.rig.poses[self.pose].theta.tolist() if self.pose is not None else None
         return {
             "format": FORMAT,
@@ -89,7 +89,7 @@ class RunMetadata:
 
     @staticmethod
     def from_record(record: Mapping[str, str], rig_toml: bytes) -> "RunMetadata":
-        """Inverse of `to_record`.
+        """Create the metadata from the record of `to_record` and the attached rig.
 
         Raises:
             RunError: the record has another layout, or the rig does not match the record.
@@ -129,7 +129,7 @@ class RunSummary:
     clock: Mapping[str, float] = field(default_factory=dict)
     """Parameters of the fit of device time to host time, by name."""
     gate: str = ""
-    """Verdict of the quality gate, one sentence."""
+    """Verdict of the quality gate, as a sentence."""
     gate_figures: Mapping[str, float] = field(default_factory=dict)
     """Figures on which the verdict of the quality gate is based, by name with unit."""
     pose_measured: tuple[float, float, float] | None = None
@@ -141,7 +141,7 @@ class RunSummary:
             raise ValueError(f"pose_measured needs {JOINTS} angles, not {len(self.pose_measured)}")
 
     def to_record(self, samples: int, stopped: str = "") -> dict[str, str]:
-        """The end record of a file.
+        """Create the end record of a file.
 
         Args:
             samples: number of samples in the file
@@ -156,10 +156,10 @@ class RunSummary:
 
     @staticmethod
     def from_record(record: Mapping[str, str]) -> "RunSummary":
-        """Inverse of `to_record`.
+        """Create the summary from the record of `to_record`.
 
         Raises:
-            ValueError, KeyError, TypeError: a record with invalid content.
+            ValueError, KeyError, TypeError: the content of the record is not valid.
         """
         values = {name: json.loads(record[name]) for name in _JSON}
         measured, tick = values["pose_measured"], values["release_tick"]
@@ -202,7 +202,7 @@ def plain(value: Any) -> Any:
 
 
 def rig_toml(rig: Rig) -> str:
-    """A rig as TOML: its original file if it is unchanged, otherwise its values."""
+    """Convert a rig to TOML: the text of its file if it is unchanged, otherwise its values."""
     if rig.path is not None and rig.path.is_file():
         content = rig.path.read_bytes()
         if hashlib.sha256(content).hexdigest() == rig.sha256:

@@ -99,7 +99,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Fields of a `Run` that only imported tables have, such as `keep_rest` and `film_noise`."""
+    """Fields of a `Run` that are set only for imported tables, such as `keep_rest` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
     options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
@@ -131,7 +131,7 @@ def _object(text: str) -> dict[str, Any]:
 def released(run: Run) -> Run:
     """Part of an imported run between the start of the motion and the end of the swing.
 
-    The whole run is returned if this part cannot be determined; `refuse_held` gives the reason.
+    If this part cannot be determined, the whole run is returned. `refuse_held` then raises an error with the reason.
     """
     try:
         part = free_part_of(run)
@@ -192,9 +192,9 @@ def inner_mode(stored: Scan) -> str:
 
 
 def _delay(stored: Scan) -> float:
-    """Delay from the logged to the acting torque, as stored in the file, s.
+    """Read the stored delay from the logged to the acting torque, s.
 
-    The file may contain any text, so the value is checked.
+    The stored value is checked, because it is text.
     """
     try:
         delay = float(stored.metadata.extra.get("input_delay_s", 0.0))
@@ -221,7 +221,7 @@ def stored_rig(path: Path | str) -> Rig:
 
 
 def lost_by_gaps(stored: Scan, samples: Samples) -> dict[str, int]:
-    """Number of lost samples computed from the ticks alone, for a file without an end record."""
+    """Number of lost samples by cause, computed only from the ticks, for a file without an end record."""
     return {"tick_gap": samples.missing} if stored.metadata.time_source == "ticks" else {}
 
 
@@ -291,7 +291,7 @@ def _what_happened(stored: Scan) -> list[str]:
 
 
 def _degraded(stored: Scan) -> list[str]:
-    """Note that the quality gate marked the recording as degraded; empty otherwise."""
+    """Note if the quality gate marked the recording as degraded; otherwise empty."""
     gate = stored.summary.gate if stored.summary is not None else ""
     return [f"the quality gate marked this recording as {gate}"] if gate.startswith("degraded") else []
 

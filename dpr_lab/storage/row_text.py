@@ -27,16 +27,16 @@ class TextSettings:
     """Numbers of decimals to try, in this order. The first number of decimals that reproduces every value of a column
     exactly is used."""
     largest: int = 1 << 53
-    """Limit of the integer that the digits of a number form without the decimal point. Integers below it are exact as
-    floats, so that only the division by a power of ten is rounded."""
+    """Limit of the integer that the digits of a number form without the decimal point. Integers below the limit are
+    exact as floats, so that only the division by a power of ten is rounded."""
 
 
 SETTINGS = TextSettings()
 Bytes = NDArray[np.uint8]
 
 _QUADS = np.frombuffer("".join(f"{n:04d}" for n in range(10_000)).encode(), dtype=np.uint32)
-"""Four-digit texts of 0 to 9999, each stored as one 32-bit integer. Text is then built in units of four characters, in
-a twentieth of the time."""
+"""Four-digit texts of 0 to 9999, each stored as one 32-bit integer. Building text in units of four characters takes a
+twentieth of the time."""
 _BLANK, _MINUS, _POINT, _ZERO = b" -.0"
 _HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("number", "<u4"), ("log", "<u8", 2)])
 

@@ -66,10 +66,7 @@ def json_object(data: bytes) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class Gathered:
-    """Collector of the numbers in the messages of a file.
-
-    It stores arrays instead of texts, to save memory.
-    """
+    """Collector of the numbers in the messages of a file, stored as arrays to save memory."""
 
     release_tick: int | None = None
     """Tick of the first valid release."""
@@ -117,7 +114,7 @@ class Gathered:
         """All samples in the order of the file.
 
         Raises:
-            RunError: only some of them have counts.
+            RunError: only some of the samples have counts or torques.
         """
         parts = self._parts or [_decoded([])]
         with_counts = [part.counts for part in parts if part.counts is not None]

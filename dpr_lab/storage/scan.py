@@ -215,8 +215,9 @@ def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, 
 def mapped(path: Path) -> Iterator[mmap.mmap]:
     """Map a file into memory, up to its first hole.
 
-    Reads past the end return fewer bytes, and no damaged length causes an allocation. A valid run has no hole. A hole
-    means that a part of the file was never written to the disk, or that the size of a small file was set artificially.
+    Reads past the end return fewer bytes, so a damaged length causes no large allocation. A valid run has no hole. A
+    hole means that a part of the file was never written to the disk, or that the size of a small file was set
+    artificially.
     """
     try:
         with regular(path, RunError).open("rb") as file:
@@ -268,7 +269,7 @@ def _collect(file: mmap.mmap, collected: _Collected) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """Reason of a damage in brackets, if this package raised the error; messages of libraries are omitted."""
+    """Reason for the damage, in brackets, if this package raised the error. Messages of libraries are omitted."""
     if type(error) is McapError and str(error):
         return f" ({error})"
     if isinstance(error, CRCValidationError):
@@ -318,7 +319,7 @@ def _expanded(chunk: Chunk, room: _Room) -> bytes:
 
 
 def _take_rows(content: bytes, collected: _Collected) -> bool:
-    """Collect the samples of a chunk whose rows have one fixed width. Return False for other chunks."""
+    """Collect the samples of a chunk if all its rows have the same width. Return False for other chunks."""
     rows = message_texts(content)
     if rows is None or collected.topics.get(rows[0]) != SAMPLES:
         return False

@@ -30,9 +30,9 @@ def write_sidecar(path: Path, content: Path | None = None) -> None:
 
 
 def read_sidecar(path: Path) -> str | None:
-    """Hash that was written when the run was finished, lower-case hex.
+    """Read the hash that was written when the run was finished, in lower-case hexadecimal.
 
-    None if there is no hash file, or an empty one, because the computer lost power while the file was written.
+    None if the hash file is missing or empty. It is empty if the computer lost power while it was written.
     """
     try:
         words = regular(sidecar_of(path), RunError).read_text(encoding="utf-8", errors="replace").split()
@@ -58,7 +58,7 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """Note on a run: from the note file, otherwise the note of the recording."""
+    """Read the note on a run: from the note file, otherwise the note of the recording."""
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

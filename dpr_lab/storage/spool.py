@@ -16,10 +16,10 @@ class Spool:
     """Ticks and counts in order of arrival, in an unnamed file that is deleted at the end of the context.
 
     Args:
-        folder: folder of the temporary file, 32 bytes per sample
+        folder: folder of the temporary file, which takes 32 bytes per sample
 
     Raises:
-        RunError: the disk is full, here or in `extend`.
+        RunError: the disk is full. `extend` raises this error too.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -31,10 +31,10 @@ _PART = re.compile(r".+\.mcap\.\d+\.part")
 
 @contextmanager
 def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
-    """Writer of a run whose content is already in another file.
+    """Context manager for the writer of a run whose content is already in another file.
 
-    It writes to `NAME.mcap.PROCESS.part` in the same folder and renames this file at the end. Unfinished files of
-    killed processes are removed.
+    The writer writes to `NAME.mcap.PROCESS.part` in the same folder. The file is renamed at the end. Unfinished files
+    of killed processes are removed.
 
     Raises:
         RunError: as for `RunWriter`.

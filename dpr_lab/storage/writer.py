@@ -55,11 +55,11 @@ class WriterSettings:
     """Maximum age of a chunk before it is passed to the operating system, s. The age is checked at each call, every 50
     ms during a recording, so that a killed process loses at most the last 250 ms."""
     sync_s: float = 5.0
-    """Interval at which the file is written through to the disk, s. Data passed to the operating system are lost only
-    in a power failure. Each such write can block for 100 ms."""
+    """Interval at which the file is synchronised with the disk (fsync), s. A call can block for 100 ms. Between the
+    calls, data passed to the operating system are lost only in a power failure."""
     messages_a_chunk: int = 500
-    """Maximum number of messages between two flushes, for each kind of event and for states. Further messages are only
-    counted."""
+    """Maximum number of messages between two flushes, for each kind of event and for the states. Further messages are
+    counted but not stored."""
     block_rows: int = 8192
     """Number of table rows that are written at a time; about a chunk."""
     many_rows: int = 1000
@@ -135,7 +135,7 @@ class RunWriter:
     def table(
         self, t: ArrayLike, theta: ArrayLike, counts: ArrayLike | None = None, torques: ArrayLike | None = None
     ) -> None:
-        """Append rows of an imported table, which has its own times; the tick of a row is its number.
+        """Append rows of an imported table, which has its own times. The tick of a row is the row number.
 
         Args:
             t: (n,) time since the table's first row, s, not negative
@@ -385,7 +385,7 @@ def _sample_messages(
     counts: Integers | None,
     torques: Array,
 ) -> Iterator[bytes]:
-    """Rows as JSON, formatted directly: this is three times as fast as `json.dumps`."""
+    """Format rows as JSON, three times as fast as `json.dumps`."""
     rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)
     ends = [""] * len(tick)
     for key, pairs in zip(TORQUE_KEYS, torques.tolist(), strict=False):

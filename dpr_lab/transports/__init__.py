@@ -38,7 +38,7 @@ TRANSPORTS: dict[str, LinkKind] = {
     "sim": LinkKind("simulated rig", "dpr_lab.transports.simulated:open_simulated", "sim://?plant=paper&seed=1"),
 }
 TRANSPORTS |= plugin_rows("transports", LinkKind, TRANSPORTS)
-"""URL scheme -> kind of link. A new kind of link is one file and one row here."""
+"""Kind of link for each URL scheme. A new kind of link requires one module and one entry in this table."""
 
 
 def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:
@@ -55,6 +55,6 @@ def open_transport(url: str, *, rig_file: Path | None = None) -> Transport:
     parsed = parse_url(url)
     if parsed.scheme not in TRANSPORTS:
         known = ", ".join(kind.example for kind in TRANSPORTS.values())
-        raise LinkUrlError(f"{url}: unknown kind of link {parsed.scheme!r}; known are: {known}")
+        raise LinkUrlError(f"{url}: unknown kind of link {parsed.scheme!r}; use for example: {known}")
     module, function = TRANSPORTS[parsed.scheme].opener.split(":")
     return getattr(import_module(module), function)(parsed, rig_file)

@@ -11,7 +11,7 @@ from firmware_protocol.host_role import HostSession
 
 
 def find(url: str, uid: str, ports: Iterable[str], open_port: Callable[[str], Transport]) -> Transport:
-    """Open link to the device whose UID ends with the given digits.
+    """Find the device whose UID ends with the given digits, and return an open link to it.
 
     Args:
         url: URL given by the operator
@@ -52,7 +52,7 @@ def uid_digits(text: str) -> str:
 
 
 def uid_at(link: Transport, timeout: float = 0.7) -> str:
-    """UID of the device on an open link; empty if no device answers in this protocol within `timeout` s.
+    """Request the UID of the device on an open link; empty if no device answers in this protocol within `timeout` s.
 
     The message HELLO is repeated every 0.1 s.
 

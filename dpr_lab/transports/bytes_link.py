@@ -12,7 +12,7 @@ class BytePort(Protocol):
     """Port that transmits bytes, and raises DeviceLost after a disconnection."""
 
     def read(self, timeout: float) -> bytes:
-        """All bytes that have arrived; waits at most `timeout` s for the first one. Empty if none arrived."""
+        """Return all bytes that have arrived. Wait at most `timeout` s for the first one; empty if none arrived."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -43,7 +43,7 @@ class BytesLink:
         self._port.write(encode_frame(frame))
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived; waits at most `timeout` s for the first byte."""
+        """Return all frames that have arrived. Wait at most `timeout` s for the first byte."""
         raw = self._port.read(timeout)
         return Received(time.monotonic(), tuple(self._decoder.feed(raw)), raw)
 

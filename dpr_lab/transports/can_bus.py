@@ -138,7 +138,7 @@ class CanBus:
             raise self._lost(error) from error
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived; waits at most `timeout` s for the first one."""
+        """Return all frames that have arrived. Wait at most `timeout` s for the first one."""
         frames: list[Frame] = []
         message = self._next(timeout)
         until = time.monotonic() + CAN.read_at_most_s

@@ -75,7 +75,7 @@ class SerialPort:
             raise LinkError(f"{url}: {_why_not_opened(name, baud, error)}") from error
 
     def read(self, timeout: float) -> bytes:
-        """All bytes that have arrived; waits at most about `timeout` s for the first one."""
+        """Return all bytes that have arrived. Wait at most about `timeout` s for the first one."""
         deadline = time.monotonic() + timeout
         try:
             while True:

@@ -37,7 +37,7 @@ class Patience:
 PATIENCE = Patience()
 
 LINKS = {"pty": "pty", "can": "slcan", "tcp": "tcp:0"}
-"""Value of the option `bus` -> value of the option `--link` of the child."""
+"""Value of the child's option `--link` for each value of the URL option `bus`."""
 DEFAULT_BUS = "tcp" if sys.platform == "win32" else "pty"  # Windows has no pseudo-terminals
 
 
@@ -111,7 +111,7 @@ class SimulatedTransport:
         self._link.send(frame)
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived; waits at most `timeout` s for the first one."""
+        """Return all frames that have arrived. Wait at most `timeout` s for the first one."""
         try:
             return self._link.receive(timeout)
         except DeviceLost as error:
@@ -124,7 +124,7 @@ class SimulatedTransport:
 
 
 def _ready_url(url: str, child: ChildProgram) -> str:
-    """URL of the child's link, from the first line that it prints.
+    """Wait for the first line that the child prints, which is the URL of its link, and return the URL.
 
     Raises:
         LinkUrlError: the child refuses its arguments.
@@ -136,7 +136,7 @@ def _ready_url(url: str, child: ChildProgram) -> str:
     except (KeyError, TypeError, ValueError) as error:
         if child.exit_code is None and not child.last_words:
             raise LinkError(
-                f"{url}: the simulated device did not start within {patience_s:g} s: try again while this computer is"
+                f"{url}: the simulated device did not start within {patience_s:g} s: try again when this computer is"
                 " less busy"
             ) from error
         child.end(PATIENCE.stop_s)

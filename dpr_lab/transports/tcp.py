@@ -41,7 +41,7 @@ class TcpPort:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, timeout: float) -> bytes:
-        """All bytes that have arrived; waits at most `timeout` s for the first one."""
+        """Return all bytes that have arrived. Wait at most `timeout` s for the first one."""
         try:
             ready, _, _ = select.select([self._socket], [], [], timeout)
             data = self._socket.recv(65_536) if ready else None

@@ -20,9 +20,9 @@ class Capacity:
     bits_per_s: int
     bits_per_sample: int
     remedy: str
-    """Advice for samples that exceed the capacity."""
+    """Remedy if the samples exceed the capacity, for example `a faster bus`."""
     usable_share: float = 0.8
-    """Share of the capacity that samples may use. The rest is reserved for answers, status and arbitration."""
+    """Maximum share of the capacity for samples. The rest is reserved for answers, status and arbitration."""
 
     @property
     def max_rate_hz(self) -> int:
@@ -45,7 +45,7 @@ class Capacity:
         """Check that the link can carry a sample rate.
 
         Raises:
-            LinkError: it cannot; the message contains the calculation and the maximum rate.
+            LinkError: the link cannot carry the rate; the message contains the calculation and the maximum rate.
         """
         if rate_hz > self.max_rate_hz:
             raise LinkError(f"{self.load(rate_hz)}: choose at most {self.max_rate_hz} Hz or {self.remedy}")
@@ -95,7 +95,7 @@ class Transport(Protocol):
         ...
 
     def receive(self, timeout: float) -> Received:
-        """All frames that have arrived; waits at most `timeout` s for the first byte.
+        """Return all frames that have arrived. Wait at most `timeout` s for the first byte.
 
         Raises:
             DeviceLost: the link is lost.

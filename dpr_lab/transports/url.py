@@ -12,7 +12,7 @@ _LINKS = {
     re.compile("/dev/|COM[0-9]"): "serial://{}?baud=921600",
     re.compile("v?can[0-9]"): "can://socketcan/{}?bitrate=1000000",
 }
-"""Pattern of the name of a port or an interface -> link URL that contains this name."""
+"""Pattern of the name of a port or an interface, and format of the link URL that contains this name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class LinkUrl:
         """Values of the options in the query, converted from text.
 
         Args:
-            known: option name -> function that converts its text, or raises ValueError("is not ...")
+            known: function for each option that converts its text, or raises ValueError("is not ...")
 
         Raises:
             LinkUrlError: an option is unknown, repeated or not valid.
@@ -90,7 +90,7 @@ def seconds(text: str) -> float:
 
 
 def one_of(*choices: str) -> Callable[[str], str]:
-    """Function that accepts only the given words and returns them unchanged."""
+    """Create a function that accepts only the given words and returns them unchanged."""
 
     def read(text: str) -> str:
         if text not in choices:

@@ -1,4 +1,6 @@
-"""The screen: seven steps from the connection to the diagnosis. Every action calls a job of the command line.
+"""Terminal user interface (`dpr-lab tui`), also called "the screen": seven steps from the connection to the diagnosis.
+
+The steps run the same workflows as the command line.
 
 app                  steps in their order, keys, errors as notices
 steps                one page for each step

@@ -1,4 +1,4 @@
-"""The app: steps at the top, the current step below them, keys at the bottom."""
+"""Textual app of the terminal user interface: list of steps, current step, and active keys."""
 
 import asyncio
 import time
@@ -67,16 +67,16 @@ KEYED: tuple[type[DOMNode], ...] = (*STEPS, Chart, Slider, RunBrowser)
 
 
 class DprApp(Guarded, NoticeApp, ViewedApp):
-    """The bench screen.
+    """Textual app of `dpr-lab tui`.
 
     Args:
-        workspace: current work of the operator
+        workspace: rig, link, folder and results of the operator
         folder: where the workspace is saved and unexpected errors are logged
         keymap: the operator's keys, see `dpr_lab.tui.keys`
         notices: messages at the start
         steps: the steps to show
-        sight: evidence that the operator sees the screen; default: the terminal
-        allow_release: whether a browser may release too
+        sight: confirms that the operator sees the screen; default: the terminal
+        allow_release: whether the rods may also be released from a browser
         read_only: whether the screen is read-only: no command to a device, no file written
     """
 
@@ -176,7 +176,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
-        """Handle an event; the response to a key or click is drawn without delay."""
+        """Handle an event. The response to a key or click is drawn without delay."""
         if isinstance(event, events.Key | events.MouseDown):
             self.terminal.hurry()
         await super().on_event(event)
@@ -245,8 +245,8 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         if small and not main.has_class("-too-small"):
             self._had_focus = main.focused  # a hidden widget loses the focus
         main.set_class(small, "-too-small")
-        need = f"{width}x{height} is too small: the screen needs {LEAST[0]}x{LEAST[1]}. Enlarge the window"
-        self.query_one("#too-small", Static).update(f"{need}, or the font smaller. A recording continues meanwhile.")
+        need = f"{width}x{height} is too small: the screen needs {LEAST[0]}x{LEAST[1]}. Enlarge the window or"
+        self.query_one("#too-small", Static).update(f"{need} choose a smaller font. A recording continues meanwhile.")
         self.call_after_refresh(self._resized)
 
     def _resized(self) -> None:
@@ -364,7 +364,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         open_page(self, page)
 
     def mishap(self, error: Exception) -> None:
-        """Show an error to the operator; an unexpected error is also logged with its traceback.
+        """Show an error. An unexpected error is also logged with its traceback.
 
         All exceptions of handlers, actions and workers of a step are handled here, so that the app continues.
         """

@@ -26,7 +26,7 @@ from dpr_lab.whole_file import regular
 MODIFIERS = ("ctrl", "shift", "alt", "super", "meta", "hyper")
 
 Keymap = dict[str, str]
-"""Id of an action -> keys, separated by commas."""
+"""Mapping of action identifiers to keys, separated by commas."""
 
 MENTION = re.compile(r"\{([a-z]+\.[a-z_0-9]+)\}")
 """Pattern of a placeholder for the key of an action in a text: `press {capture.start}`."""
@@ -37,7 +37,7 @@ class KeyNames:
     """Names of the current keys, for texts that mention them."""
 
     keys: Mapping[str, str]
-    """Id of an action -> its keys."""
+    """Mapping of action identifiers to keys."""
     display: Callable[[str], str]
     """Function that converts a key to its displayed name."""
 
@@ -78,11 +78,11 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
     Args:
         path: the file; the default keys apply if it does not exist
         everywhere: class whose actions are available everywhere: the app
-        places: classes whose actions are available only while they are shown: steps, charts, ...
+        places: classes whose actions are available only while they are shown, such as steps and charts
 
     Raises:
-        ConfigError: the file is not TOML, or contains an unknown action, an unknown key, or one key for two actions of
-            one place.
+        ConfigError: the file is not TOML, or contains an unknown action, an unknown key, or one key for two actions
+            that are available at the same time.
     """
     try:
         table = tomllib.loads(regular(path, ConfigError).read_text(encoding="utf-8"))
@@ -112,7 +112,7 @@ def actions(*owners: type[DOMNode]) -> dict[str, str]:
 def _flat(path: Path, table: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
     for place, keys in table.items():
         if not isinstance(keys, dict):
-            raise ConfigError(f"{path}: {place}: write the actions of a place below its name, such as [capture]")
+            raise ConfigError(f"{path}: {place}: write the actions below the name of their section, such as [capture]")
         for action, key in keys.items():
             name = f"{place}.{action}"
             if not isinstance(key, str) or not key.strip():

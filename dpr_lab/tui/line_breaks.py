@@ -60,7 +60,7 @@ class Hanging(Visual):
 
 
 def _hung(line: Content, width: int) -> list[Content]:
-    """A line wrapped to the width."""
+    """Wrap a line to a width, with indented continuation lines."""
     marker = _BEFORE.match(line.plain)
     indent = marker.end() if marker is not None else 0
     if line.cell_length <= width or width - indent < NARROWEST:

@@ -24,7 +24,7 @@ class Palette:
     """Function that shows a step, numbered from 1."""
 
     def commands(self) -> Iterator[SystemCommand]:
-        """The steps and all actions. An action of another step first opens this step."""
+        """Yield a command for each step and each action. An action of another step first shows that step."""
         for number, step in enumerate(self.steps, 1):
             yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(self.go, number))
             yield from (self._command(binding, step.NAME, number) for binding in _bindings(step))
@@ -45,6 +45,6 @@ class Palette:
 
 
 def _bindings(owner: DOMNode) -> list[Binding]:
-    """Actions of a class that have a description."""
+    """Key bindings of a class that have a description."""
     bindings = owner.__class__.__dict__.get("BINDINGS", ())
     return [binding for binding in bindings if isinstance(binding, Binding) and binding.description]

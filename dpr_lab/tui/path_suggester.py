@@ -6,9 +6,9 @@ from textual.suggester import Suggester
 
 
 class PathSuggester(Suggester):
-    """Completion by the first folder, or file with a suffix, whose name starts with the input.
+    """Suggester that completes a path with the first folder or file whose name starts with the input.
 
-    The character `~` stands for the home folder.
+    Only files with the given suffix are suggested. The character `~` stands for the home folder.
 
     Args:
         suffix: suffix of the files, with its dot; empty for folders only; `*` for all files
@@ -19,7 +19,7 @@ class PathSuggester(Suggester):
         self._suffix = suffix
 
     async def get_suggestion(self, value: str) -> str | None:
-        """The completed input."""
+        """Return the completed input, or None if nothing matches."""
         folder, _, prefix = value.rpartition("/")
         base = Path(f"{folder}/" if "/" in value else ".").expanduser()
         try:

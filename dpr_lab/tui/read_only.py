@@ -1,6 +1,6 @@
-"""Permissions of a page in a browser without `--allow-release`, which is only for display.
+"""Permissions of a read-only page: the screen in a browser without `--allow-release`.
 
-Each action, screen or job that is not listed below is refused. This also applies to later additions.
+Each action, screen or job that is not in one of the lists of this module is refused.
 """
 
 import errno
@@ -75,8 +75,8 @@ _CHANGES = frozenset(
 def forbid_writing() -> None:
     """Refuse every later call of this process that writes a file, changes a folder or starts a program.
 
-    The tables above give the operator a reason. This function is a second protection, in case a table is incomplete.
-    Its effect cannot be undone.
+    Actions that are not permitted are already refused with a message. This function is a second protection, in case a
+    list of permitted actions contains one that writes. Its effect cannot be undone.
     """
     sys.dont_write_bytecode = True
     sys.addaudithook(_refuse_writing)

@@ -43,7 +43,7 @@ NOTICES = NoticeTimes()
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> RenderableType:
-    """A table as wide as its cells.
+    """Create a table as wide as its cells.
 
     Text is aligned left. Numbers are aligned right and never wrapped; long headers are wrapped.
     """
@@ -60,7 +60,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: bool = False) -> RenderableType:
-    """A list of sentences below a title, with a mark or numbers from 1; empty if there are no sentences."""
+    """Create a list of sentences below a title, with marks or with numbers from 1; empty without sentences."""
     if not lines:
         return Text("")
     items = Table.grid(padding=(0, 1))
@@ -75,7 +75,7 @@ def counted_runs(count: int) -> str:
 
 
 def shorter(names: Sequence[str], most: int = 6) -> str:
-    """Text of the first names of a list, separated by commas, and the number of the other names."""
+    """Join the first `most` names of a list with commas, and add the number of the other names."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 

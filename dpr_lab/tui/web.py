@@ -15,7 +15,7 @@ from dpr_lab.errors import ConfigError, LinkError
 from dpr_lab.tui.terminal.signals import ENDING
 
 HOST = "127.0.0.1"
-NEEDS = "this option needs textual-serve: pip install 'dpr-lab[web]'"
+NEEDS = "this option requires textual-serve: pip install 'dpr-lab[web]'"
 HEADERS = {"Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY", "Cache-Control": "no-store"}
 
 
@@ -31,8 +31,8 @@ def serve(command: Sequence[str], port: int) -> None:
         port: port of the page
 
     Raises:
-        ConfigError: the package that serves it is not installed.
-        LinkError: the port is taken.
+        ConfigError: the package textual-serve is not installed.
+        LinkError: the port is already in use.
     """
     try:
         page = _page(command, port, secrets.token_urlsafe(32))
@@ -42,7 +42,7 @@ def serve(command: Sequence[str], port: int) -> None:
         page.serve()
     except OSError as error:
         place = f"http://{HOST}:{port}"
-        raise LinkError(f"{place}: {error.strerror or error}: name another port with --serve") from error
+        raise LinkError(f"{place}: {error.strerror or error}: choose another port with --serve") from error
 
 
 def policy(place: str) -> str:
@@ -95,7 +95,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default logger would log the token
             print(
                 f"open http://{place}/{token}/",
-                f"anyone who has this address can {may}; Ctrl-C ends it",
+                f"anyone who has this address can {may}; Ctrl-C stops the server",
                 sep="\n",
             )
             sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""Work of the operator, which is saved between sessions of the screen."""
+"""State of the operator's work, which is saved between sessions of the screen."""
 
 import hashlib
 import os
@@ -47,7 +47,7 @@ class Workspace:
     recent_folders: list[Path] = field(default_factory=list)
     """Recently shown folders of runs, the latest first."""
     torque: str = ""
-    """Torques of runs that contain both kinds: `commanded`, or empty for the measured torques."""
+    """Torques used for runs that contain both kinds: `commanded`, or empty for measured."""
     held_out: list[Path] = field(default_factory=list)
     """Held-out run files, which only validate a diagnosis."""
     next_pose: str = ""
@@ -59,9 +59,9 @@ class Workspace:
     model: Path | None = None
     diagnosis: Path | None = None
     made_from: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Step -> inputs of its result, by kind, as returned by `basis`."""
+    """Inputs of the result of each step, by kind, as returned by `basis`."""
     took: dict[str, float] = field(default_factory=dict)
-    """Step -> duration of its last job per run, s."""
+    """Duration of the last job of each step, divided by its number of runs, s."""
     theme: str = "dpr-dark"
     angles: str = "degrees"
     """Unit of displayed angles (`dpr_lab.report.angles`)."""
@@ -96,7 +96,7 @@ class Workspace:
     def move_to(self, out: Path) -> None:
         """Set the folder of the results.
 
-        Another folder removes runs and results from the workspace.
+        If this is another folder, runs and results are removed from the workspace.
         """
         if out == self.out.expanduser().resolve():
             return
@@ -132,7 +132,7 @@ def _stamp(path: Path) -> str:
 
 
 def _rig_stamp(rig: str) -> str:
-    """Hash of a rig file without its poses, because results do not depend on them; otherwise its time stamp."""
+    """Hash of a rig file without its poses, which do not affect results; its time stamp if it cannot be read."""
     try:
         path = find_config("rigs", rig)
         return _without_poses(path, path.stat().st_mtime_ns)

@@ -81,13 +81,13 @@ def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
     """Refuse a diagnosis that was made with another rig file, because its intervals are not valid for this one."""
     if diagnosis.evidence is None or diagnosis.evidence.rig_sha256 != rig.sha256:
         raise ConfigError(
-            f"{file}: was not made with this file of rig {rig.name}, or by an older version: diagnose the runs again,"
-            " or omit --diagnosis"
+            f"{file}: the diagnosis was made with another file of rig {rig.name}, or by an older version: diagnose the"
+            " runs again, or omit --diagnosis"
         )
 
 
 def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig: "Rig") -> "Acceptance":
-    """Test every limit with a diagnosis of these runs."""
+    """Test every limit with a diagnosis of the given runs."""
     from dpr_lab.acceptance.free_run import free_run_errors
     from dpr_lab.acceptance.judge import judge
 
@@ -98,7 +98,7 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 def _with_recordings(
     acceptance: "Acceptance", wanted: "PlanLimits", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig"
 ) -> "Acceptance":
-    """Add the releases that are expected to decide the limits that are not decidable yet."""
+    """Add the planned releases that are expected to decide the remaining limits."""
     from dpr_lab.planning.plan import plan
 
     if acceptance.answer != "not decidable":

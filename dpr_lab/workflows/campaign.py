@@ -68,7 +68,8 @@ def _refuse_other_kinds(campaign: "Campaign") -> None:
 
     others = [] if campaign.arm is None else [kind for kind in campaign.kinds if kind not in ON_ARM]
     if others:
-        raise ConfigError(f"kind {others[0]}: a plant whose arm moves is {', '.join(ON_ARM[:-1])} or {ON_ARM[-1]}")
+        available = f"{', '.join(ON_ARM[:-1])} or {ON_ARM[-1]}"
+        raise ConfigError(f"kind {others[0]}: not available for plants whose arm moves; choose {available}")
 
 
 def _saved(tried: "Tried", request: CampaignRequest) -> tuple[dict[str, Any], dict[str, str]]:

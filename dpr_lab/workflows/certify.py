@@ -45,12 +45,12 @@ class VerifiedCertificate:
 
     @property
     def holds(self) -> bool:
-        """Whether every verified line is valid."""
+        """Whether every file, the signature and every claim are confirmed."""
         return all(line.holds for line in self.lines)
 
     @property
     def names_other_code(self) -> bool:
-        """Whether the certificate names another version or hash of the code than the running one."""
+        """Whether the certificate names another version or another hash of the code than the installed code."""
         return any(
             declared.note for declared in self.origin if declared.name in ("made with: dpr_lab", "made with: code")
         )
@@ -64,17 +64,17 @@ def certify(
     passphrase: Callable[[], str] | None = None,
     limits: Path | None = None,
 ) -> Certified:
-    """Diagnose, and write a certificate that others can verify.
+    """Diagnose runs, and write a certificate of the diagnosis that others can verify.
 
     Events and errors are those of `diagnose`.
 
     Args:
-        request: the diagnosis; it starts from the rig file, not from a model
+        request: options of the diagnosis, without an initial model
         to: the file to write
         on_event: called with the events
         sign_with: file of an Ed25519 private key; None: no signature
         passphrase: function that asks for the passphrase of the key
-        limits: limits file of `accept`, whose results are also claimed; None: no limits
+        limits: limits file of `accept`, whose results are also certified; None: no limits
 
     Raises:
         ConfigError: the key or the limits cannot be used, the file cannot be written, or the request starts from a
@@ -150,8 +150,9 @@ def verify(
         path: the certificate; its recordings must be at the paths that it names
         on_event: called with the events
         signed_by: file of the Ed25519 public key of the required signature; None: no signature is required
-        other_code: whether the certificate may name other code than the running code, for example an older version
-        same_libraries: whether Python and the libraries must be those of the certificate
+        other_code: whether the certificate may name code that differs from the installed code, for example an older
+            version
+        same_libraries: whether the versions of Python and the libraries must match the certificate
 
     Raises:
         RunError: the file is not a certificate of this policy.

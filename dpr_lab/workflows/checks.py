@@ -23,10 +23,10 @@ def refuse_file(out: Path) -> None:
 
 
 def refuse_own_folder(out: Path, original: Path) -> None:
-    """Check that results, with a changed copy of a file, can be written to a folder that is not the file's own.
+    """Check that a changed copy of a file can be written to a folder other than the folder of the original.
 
     Raises:
-        ConfigError: the folder is the folder of the file, or an error of `refuse_file`.
+        ConfigError: the folder is the folder of the original, or an error of `refuse_file`.
     """
     refuse_file(out)
     if (out / original.name).resolve() == original.resolve():

@@ -25,9 +25,9 @@ def compare_moving_arm(
     on_event: OnEvent = ignore,
     torque: str | None = None,
 ) -> dict[str, Any] | None:
-    """Residuals by segment of runs relative to a model; None if the model has no moving arm.
+    """Compare runs by segment with a model of a moving arm; None if the model has no moving arm.
 
-    `report.html` with its figures, and the measured and simulated angles as `comparison.csv`, are written to a folder.
+    `report.html` with its figures, and the measured and simulated angles as `comparison.csv`, are written to `out`.
     Events: `RunRead`, `ArmRunCompared`.
 
     Raises:
@@ -66,7 +66,10 @@ def compare_moving_arm(
 
 
 def angles_csv(compared: "Sequence[ArmComparison]") -> str:
-    """Measured and simulated angles as a table; nan without an encoder, no row where no joint was simulated."""
+    """Measured and simulated angles as CSV text.
+
+    Joints without an encoder have the value nan. Instants at which no joint was simulated are omitted.
+    """
     import numpy as np
 
     rows = [

@@ -58,7 +58,7 @@ class KnownPlant:
 
     @property
     def comparison(self) -> dict[str, tuple[float, float, float, float]]:
-        """Ratio -> estimate, standard deviation, true value, and error in standard deviations."""
+        """Estimate, standard deviation, true value and error (in standard deviations) of each ratio."""
         return {
             name: (interval.value, interval.std, self.ratios[name], (interval.value - self.ratios[name]) / interval.std)
             for name, interval in self.model.ratios.items()
@@ -121,7 +121,7 @@ def _known_plant(request: DemoRequest, begin: "Callable[[int], None]", on_event:
 
 
 def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_event: OnEvent) -> HiddenEffect:
-    """One blind trial: seal, record, identify, diagnose, reveal and score."""
+    """Run a blind trial: seal, record, identify, diagnose, reveal and score a plant."""
     from dpr_lab.identification.model import Model
     from dpr_lab.trials.protocol import RIG_FILE, open_trial
     from dpr_lab.trials.sealing import Kind, PlantRequest
@@ -142,7 +142,7 @@ def _hidden_effect(request: DemoRequest, begin: "Callable[[int], None]", on_even
 
 
 def _unused(out: Path) -> Path:
-    """Folder for the trial; a folder with an earlier trial is not used again."""
+    """Choose a folder for the trial that does not contain an earlier trial."""
     number = 1
     while (folder := out / f"trial-{number}").exists():
         number += 1

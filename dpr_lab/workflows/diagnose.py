@@ -161,12 +161,12 @@ def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
 
 
 def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
-    """Event with the stages counted in this job, which may have one stage more than the diagnosis."""
+    """Copy of an event with the number of stages of this job, which may have one stage more than the diagnosis."""
     return replace(event, of=stages) if isinstance(event, StageBegan) else event
 
 
 def chosen_library(names: Sequence[str] | None, without: Sequence[str]) -> "Mapping[str, Effect]":
-    """Candidate effects.
+    """Select the candidate effects by their names.
 
     Raises:
         ConfigError: a name is unknown, or no effect remains.
@@ -190,14 +190,14 @@ REASONS = ("gap", "unexplained", "unsure", "sensor")
 
 
 def failures(diagnosis: "Diagnosis", reasons: Sequence[str], *, sure: float = 0.9) -> list[str]:
-    """Sentences on the requested `REASONS` that apply to a diagnosis.
+    """Return a sentence for each requested reason in `REASONS` that applies to a diagnosis.
 
     A sentence is always included if the recordings cannot show a gap, or if their description is probably wrong.
 
     Args:
         diagnosis: the diagnosis
         reasons: requested reasons
-        sure: minimum probability of a named effect that is not unsure
+        sure: probability below which a named effect counts as unsure
     """
     sentences = {
         "gap": diagnosis.sentence if diagnosis.verdict not in ("no_gap", "inconclusive") else "",

@@ -43,7 +43,7 @@ class SimulatorDiagnosis:
     diff: str = ""
     """Unified diff."""
     lost: dict[str, str] = field(default_factory=dict)
-    """Effect -> reason why the file cannot contain it."""
+    """Reason for each effect that the file cannot contain."""
     forced: "PatchedModel | None" = None
     """The changed file for use with a module of passive forces, which adds effects that the file cannot contain. None
     if there are no such effects, or if the module cannot contain them either."""
@@ -137,7 +137,7 @@ def diagnose_simulator(
 
 
 def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":
-    """Rods of the user's model, which must be those of the rig."""
+    """Read the rods of the user's model, and check that they are those of the rig."""
     from dpr_lab.exports.into.target import refuse_other_rig
     from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
@@ -181,7 +181,7 @@ def _replays(
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
-    """The file changed to the full model, if this requires a module of passive forces; None otherwise."""
+    """Change the file to the complete model, if this requires a module of passive forces; otherwise return None."""
     from dpr_lab.exports.into import into_file
 
     try:

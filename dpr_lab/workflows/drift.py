@@ -70,9 +70,9 @@ class DriftResult:
         }
 
     def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
-        """Parameter -> value.
+        """Map the names of parameters to their values.
 
-        A size that is a ratio is also given as an absolute value at the assumed b.
+        A size that is a ratio to b is also given as an absolute value with the assumed b.
         """
         by_name = dict(zip(self.estimates.names, values, strict=True))
         b, inertia = self.estimates.b or 1.0, self.estimates.inertia

@@ -38,13 +38,13 @@ class ExportResult:
     """Written files and the error of the exported model."""
 
     files: dict[str, str]
-    """Format -> main file that its program reads."""
+    """Main file of each format, which the program of the format reads."""
     lost: dict[str, dict[str, str]]
-    """Format -> effect -> reason why the format cannot express it."""
+    """Effects that each format cannot express, with the reason for each effect."""
     instead: dict[str, list[str]]
-    """Format -> effects of the refitted model."""
+    """Effects of the refitted model of each format."""
     refused: dict[str, str]
-    """Format -> reason why its file was not written."""
+    """Reason for each format whose file was not written."""
     bare_rad: float | None = None
     lab: "Replayed | None" = None
     tried: "dict[str, Replayed]" = field(default_factory=dict)
@@ -154,7 +154,7 @@ def _checked(
     rig: "Rig",
     on_event: OnEvent,
 ) -> ExportResult:
-    """Errors of the model in each program, compared with the simulation of dpr-lab and with the bare model."""
+    """Compute the errors of the model in each program, in the simulation of dpr-lab, and of the bare model."""
     from dpr_lab.exports import FORMATS
     from dpr_lab.exports.cost import REPLAY_RULE, yardstick
     from dpr_lab.exports.replay import replayed

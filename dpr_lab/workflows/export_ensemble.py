@@ -71,7 +71,7 @@ class EnsembleResult:
     folders: tuple[Path, ...]
     """Folder of each model, if formats were requested."""
     sets: dict[str, int]
-    """Effects of a model, joined by + (`-` if there are none) -> number of models with these effects."""
+    """Number of models with each combination of effects. A key joins the effects by `+`; `-` stands for no effect."""
     factor: float
     """Factor by which the standard deviations of the posterior were multiplied."""
     factor_of_fit: float
@@ -161,7 +161,7 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
 
 
 def _diagnosis_of(model: "AnyModel", record: Path) -> "Diagnosis | None":
-    """The diagnosis that wrote the model; None if there is no file, or if the model is from another fit.
+    """Diagnosis that contains the model; None if its file does not exist, or if the model is from another fit.
 
     The corrected model has the number of segments and the chi-square of its diagnosis.
     """
@@ -175,7 +175,7 @@ def _diagnosis_of(model: "AnyModel", record: Path) -> "Diagnosis | None":
 
 @dataclass(frozen=True, slots=True)
 class _Ensemble:
-    """Functions of an ensemble: draw models, and compare them with a recording."""
+    """Functions that draw the models of an ensemble and compare them with a recording."""
 
     drawn: "Callable[[float, int], Sequence[Any]]"
     """Function that returns random models, for a given factor on the posterior's standard deviations and number of

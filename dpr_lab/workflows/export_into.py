@@ -24,7 +24,7 @@ class ExportedInto:
     """Unified diff of the original and the changed file."""
     changes: "tuple[ChangedAttribute, ...]"
     lost: dict[str, str]
-    """Effect -> reason why neither the file nor the module of passive forces can contain it."""
+    """Reason for each effect that neither the file nor the module of passive forces can contain."""
     passive: tuple[str, ...] = ()
     """Effects that only the module of passive forces contains."""
     passive_file: Path | None = None

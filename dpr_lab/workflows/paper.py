@@ -19,8 +19,7 @@ class PaperRequest:
     out: Path
     """Folder of paper.md, paper.json, tables and figures."""
     seeds: int = 5
-    """Number of searches for each interpretation of H, both with true values on the coding grid and with values off
-    it."""
+    """Number of searches for each interpretation of H and each set of true values (on and off the coding grid)."""
     generations: int = 1000
     workers: int = 1
     """Number of searches that run in parallel."""

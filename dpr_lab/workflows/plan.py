@@ -23,7 +23,7 @@ RIG_FILE = "rig.toml"
 another mode of the arm have rig files of their own, such as `rig_P2.toml`."""
 
 UNITS = {"s": 1 / 60, "min": 1.0, "h": 60.0}
-"""Unit of a budget -> its length in minutes."""
+"""Duration of each unit of a budget, minutes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +68,8 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
     If runs are given without a diagnosis, the events are those of a diagnosis.
 
     Raises:
-        ConfigError: the rig, the limits or the budget is not valid or permits no recording; or a diagnosis is given
-        without its runs.
+        ConfigError: the rig, the limits or the budget is not valid, or does not permit a recording; or a diagnosis is
+        given without its runs.
         RunError: a run or the diagnosis cannot be used; the diagnosis belongs to other runs.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.

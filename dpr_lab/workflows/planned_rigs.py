@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from dpr_lab.rig import Rig
 
 ARM_MODES = {"held": "clamped", "free": "free", "driven": "driven"}
-"""State of the arm in a planned release -> mode in the rig file."""
+"""Mode of the arm in the rig file for each state of the arm in a planned release."""
 
 
 def planned_poses(made: "Plan", rig: "Rig") -> "dict[str, PlannedRelease]":
-    """Name of a pose -> planned release.
+    """Map names of new poses to the planned releases.
 
-    The names are P1, P2, ...; names that the rig file already uses are left out.
+    The names are P1, P2, ...; names that the rig file already uses are skipped.
     """
     free = (name for number in count(1) if (name := f"P{number}") not in rig.poses)
     return dict(zip(free, made.releases, strict=False))
@@ -29,7 +29,7 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
     """Write a rig file for each setup of a plan: rods, added mass and mode of the arm.
 
     Args:
-        poses: name of a pose -> release
+        poses: planned release for each name of a pose
         rig: the rig file of the plan
         to: file for the releases with the setup of `rig`; for another setup, the name of its first pose is appended
 

@@ -45,7 +45,7 @@ def read_runs(
     for file in files:
         run = load_run(file, rig=rig).driven_by(torque)
         known = "torques" if run.arm_input is None else "input of the arm"
-        other = f"uses the {run.torque_kind} {known}; option for the other: --torque commanded"
+        other = f"uses the {run.torque_kind} {known}; --torque commanded selects the other kind"
         runs.append(run)
         on_event(RunRead(file, run.name, (*run.notes, other) if run.both_kinds else run.notes))
     refuse_repeated(runs)
@@ -58,7 +58,7 @@ def read_runs(
 
 
 def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
-    """Read the diagnosis of some runs from its JSON file or folder.
+    """Read the diagnosis of the given runs from its JSON file or folder.
 
     Raises:
         ConfigError: the file is not a diagnosis.
@@ -74,7 +74,7 @@ def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
 def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
     """Refuse a diagnosis that belongs to other runs.
 
-    Otherwise the causes of the diagnosis would be combined with the information of these runs.
+    Its causes must not be combined with information from other runs.
     """
     from dpr_lab.gap.screen.pieces import whole
 

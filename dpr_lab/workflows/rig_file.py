@@ -95,14 +95,14 @@ DRAFT = DraftSettings()
 
 
 Parameters = dict[str, tuple[str, Bounds, float | None]]
-"""Key in `[parameters]` -> meaning, bounds, and the standard uncertainty of a measured value."""
+"""Meaning, bounds and standard uncertainty (of a measured value) for each key in `[parameters]`."""
 
 
 def draft_rig(measures: RigMeasures) -> str:
-    """Text of a rig file with comments.
+    """Compose the text of a rig file, with comments.
 
     The bounds of the friction follow from the bounds of the damping ratio z of a small swing: c = 2 z sqrt(I k). I is
-    the inertia and k = (first moment of mass) g the stiffness of the parts on the joint.
+    the inertia and k = (first moment of mass) g the stiffness of the parts that turn about the joint.
 
     Raises:
         ConfigError: a rig file cannot contain these values.
@@ -130,7 +130,7 @@ def _one_rod(m: RigMeasures) -> Parameters:
     """Tables in `[parameters]` for a rig with one rod.
 
     Raises:
-        ConfigError: one rod although two are mounted.
+        ConfigError: the values describe one rod, but two rods are mounted.
     """
     if m.mounted != "inner":
         raise ConfigError("two rods require the mass and length of the outer rod; for one rod, give --rods inner")
@@ -243,7 +243,7 @@ USUAL = Usual()
 
 
 def check_rig(name: str | Path) -> list[RigFinding]:
-    """Errors, missing values and unusual values of a rig file; empty if there are none."""
+    """Find errors, missing values and unusual values in a rig file; the list is empty if there are none."""
     from dpr_lab.rig import load_rig
 
     try:

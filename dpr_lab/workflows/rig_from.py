@@ -1,4 +1,4 @@
-"""Rig file from a simulator model."""
+"""Conversion of a simulator model to a rig file."""
 
 import math
 from collections.abc import Sequence
@@ -107,13 +107,13 @@ MEANING = {
     "k0": "spring of the arm, N m/rad",
     "f0": "Coulomb friction of the arm, N m",
 }
-"""Key of a rig file -> its meaning, with the unit at the end."""
+"""Meaning of each key of a rig file, with the unit at the end."""
 
 
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
-    """Bounds of the parameters as in `rig new`.
+    """Bounds of the parameters, as in `rig new`.
 
-    They are extended if the value of the model is outside; a missing value is set to its lower bound.
+    The bounds are extended if the value of the model is outside. A missing value is set to its lower bound.
     """
     d = DRAFT
     lengths = [rod.length or 2 * rod.centroid for rod in chain.rods]

@@ -33,12 +33,12 @@ BOUNDS = DriveBounds()
 
 
 def about(value: float) -> Bounds:
-    """Bounds and nominal value for a value from a data sheet or a model."""
+    """Return bounds and nominal value for a value from a data sheet or a model."""
     return value / BOUNDS.factor, value, BOUNDS.factor * value
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Text of a rig file.
+    """Compose the text of a rig file from a template.
 
     Args:
         template: name of a file in the folder `templates`

@@ -1,8 +1,9 @@
 """JSON-RPC 2.0 service: jobs run one after another in one child process, so that kernels are loaded only once.
 
-Each line is one request object. A job is answered when it ends. Until then it sends `progress` notifications with the
-id of its request. `status` and `cancel` are answered at once. A fit cannot be interrupted; to cancel the running job,
-its process is therefore ended, and the next job starts another process. No method moves or releases a rod.
+Each input line is one request object. The response to a job is sent when the job ends. Until then, `progress`
+notifications with the id of the request are sent. `status` and `cancel` are answered at once. A fit cannot be
+interrupted. To cancel the running job, its process is therefore terminated, and the next job starts a new process. No
+method moves or releases a rod.
 
 Source: JSON-RPC 2.0 Specification, https://www.jsonrpc.org/specification; -32800 is the code of the Language Server
 Protocol for a cancelled request.
@@ -79,7 +80,7 @@ METHODS: dict[str, Method] = {
     ),
     "plan": Method("dpr_lab.workflows.plan:PlanRequest", "dpr_lab.workflows.plan:plan", lambda done: done.to_json()),
 }
-"""Name of a method -> job. Its results are those of the command with the same name and --json."""
+"""Job of each method name. The results are those of the command with the same name and --json."""
 
 NAMES = [*METHODS, "status", "cancel"]
 """Names of all methods."""
@@ -114,7 +115,7 @@ class Service:
         self._worker.start()
 
     def receive(self, line: bytes) -> None:
-        """Handle one line with a request."""
+        """Handle one input line, which contains a request."""
         request: Any = None
         try:
             request = _parsed(line)
@@ -247,10 +248,10 @@ class Service:
 
 
 def work(connection: Connection) -> None:
-    """Main function of the child process: run each (method, request) that arrives until the pipe closes.
+    """Run each (method, request) that arrives in this child process, until the pipe closes.
 
-    For each job it sends `compiling`, (`progress`, parameters) and finally (`done`, result) or (`failed`, arguments of
-    `RpcError`).
+    Messages sent for each job: `compiling`, (`progress`, parameters), and finally (`done`, result) or (`failed`,
+    arguments of `RpcError`).
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service handles Ctrl-C and ends this process
     requests: SimpleQueue[tuple[str, Any]] = SimpleQueue()
@@ -327,7 +328,7 @@ def _is_id(value: Any) -> bool:
 
 
 def _request(method: Method, params: Mapping[str, Any]) -> Any:
-    """Request of a job from its parameters.
+    """Create the request of a job from its parameters.
 
     Raises:
         RpcError: unknown, missing or wrong parameters.

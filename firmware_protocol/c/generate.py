@@ -26,7 +26,7 @@ SCHEMA = """\
 
 
 def generated() -> dict[str, str]:
-    """Name -> content of each file in generated/."""
+    """Generate the content of each file in generated/, by name."""
     header, source, _, _ = generate(DATABASE, "dpr", "dpr.h", "dpr.c", "dpr_fuzzer.c", floating_point_numbers=False)
     major, minor = PROTOCOL_VERSION
     return {
@@ -37,7 +37,7 @@ def generated() -> dict[str, str]:
 
 
 def _undated(text: str) -> str:
-    """Text of a generated file without its date of creation, which would differ in every run."""
+    """Remove the date of creation from a generated file, because it would differ in every run."""
     return re.sub(r"(by cantools version [\d.]+) .*", r"\1.", text)
 
 

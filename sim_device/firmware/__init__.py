@@ -1,1 +1,1 @@
-"""The board: its clock, and the device role of the protocol in Python or in C."""
+"""Simulated board: its clock, and the device side of the protocol in Python or in C."""

@@ -97,10 +97,10 @@ _PROTOTYPES = {
 
 @cache
 def load() -> ctypes.PyDLL:
-    """The library, compiled if necessary.
+    """Load the library, which is compiled if necessary.
 
     Raises:
-        ConfigError: it cannot be compiled.
+        ConfigError: the library cannot be compiled.
     """
     # the interpreter lock is not released, because the calls are short and a busy thread could then keep it for some
     # time

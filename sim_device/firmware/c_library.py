@@ -27,7 +27,7 @@ def library_path() -> Path:
     """Path of the library for the current sources.
 
     Raises:
-        ConfigError: it must be compiled, but there is no C compiler or the compiler failed.
+        ConfigError: the library must be compiled, but there is no C compiler or the compiler failed.
     """
     if chosen := os.environ.get(CHOSEN):
         return Path(chosen)
@@ -43,7 +43,7 @@ def compile_to(target: Path, *flags: str) -> None:
     """Compile core and host port to a library; the file is written atomically.
 
     Raises:
-        ConfigError: there is no C compiler, or it failed.
+        ConfigError: there is no C compiler, or the compiler failed.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:

@@ -10,9 +10,10 @@ CLOCKS: dict[str, Mapping[State, float]] = {
     "realtime": {},
     "fast": {State.IDLE: 20.0, State.HOLDING: 20.0, State.STREAMING: 20.0, State.RELEASED: 60.0},
 }
-"""Name of a clock -> device seconds per wall second in each state; 1 for a state that is not listed.
+"""Device seconds per wall second in each state, by the name of the clock; 1 for a state that is not listed.
 
-Before a release the ratio is smaller, because the host determines the duration of these states and must not be flooded.
+Before a release the ratio is smaller, because the host determines the duration of these states and must not receive
+more messages than it can process.
 """
 
 LONGEST_STEP = 0.01
@@ -50,7 +51,7 @@ class Clock:
         return 1.0 + self.drift_ppm * 1e-6
 
     def watch(self, wall: float) -> float:
-        """Time for the lease of the host at the wall time `wall`, s."""
+        """Time by which the lease of the host is measured, at the wall time `wall`, s."""
         return wall / PATIENCE if self.simulated else wall
 
     def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:

@@ -47,7 +47,7 @@ def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> Devi
 
 @dataclass(frozen=True, slots=True)
 class TickBase:
-    """Relation of ticks to device time: tick `first` is at `origin`, and `rate_hz` ticks per second follow."""
+    """Relation of ticks to device time: tick `first` is at the time `origin`, then `rate_hz` ticks per second."""
 
     origin: float
     rate_hz: int
@@ -65,7 +65,7 @@ class TickBase:
 def streamed(
     rods: SimulatedRods, ticks: TickBase, released_at: int | None, first: int, count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Counts (count, 3) at the ticks from `first` on, and whether each sample is lost inside the board: (count,).
+    """Read counts (count, 3) at the ticks from `first` on, and flags (count,) of samples that the board loses.
 
     Args:
         rods: the measured rods

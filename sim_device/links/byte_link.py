@@ -18,7 +18,7 @@ class Port(Protocol):
         ...
 
     def read(self) -> bytes:
-        """Bytes that have arrived; does not wait."""
+        """Return the bytes that have arrived, without waiting."""
         ...
 
     def write(self, data: bytes | bytearray) -> int:
@@ -68,7 +68,7 @@ class SerialCodec:
 class ByteLink:
     """Link that transmits frames over a byte port.
 
-    Its queue is bounded; a sender that observes `blocked` loses no frames.
+    The queue is bounded. No frames are lost if the sender waits while `blocked` is true.
     """
 
     def __init__(

@@ -57,7 +57,7 @@ class DeviceLink(Protocol):
         ...
 
     def receive(self) -> list[Frame]:
-        """Frames that have arrived; does not wait."""
+        """Return the frames that have arrived, without waiting."""
         ...
 
     def send(self, frames: list[Frame]) -> list[Frame]:

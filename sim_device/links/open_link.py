@@ -78,7 +78,7 @@ LINKS: dict[str, Callable[[str, int | None, Faults, float, Framing], DeviceLink]
     "tcp": _tcp,
     "virtual": _virtual,
 }
-"""Kind of a link -> function that opens it. `virtual` is the in-process bus of python-can; its host is in the same
+"""Function that opens each kind of link. `virtual` is the in-process bus of python-can, whose host is in the same
 process."""
 
 

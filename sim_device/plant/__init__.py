@@ -1,1 +1,1 @@
-"""Truth of the simulated rig: rods, effects, encoders and operator."""
+"""Simulated rig with its true values: rods, effects, encoders and operator."""

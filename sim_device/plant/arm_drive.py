@@ -30,7 +30,7 @@ internal)."""
 
 
 COLUMN = {"torque": "tau0_Nm", "current": "current_A", "voltage": "voltage_V"}
-"""Input of a motor -> name of the column of its table after the time, as `dpr-lab plan` writes it."""
+"""Name of the column of the input, for each kind of input, in tables that `dpr-lab plan` writes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +94,7 @@ class ArmDrive:
             t: (n,) instants, s, with equally many from each tick to the next
             ticks: number of ticks
             rate_hz: ticks per second of the device
-            asked: inputs that the program requested at all earlier ticks since the release
+            asked: inputs that the program requested at all earlier ticks since the release, in units of the drive
 
         Returns:
             (n, 6 + internal) states, and `asked` extended by the inputs of these ticks
@@ -181,7 +181,7 @@ def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
 
 
 def replaying(drive: ArmDrive, file: str | Path) -> ArmDrive:
-    """The drive with a table (CSV) as its program: time since the release, s, and input.
+    """Copy of the drive with a table (CSV) as its program: time since the release, s, and input.
 
     Raises:
         ConfigError: the table does not exist, or is for another input.

@@ -1,6 +1,6 @@
-"""The plant file: the truth of the simulated device.
+"""Plant file: true values of the simulated device.
 
-dpr-lab never reads it.
+dpr-lab never reads this file.
 """
 
 from pathlib import Path

@@ -10,7 +10,7 @@ HiddenSwing = Swing | ForeignSwing
 
 
 def plant_of(config: PlantConfig, rig: Rig) -> HiddenPlant:
-    """Plant of a plant file.
+    """Create the plant that a plant file describes.
 
     Raises:
         ConfigError: unknown effects, or effects that cannot be combined.

@@ -1,4 +1,4 @@
-"""The plant: true motion of the rods, and true behaviour of the encoders."""
+"""Plant: true motion of the rods, and true behaviour of the encoders."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -27,10 +27,11 @@ from sim_device.plant.config import PlantConfig
 from sim_device.plant.mount import AT_REST, Yielding
 
 MAX_STEP = 1e-4
-"""Maximum step of the simulation, s. Its error stays far below a count as long as a chaotic swing can be compared."""
+"""Maximum step of the simulation, s. Within the predictability horizon of a chaotic swing, its error is far below a
+count."""
 
 BLOCK_TIME = 1.0
-"""Duration of a block of a swing, which is computed at a time, s."""
+"""Duration of a block of a swing, s. A swing is computed block by block."""
 
 LOOK = 5e-4
 """Interval at which an encoder with play or delay, or a compliant mount, is evaluated, s."""
@@ -58,8 +59,8 @@ RIPPLE, RIPPLE_ORDER = (
 NO_ROD = 1e-12
 """Mass, kg, and inertia, kg m^2, of a missing outer rod. With zero, joint 2 would have no equation of motion.
 
-The inertia adds to that of the mounted rod. 1e-9 kg m^2 would change the ratios of a small pendulum by 7e-6, as much as
-a standard deviation of two releases.
+The inertia is added to that of the mounted rod. 1e-9 kg m^2 would change the ratios of a small pendulum by 7e-6, which
+equals a standard deviation of an estimate from two releases.
 """
 
 Theta = NDArray[np.float64]
@@ -183,7 +184,10 @@ class Plant:
             raise ConfigError(f"plant {self.config.name}: effects: simulated drives have no {', '.join(of_drives)}")
 
     def let_go(self, theta: Theta, omega: Theta, rate_hz: float, release: int, driven: Driven | None = None) -> "Swing":
-        """Swing of rods that are released at theta, omega (3,), read at `rate_hz`, and driven at its ticks."""
+        """Release the rods with the angles theta and speeds omega (3,).
+
+        The swing is read at `rate_hz`, and driven at these ticks.
+        """
         return Swing(self, theta, omega, rate_hz, driven)
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -191,7 +195,7 @@ class Plant:
         return counts
 
     def start(self, theta: Theta, omega: Theta) -> AnyState:
-        """State of rods that are released at theta, omega (3,).
+        """State of rods that are released with the angles theta and speeds omega (3,).
 
         A clamped arm does not move.
         """
@@ -207,7 +211,7 @@ class Plant:
         return integrate(*self._moving, state, t, MAX_STEP)
 
     def driven_on(self, state: AnyState, t: Theta, torques: Theta) -> NDArray[np.float64]:
-        """States as of `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
+        """States as in `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
         if self.config.arm_drive is not None:  # torques (n - 1, 1) of the arm
             return integrate(*self._moving, state, t, MAX_STEP, np.append(torques[:, 0], 0.0))
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
@@ -281,8 +285,8 @@ class Plant:
 class Swing:
     """Swing after one release: angles at the encoders, computed in blocks in advance of the reader.
 
-    Each block starts from the final state of the previous one. The same release therefore has the same bits in any
-    order of reading.
+    Each block starts from the final state of the previous block. The same release therefore gives identical numbers
+    for any sequence of reads.
     """
 
     def __init__(self, plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None = None) -> None:
@@ -347,7 +351,7 @@ def _joint2_at(plant: Plant, blocks: list[Block], t: Theta) -> Theta:
 
 
 def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> Theta:
-    """Linear function of angles (m, 3), evaluated at the true times `t`: (n,).
+    """Evaluate a linear function of angles (m, 3) at the true times `t` (n,).
 
     It is constant before the release.
     """

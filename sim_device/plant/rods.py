@@ -1,4 +1,4 @@
-"""The rods, moved by operator, latch and gravity, and the readings of the encoders."""
+"""Simulated rods, moved by operator, latch and gravity, and the readings of their encoders."""
 
 import math
 from collections.abc import Callable
@@ -130,7 +130,7 @@ class SimulatedRods:
         return self._drives.reported(self._release, first, count, self._rate_hz)
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
-        """Whether each sample of the swing is never sent: (count,)."""
+        """Flags (count,) of the samples of the swing that are never sent."""
         return sampling_faults.missing(self._config, self._release, first, count, self._rate_hz)
 
     def idle_counts(self, now: float, tick: int) -> Counts:
@@ -139,7 +139,7 @@ class SimulatedRods:
         return self._read(self._theta(now)[None], RandomStream.IDLE, 0, tick)[0]
 
     def _begin_placing(self, now: float) -> None:
-        """Let the operator continue, if it was waiting."""
+        """Let the operator move the rods, if the operator was waiting."""
         if self._ready() and self._held.begins == math.inf:
             self._held = replace(self._held, begins=now)
 

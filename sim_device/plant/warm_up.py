@@ -30,7 +30,7 @@ def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[]
         in_background: whether a long compilation runs in another process
 
     Returns:
-        function that returns whether the rods can be released; its first call starts the compilation
+        Function that returns whether the rods can be released. Its first call starts the compilation.
     """
     plant.misread(np.zeros((1, JOINTS)), np.zeros(1), 0)  # a device reads its rods from the start
     if not in_background or CACHE is None or simulator_compiled() or not isinstance(plant, Plant):
@@ -40,7 +40,7 @@ def warm_up(plant: HiddenPlant, rig: Rig, *, in_background: bool) -> Callable[[]
 
 
 class _Compiling:
-    """Compilation by a process that fills the cache of kernels, and a thread that loads the kernels from it."""
+    """Compilation by a process that fills the cache of kernels, and a thread that loads the kernels from the cache."""
 
     def __init__(self, plant: Plant, rig: Rig) -> None:
         self._plant, self._rig = plant, rig

@@ -58,8 +58,9 @@ class ArmRelease:
 def arm_gap(config: PlantConfig, rig: Rig) -> float:
     """Root mean square residual of noiseless readings after the best fit without effects, in units of the noise.
 
-    The fit has the base parameters, inertia and friction of the arm and, for each segment of `MEASURE.window`, a free
-    initial state. It starts at the true values. The result is infinite if the swing or the fit diverges.
+    The fitted quantities are the base parameters, inertia and friction of the arm, and an initial state for each
+    segment of length `MEASURE.window`. The fit starts at the true values. The result is infinite if the swing or the
+    fit diverges.
     """
     releases = [noiseless_arm(config, rig, number) for number in range(1, len(rig.poses) + 1)]
     if not all(np.isfinite(release.readings).all() for release in releases):
@@ -132,7 +133,7 @@ def _moving(rig: Rig, *, scaled: bool) -> MovingParts:
 
 
 def _laid_out(releases: list[ArmRelease], rig: Rig, length: int) -> tuple[Segments, Array]:
-    """Segments of all releases, and their readings (segments, length, 3)."""
+    """Divide all releases into segments, and return these and their readings (segments, length, 3)."""
     setups, times, runs, wanted = [], [], [], []
     for run, release in enumerate(releases):
         t = np.arange(len(release.readings)) / MEASURE.rate_hz
@@ -159,7 +160,7 @@ def _start(piece: Array, rig: Rig) -> Array:
 def _linearised(
     values: Array, starts: Array, laid_out: Segments, constants: RigConstants, moving: tuple[list[int], list[int]]
 ) -> tuple[Array, Array]:
-    """Readings (N, 3), and their derivatives (N, 3, k).
+    """Compute readings (N, 3) and their derivatives (N, 3, k).
 
     The derivatives are with respect to the logarithm of the parameters and to the initial states of each segment;
     `moving` contains the indices of both.

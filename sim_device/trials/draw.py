@@ -56,7 +56,7 @@ BACKGROUND = Background()
 
 
 def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfig:
-    """Plant similar to `base`, drawn from its seed.
+    """Draw a plant similar to `base`, from the seed of `base`.
 
     Raises:
         ConfigError: `base` does not belong to the rig.
@@ -129,9 +129,9 @@ def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> 
 
 
 def described(wanted: EffectRequest, rig: Rig) -> Rig:
-    """Rig file for dpr-lab.
+    """Rig file of a drawn plant, for dpr-lab.
 
-    For plants with background effects, it contains the masses with an uncertainty of 1 %.
+    For plants with background effects, the rig file contains masses with an uncertainty of 1 %.
     """
     if wanted.kind != "background":
         return rig
@@ -145,10 +145,10 @@ def _roughly_weighed(rig: Rig) -> Iterator[tuple[str, Parameter]]:
 
 
 def logger_fault(rng: np.random.Generator) -> EncoderConfig:
-    """Encoders with one fault of a logger, or with two faults.
+    """Draw encoders with one or two faults of a logger.
 
-    Samples can be late periodically; repeat the previous sample periodically, in a part of the recording as in a video,
-    or at random while a bus is busy; be taken at uneven instants; or be missing for some time.
+    Samples can be late periodically, be taken at uneven instants, or be missing for some time. They can also repeat the
+    previous sample: periodically, periodically in a part of the recording (as in a video), or at random (busy bus).
     """
     cycle, begin = int(rng.integers(5, 41)), float(rng.uniform(0.5, 4.0))
     faults: list[dict[str, float]] = [
@@ -218,7 +218,7 @@ def _relatives(name: str) -> set[str]:
 
 
 def _with_effect(plant: PlantConfig, rig: Rig, name: str, gap: float, rng: np.random.Generator) -> PlantConfig:
-    """Plant with one more effect, which alone causes the requested gap as nearly as possible."""
+    """Add an effect to a plant. The effect alone causes the requested gap, as nearly as possible."""
     table, unit = ("foreign", _foreign_unit) if name in FOREIGN else ("effects", _library_unit)
     coefficients = unit(name, rng)
     if plant.arm.mode != "clamped":

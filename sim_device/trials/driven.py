@@ -93,14 +93,14 @@ FAULTS: Mapping[str, Fault] = {
     TORQUE_RIPPLE[0].name: _ripple(0),
     TORQUE_RIPPLE[1].name: _ripple(1),
 }
-"""Library effect -> function that draws the values of a drive with this effect."""
+"""Function that draws the values of a drive with each library effect."""
 
 
 ANY_FAULT = EffectRequest("driven")
 
 
 def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | None:
-    """Random fault in `FAULTS`, or None for no fault, all equally probable; or the fault that is requested by name.
+    """Draw a fault in `FAULTS` or None (no fault), all equally probable, or return the fault that is requested by name.
 
     Raises:
         ConfigError: the requested effect is not a fault of drives.
@@ -135,7 +135,7 @@ def drawn_drives(plant: PlantConfig, settings: Driving = DRIVING) -> JointDrives
 def driven_runs(
     rig: Rig, seed: int, base: str = "paper", fault: DriveFault | None = None, duration: float = 3.0
 ) -> tuple[PlantConfig, list[Run]]:
-    """Plant drawn near a plant file, and one driven recording from each pose of the rig."""
+    """Draw a plant near a plant file, and record one driven swing from each pose of the rig."""
     plant = driven(drawn(load_plant(base, seed), rig), fault)
     return plant, record(plant, rig, duration, drives=drawn_drives(plant))
 

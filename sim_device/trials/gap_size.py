@@ -39,8 +39,8 @@ def gap_size(
 ) -> float:
     """Root mean square residual of noiseless readings after the best fit without effects, in units of the noise.
 
-    The fit has the five ratios and, for each segment of `MEASURE.window`, a free initial state. It starts at the true
-    values.
+    The fitted quantities are the five ratios, and an initial state for each segment of length `MEASURE.window`. The fit
+    starts at the true values.
 
     Args:
         ratios: (5,) true ratios of the base parameters
@@ -51,7 +51,7 @@ def gap_size(
         relative: whether encoder 2 measures theta2 - theta1
 
     Returns:
-        gap in units of the noise; inf if the fit diverges
+        Gap in units of the noise; inf if the fit diverges.
     """
     length = round(MEASURE.window / period)
     pieces = [release[k : k + length] for release in readings for k in range(0, len(release) - length + 1, length)]
@@ -87,7 +87,9 @@ def _as_read(columns: Array, relative: bool) -> Array:
 
 
 def eliminated(residual: Array, slope: Array, common: int, rcond: float | None = None) -> tuple[Array, Array, Array]:
-    """Solve least squares with eliminated initial states; return the changes of parameters and states, and residual.
+    """Solve a least-squares problem by elimination of the initial states.
+
+    Returns the changes of parameters and of initial states, and the remaining residual.
 
     Args:
         residual: (segments, m) residual

@@ -19,7 +19,7 @@ from sim_device.plant.config import PlantConfig
 from sim_device.trials.arm_gap import noiseless_arm
 
 DIRECT = {"range_rad": "angle", "limit_Nm": "torque"}
-"""Shape parameter -> quantity that its size refers to: the largest angle of the arm, or the largest torque of its
+"""Quantity to which the size of each shape parameter refers: the largest angle of the arm, or the largest torque of its
 drive."""
 
 
@@ -33,8 +33,8 @@ class ArmDraw:
     """Range of the factor on the frequencies of the program."""
     programs: tuple[str, ...] = ("sines", "chirp", "prbs")
     within: tuple[float, float] = (0.4, 0.8)
-    """Angle at which a stop begins, or torque at which a saturation begins, relative to the largest one without the
-    effect: range."""
+    """Range of the angle at which a stop begins, or of the torque at which a saturation begins, relative to the largest
+    value without the effect."""
     reached: float = 0.5
     """Minimum ratio of the reached gap to the requested gap. With a smaller ratio the effect is not visible, and
     another one is drawn."""
@@ -44,7 +44,7 @@ DRAW = ArmDraw()
 
 
 def with_arm(rig: Rig, plant: PlantConfig, mode: str | None) -> tuple[Rig, PlantConfig]:
-    """Rig and plant with a mode of the arm; None: the mode of the rig file.
+    """Set the mode of the arm in a rig and its plant; None: the mode of the rig file.
 
     Raises:
         ConfigError: the rig or the plant has no such arm.

@@ -1,7 +1,7 @@
 """Requests for a blind trial: the kind, level and effects of a drawn plant.
 
     single       one effect of the library
-    pair         two effects, the smaller with a fifth of the larger gap
+    pair         two effects with gaps in the ratio 1 : 0.2
     triple       three effects with gaps in the ratio 1 : 0.45 : 0.2
     form         one effect of a family of the library, in another form
     outside      one effect that the library lacks
@@ -9,8 +9,8 @@
     dirty        one effect or none, and faulty encoders
     any          one of the kinds above
     driven       joints driven by reported torques, drives with a fault or none; only on request
-    background   one effect, three to six small ones near or below the noise, in one of three trials a fault of
-                 the logger; only on request
+    background   one effect, and three to six small effects near or below the noise; a third of the trials also have a
+                 fault of the logger; only on request
 
 Plants whose arm is free or driven have effects at joint 0 and of its drive, and the kinds `ON_ARM`.
 
@@ -68,7 +68,7 @@ class EffectRequest:
 
 
 def with_kind(text: str, seed: int, kinds: tuple[Kind, ...] = FREE_SWINGS) -> str:
-    """The request with a kind drawn from the seed in place of `any`."""
+    """Replace the kind `any` in a request by a kind that is drawn from the seed."""
     kind, colon, rest = text.partition(":")
     return f"{generator(seed, RandomStream.KIND).choice(kinds) if kind == ANY else kind}{colon}{rest}"
 
@@ -77,7 +77,7 @@ def parse_request(text: str) -> EffectRequest:
     """Parse `KIND`, `KIND:LEVEL` or `KIND:LEVEL:EFFECT,EFFECT`; the effects may be given as `tuning` or `held_back`.
 
     Raises:
-        ConfigError: no such kind, level or effect.
+        ConfigError: the kind, the level or an effect is unknown.
     """
     kind_name, _, rest = text.partition(":")
     size, _, names = rest.partition(":")

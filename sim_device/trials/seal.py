@@ -29,9 +29,9 @@ def seal(truth: dict[str, Any], salt: str) -> str:
 
 
 def truth(plant: "HiddenPlant") -> dict[str, Any]:
-    """True parameters, ratios and effects.
+    """True parameters, ratios and effects of a plant.
 
-    For an out-of-library effect, the library effects that are correct answers are included.
+    For an out-of-library effect, the library effects that count as correct answers are included.
     """
     from sim_device.plant.foreign import FOREIGN
     from sim_device.trials.driven import done_by_drives

@@ -32,7 +32,7 @@ SEARCH = SizeSearch()
 
 
 def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: float) -> Coefficients:
-    """Coefficients of an effect, scaled from `unit` so that it alone causes a gap on the plant, in units of the noise.
+    """Scale the coefficients `unit` of an effect so that it alone causes the requested gap, in units of the noise.
 
     If no size causes this gap, the coefficients with the nearest gap are returned.
     """

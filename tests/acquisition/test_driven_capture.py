@@ -44,7 +44,7 @@ def test_lost_torques_are_counted_reported_and_not_interpolated(
     assert lost > 20
     assert sum(run.lost.values()) == lost
     assert f"{lost} samples arrived without their torques" in captured.quality.sentence
-    assert "degraded: lost by cause: torque" in captured.quality.sentence
+    assert "degraded: lost samples: torque" in captured.quality.sentence
     rows = np.searchsorted(T, run.swing.t + 1e-9, side="right") - 1
     assert run.swing.torques == pytest.approx(TAU[rows], abs=1e-9)
     assert run.swing.commanded == pytest.approx(TAU[rows], abs=1e-9)

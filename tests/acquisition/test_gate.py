@@ -78,7 +78,7 @@ FAST = {"arrival_ppm": 50_000.0, "arrival_margin_ppm": 4_000.0}
             FIT | FAST,
             WORD,
             ["clock", "clock_fit"],
-            "by PONG the device's clock runs at -0.01 %, by its samples at +5.00",
+            "the rate error of the device's clock is -0.01 % by PONG, but +5.00",
         ),
         (
             FAST,

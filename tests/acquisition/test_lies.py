@@ -145,7 +145,7 @@ def test_of_two_samples_of_one_tick_neither_is_kept(lying, paper: Rig, tmp_path:
     assert not (ticks % 100 == 0).any()
     assert captured.lost["contradicted"] >= 20
     assert captured.lost["tick_gap"] == 0
-    assert "degraded: lost by cause: contradicted" in captured.quality.sentence
+    assert "degraded: lost samples: contradicted" in captured.quality.sentence
 
 
 def back_by(ticks: int, after: int = 1500) -> Lie:
@@ -176,7 +176,7 @@ def test_ticks_that_go_back_end_the_recording(lying, paper: Rig, tmp_path: Path,
 def test_ticks_that_go_back_a_little_degrade_it(lying, paper: Rig, tmp_path: Path, agree) -> None:
     with lying(back_by(3)) as (device, _):
         captured = capture(device, paper, "X1", CaptureOptions(duration=4.0), tmp_path, confirm=agree)
-    assert "degraded: lost by cause: contradicted 3" in captured.quality.sentence
+    assert "degraded: lost samples: contradicted 3" in captured.quality.sentence
 
 
 @pytest.mark.slow

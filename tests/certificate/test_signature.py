@@ -130,7 +130,7 @@ def test_a_public_key_has_one_name_in_either_form(keys: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("missing", "cannot be read: No such file or directory; make one with: ssh-keygen"),
+        ("missing", "cannot be read: No such file or directory; create a key with: ssh-keygen"),
         (".", "cannot be read: Is a directory"),
         ("text", "is not a private key in PEM or OpenSSH form"),
         ("ssh.pub", "is a public key. --sign requires the private key"),

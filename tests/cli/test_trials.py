@@ -34,7 +34,7 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
     drawn = cli("trials", "draw", "--kind", "single", "--seed", 5, "--out", folder, "--json")
     assert drawn.code == 0, drawn.err
     assert re.fullmatch("[0-9a-f]{64}", drawn.json["seal"])
-    assert drawn.err.index(f"sealed as {drawn.json['seal']}") < drawn.err.index("X1: ")
+    assert drawn.err.index(f"seal of the plant: {drawn.json['seal']}") < drawn.err.index("X1: ")
     assert len(drawn.json["runs"]) == len(list((folder / "runs").glob("*.mcap"))) == 3
 
     early = cli("trials", "open", folder, "--json")
@@ -69,7 +69,7 @@ def test_a_campaign_ends_with_scores_and_a_page(tmp_path: Path, cli) -> None:
     again = cli(*words)
     assert again.code == 0, again.err
     assert "2 of 2 trials are complete already" in again.err
-    assert "first name right" in again.out
+    assert "first cause correct" in again.out
     assert str(tmp_path / "trials.html") in again.out
     other = cli(*words, "--seed", 77)
     assert other.code == 3
@@ -109,7 +109,7 @@ def test_the_demo_ends_near_the_plant_and_with_a_hidden_effect_opened_and_scored
 ) -> None:
     printed, messages = demo
     assert max(abs(z) for z in printed["deviations_std"].values()) < 3
-    (seal,) = re.findall("sealed as ([0-9a-f]{64})", messages)
+    (seal,) = re.findall("seal of the plant: ([0-9a-f]{64})", messages)
     trial = printed["trial"]
     assert trial["seal"] == seal
     (hidden,) = trial["truth"]["effects"]
@@ -148,7 +148,7 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
         (
             ("campaign", "--arm", "free", "--kind", "form", "--n", "1", "--out", "t"),
             3,
-            "kind form: a plant whose arm moves is",
+            "kind form: not available for plants whose arm moves",
         ),
         (("campaign", "--n", "1", "--scheduler", "localhost", "--out", "t"), 4, "tcp://127.0.0.1:8786"),
         (("campaign", "--n", "1", "--scheduler", "tcp://0.0.0.0:1", "--out", "t"), 4, "can run any code"),

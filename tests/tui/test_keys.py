@@ -50,7 +50,7 @@ def test_every_action_of_every_place_has_an_id_of_its_own() -> None:
         ("[capture]\nrelease = 'n'", "the key 'n' is assigned to both app.next and capture.release"),
         ("[app]\nhelp = 's'", "the key 's' is assigned to both app.help and "),
         ("[capture]\nrelease = 3", "capture.release = 3: give a key"),
-        ("release = 'r'", "release: write the actions of a place below its name"),
+        ("release = 'r'", "release: write the actions below the name of their section"),
         ("[capture", "cannot be used"),
     ],
 )
@@ -117,7 +117,7 @@ async def test_every_text_names_the_key_as_it_is(tmp_path: Path) -> None:
         assert "f9: connect again" in str(app.query_one("#headline").render())
         await pilot.press("f1")
         help_text = app.screen.query_one(Markdown).source
-        assert "`f7` starts a countdown" in help_text
+        assert "`f7` opens a dialog with a countdown" in help_text
         assert "keys.toml" in help_text
         assert "{" not in help_text
 

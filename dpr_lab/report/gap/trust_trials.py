@@ -66,7 +66,7 @@ def _grade(trial: TrustTrial) -> str:
     if trial.verdict == REFUSED:
         return REFUSED
     if not trial.truth:
-        return "false alarm" if trial.named else "right"
+        return "false alarm" if trial.named else "correct"
     if trial.wrong:
-        return "wrong name"
-    return "right" if set(trial.right) == set(trial.truth) else "missed" if trial.named or not trial.right else NONE
+        return "incorrect effect"
+    return "correct" if set(trial.right) == set(trial.truth) else "missed" if trial.named or not trial.right else NONE

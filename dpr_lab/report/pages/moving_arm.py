@@ -21,7 +21,7 @@ FIGURES = {
         "Residuals inside the band and without a pattern are noise; a pattern shows an effect that the model lacks.",
     ),
 }
-"""Name of a figure -> text alternative and caption."""
+"""Text alternative and caption of each figure."""
 
 
 def write_arm_report(

@@ -174,9 +174,9 @@ def _with_code(text: str) -> Any:
 
 
 def _printable(value: Any) -> Any:
-    """Spell out control characters in plain text and keep, for example, "98 %" on one line.
+    """Escape control characters in plain text, and keep a number and its per cent sign on one line.
 
-    Markup is returned unchanged; Jinja2 escapes plain text later.
+    Markup is returned unchanged. Jinja2 escapes plain text later.
     """
     is_text = isinstance(value, str) and not hasattr(value, "__html__")
     return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(value)) if is_text else value
@@ -194,5 +194,5 @@ def write_page(page: str, path: Path) -> Path:
 
 
 def pictures(paths: Mapping[str, Path], captions: Mapping[str, tuple[str, str]]) -> dict[str, Picture]:
-    """Pictures by name, each with its text alternative and caption."""
+    """Create pictures by name, each with its text alternative and caption."""
     return {name: Picture(name, path, *captions[name]) for name, path in paths.items()}

@@ -33,4 +33,4 @@ TERMS = {
     " 0.1 rad",
     "role": "whether a run was fitted, or held out to validate the result",
 }
-"""Text of a column header -> its explanation."""
+"""Explanation of each column header."""

@@ -13,10 +13,10 @@ from dpr_lab.report.schemas.printed import SCHEMAS
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of a result.
+    """Generate the JSON Schema of a result.
 
     Raises:
-        ConfigError: no such schema.
+        ConfigError: there is no schema with this name.
     """
     if name not in SCHEMAS:
         raise ConfigError(unknown_name(f"no schema named {name}", name, SCHEMAS))
@@ -47,7 +47,7 @@ def _described(made: dict[str, Any], cls: type) -> dict[str, Any]:
 
 
 def _texts(cls: type) -> dict[str, str]:
-    """Name of a field -> its docstring in the source."""
+    """Docstring in the source for each field of a class."""
     if not cls.__module__.startswith("dpr_lab."):
         return {}
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body

@@ -37,7 +37,7 @@ class PrintedSimulator(BaseModel):
     diff: str
     """Unified diff of the file."""
     lost: dict[str, str]
-    """Effect -> reason why the file cannot contain it."""
+    """Reason for each effect that the file cannot contain."""
     passive: list[str]
     """Effects that the file cannot contain, but the module of passive forces (MuJoCo) contains. This module has its own
     model file."""
@@ -136,4 +136,4 @@ SCHEMAS = {
     "accept": PublishedSchema(Acceptance, "accept"),
     "plan": PublishedSchema(PrintedPlan, "plan"),
 }
-"""Name of a schema in `dpr-lab schema` -> published type."""
+"""Published type for each name of a schema in `dpr-lab schema`."""

@@ -15,7 +15,7 @@ FIGURES = {
         "Share of the hidden effects that were named, by multiples of the minimum detectable size of the diagnosis.",
     ),
     "confusion": (
-        "Confusion matrix of hidden and first named effects; the list of wrong answers contains its values.",
+        "Confusion matrix of hidden and first named effects; the list of incorrect results contains its values.",
         "Rows: hidden effect (the largest of several). Columns: first named effect, or the verdict if no"
         " effect was named. Shade: share of the row.",
     ),
@@ -24,7 +24,7 @@ FIGURES = {
         "Share of correct claims among the claims with a stated probability. Dotted line: perfect calibration.",
     ),
 }
-"""Name of a figure -> text alternative and caption."""
+"""Text alternative and caption of each figure."""
 
 
 def write_trials_report(
@@ -34,8 +34,8 @@ def write_trials_report(
 
     Args:
         summary: scores, as in `summary.json`
-        setting: description of the campaign, one sentence
-        failures: trials that ended with an error, one sentence each
+        setting: description of the campaign in one sentence
+        failures: one sentence for each trial that ended with an error
         out_dir: folder of the page
         figures: figures by name, from `save_trial_figures`
 
@@ -58,7 +58,7 @@ def write_trials_report(
 
 
 def sentence(summary: Summary) -> str:
-    """The scores of the campaign in at most three sentences."""
+    """Summarise the scores of the campaign in at most three sentences."""
     trials = f"{summary['trials']} trials."
     false_alarms = f"False alarms: {tables.percent(summary['false_alarms'])}."
     if not summary["of"]["first"]:
@@ -73,6 +73,6 @@ def sentence(summary: Summary) -> str:
 
 def _failed(summary: Summary) -> PageTable | str:
     if not summary["astray"]:
-        return "All answers were right."
-    caption = "Trials with a wrong answer; kind and seed reproduce the plant."
+        return "All results were correct."
+    caption = "Trials with an incorrect result; kind and seed reproduce the plant."
     return PageTable(tables.FAILED_COLUMNS, tables.failed_rows(summary), caption, "prose")

@@ -13,18 +13,18 @@ KIND_COLUMNS = (
     "kind",
     "size",
     "trials",
-    "first name right",
-    "exactly the causes",
+    "first cause correct",
+    "all causes correct",
     "false alarms",
     "unknown cause reported",
 )
-SIZE_COLUMNS = ("size / minimum detectable size", "effects", "named", "first name right", "exactly the causes")
+SIZE_COLUMNS = ("size / minimum detectable size", "effects", "named", "first cause correct", "all causes correct")
 EFFECT_COLUMNS = (
     "effect",
     "trials",
     "named",
-    "first name right",
-    "exactly the causes",
+    "first cause correct",
+    "all causes correct",
     "size error, median",
     "size error, 90th percentile",
     "coverage of 90 % intervals",
@@ -33,13 +33,13 @@ CLAIM_COLUMNS = ("claims", "stated probability", "observed frequency", "90 % int
 FAILED_COLUMNS = ("kind", "seed", "hidden effects", "named effects", "verdict", "grade")
 
 SHARES = {
-    "first": "first name right",
-    "top3": "right name among the first three",
-    "exact": "exactly the causes named",
+    "first": "first cause correct",
+    "top3": "correct cause among the first three",
+    "exact": "all causes correct, no other cause named",
     "invented": "absent cause named",
     "false_alarms": "false alarms without a hidden effect",
     "unexplained_recall": "unknown cause reported",
-    "wrong_name": "wrong name with a probability above 0.5",
+    "wrong_name": "incorrect cause with a probability above 0.5",
     "faults_missed": "encoder fault missed",
 }
 NUMBERS = {
@@ -111,7 +111,7 @@ def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def failed_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row per trial with a wrong answer, in the columns `FAILED_COLUMNS`."""
+    """One row per trial with an incorrect result, in the columns `FAILED_COLUMNS`."""
     return [
         (
             f"{row['kind']}:{row['level']}",

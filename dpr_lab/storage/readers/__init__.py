@@ -1,4 +1,4 @@
-"""Readers of data files as tables: one file and one row of `READERS` for each format.
+"""Readers that convert data files to tables. Each format has one module and one entry in `READERS`.
 
 arrays        named arrays as the columns of a table, and limits of their size
 points        points tracked in a video (Tracker, DeepLabCut) as angles
@@ -31,7 +31,7 @@ from dpr_lab.whole_file import regular
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """One file format: how it is recognised and read."""
+    """File format: its first bytes, and the function that reads it."""
 
     kind: str
     begins: tuple[bytes, ...]
@@ -67,7 +67,7 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
         path: a file, or the folder of a ROS 2 bag
         take: names of the requested parts if a file contains more than one recording (`ImportOptions.take`)
         on_progress: called after each block of a text
-        points: whether columns of x and y in a text are points, which are converted to angles
+        points: whether columns of x and y in a text are treated as points and converted to angles
 
     Raises:
         RunError: the file cannot be read, or contains no columns of numbers.

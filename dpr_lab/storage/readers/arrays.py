@@ -69,7 +69,7 @@ def most_unpacked(path: Path) -> int:
 
 
 def broken(path: Path, kind: str, error: BaseException) -> RunError:
-    """Error for a file that its library cannot read."""
+    """Create the error for a file that its library cannot read."""
     if isinstance(error, MemoryError):
         return RunError(f"{path}: needs more memory than is free on this computer: split it into recordings")
     return RunError(

@@ -1,6 +1,6 @@
 """Robust fit of a circle to the path of a tracked point.
 
-In some frames, the tracker may have followed other objects.
+The fit must be robust because the tracker may have followed another object in some frames.
 
 Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k; Rousseeuw
 (1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the least median of distances, then
@@ -35,13 +35,15 @@ SETTINGS = CircleSettings()
 
 
 def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
-    """Centre (2,) of the circle on which most points lie, and mask (n,) of these points; None if they lie on a line.
+    """Fit a circle to most of the points, robust to outliers.
+
+    Returns the centre (2,) and the mask (n,) of the points on the circle, or None if the points lie on a line.
 
     The candidates for the first circle are the fit to all points and the circles through three random points. The
     candidate with the smallest median distance of all points is chosen.
 
     Args:
-        points: (n, 2) in the order of the frames, each finite
+        points: (n, 2) finite coordinates in the order of the frames
     """
     if len(points) < 3:
         return None

@@ -60,10 +60,9 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
 
 
 def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
-    """Groups and data sets of a file with their names.
+    """Yield the groups and data sets of a file with their names, each once.
 
-    Each is returned once. Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`,
-    are skipped.
+    Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`, are skipped.
     """
     import h5py
 

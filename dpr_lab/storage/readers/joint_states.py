@@ -64,7 +64,10 @@ def read_sqlite(path: Path, take: Sequence[str]) -> Table:
 
 
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of a ROS 2 bag: a folder with `metadata.yaml`. Otherwise as `read_mcap`."""
+    """Read the joint positions of a ROS 2 bag, a folder with `metadata.yaml`.
+
+    The argument `take` and the errors are those of `read_mcap`.
+    """
     if not (folder / "metadata.yaml").is_file():
         raise RunError(
             f"{folder}: is a folder without metadata.yaml and therefore not a ROS 2 bag: give a file in this folder"
@@ -119,7 +122,7 @@ def _decoder() -> Callable[[bytes], Any]:
 def _gathered(
     path: Path, messages: Iterable[Stamped], take: Sequence[str]
 ) -> tuple[list[int], list[str], list[dict[int, float]], str]:
-    """Times in ns, joint names, positions by joint, and topic, from all messages on the one JointState topic."""
+    """Collect times, ns, joint names, positions by joint, and the topic, from all messages on the JointState topic."""
     logged: list[int] = []
     stamped: list[int] = []
     joints: dict[str, int] = {}
@@ -133,7 +136,9 @@ def _gathered(
             available = ", ".join(sorted(map(printable, topics)))
             raise RunError(f"{path}: contains JointState on several topics: choose one with --take: {available}")
         if len(data) > LIMITS.message_bytes:
-            raise RunError(f"{path}: a JointState of {len(data):,} bytes; the maximum is {LIMITS.message_bytes:,}")
+            raise RunError(
+                f"{path}: contains a JointState of {len(data):,} bytes; the maximum is {LIMITS.message_bytes:,}"
+            )
         message = _decoder()(data)
         rows.append(_positions(path, message, joints))
         refuse_large(path, len(rows) * (len(joints) + 1))
@@ -149,13 +154,13 @@ def _gathered(
 def _positions(path: Path, message: Any, joints: dict[str, int]) -> dict[int, float]:
     names = [printable(name) for name in message.name]
     if len(set(names)) < len(names):
-        raise RunError(f"{path}: two joints with the same name in a JointState: {', '.join(names[:10])}: rename one")
+        raise RunError(f"{path}: two joints of a JointState have the same name: {', '.join(names[:10])}: rename one")
     if len(message.position) != len(names):
         raise RunError(f"{path}: contains a JointState with {len(names)} names but {len(message.position)} positions")
     for name in names:
         joints.setdefault(name, len(joints))
     if len(joints) > LIMITS.joints:
-        raise RunError(f"{path}: more than {LIMITS.joints} joints")
+        raise RunError(f"{path}: contains more than {LIMITS.joints} joints")
     return {joints[name]: float(position) for name, position in zip(names, message.position, strict=True)}
 
 

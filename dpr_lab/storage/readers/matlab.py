@@ -22,7 +22,7 @@ HEADER, TAG, COMPRESSED = 128, 8, 15
 
 
 def object_sentence(path: Path, class_name: str) -> RunError:
-    """Error for a file that contains a MATLAB object."""
+    """Create the error for a file that contains a MATLAB object."""
     commands = "s.time = ts.Time; s.data = ts.Data; save('swing.mat', '-struct', 's')"
     return RunError(
         f"{path}: contains an object of the MATLAB class {class_name}, which only MATLAB can read: save it"
@@ -57,9 +57,9 @@ def _most_bytes() -> int:
 
 
 def _parts(path: Path, content: bytes) -> Iterator[bytes]:
-    """Split a MATLAB file into one file per element, decompressed; declared sizes are not trusted.
+    """Split a MATLAB file into one uncompressed file per element. Declared sizes are not trusted.
 
-    Memory holds one element at a time and the numbers read so far.
+    Only one element at a time, and the numbers read so far, are held in memory.
     """
     order = "<" if content[126:HEADER] == b"IM" else ">"
     total, position = HEADER, HEADER
@@ -81,7 +81,7 @@ def _parts(path: Path, content: bytes) -> Iterator[bytes]:
 
 
 def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[str, NDArray]]:
-    """Name -> array for a struct and all structs in it."""
+    """Yield the names and values of all arrays in a struct, including those in nested structs."""
     from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
     for key, value in held.items():
@@ -100,9 +100,9 @@ def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[
 
 
 def _class_of(opaque: Any) -> str:
-    """MATLAB class of an object: the last text of its header.
+    """Return the MATLAB class of an object, which is the last text in its header.
 
-    The texts are bytes before scipy 1.18.
+    Before scipy 1.18, these texts are bytes.
     """
     header = opaque.reshape(-1)[0]
     texts = [part for part in header if isinstance(part, bytes | str)]

@@ -34,12 +34,12 @@ class PointSettings:
     likelihood: float = 0.6
     """Minimum likelihood of a tracked point. The plots of DeepLabCut use the same limit (its pcutoff)."""
     at_rest: float = 0.05
-    """Maximum ratio of the motion of one point to the motion of another, below which the first point is a fixed
+    """Maximum ratio of the motion of a point to the motion of another point for which the first counts as a fixed
     pivot."""
     at_origin: float = 1.5
-    """Maximum ratio of two scatters for which the origin counts as the pivot: the scatter of the distance to the
-    origin, divided by the scatter of the distance to the fitted centre of the circle. Users of Tracker place the axes
-    at the pivot."""
+    """Maximum ratio for which the origin counts as the pivot. The ratio is the scatter of the distances to the origin,
+    divided by the scatter of the distances to the centre of the fitted circle. Users of Tracker often place the axes at
+    the pivot."""
     repeats: float = 0.2
     """Maximum ratio of the motion in a frame to the motion in the neighbouring frames for which the frame counts as a
     repetition of the previous frame."""
@@ -56,7 +56,7 @@ class PointSettings:
     """Minimum excess of the number of frames on straight lines over the number expected by chance, in standard
     deviations."""
     frames_of_speed: int = 8
-    """Ratio of an interval of motion to half of the interval over which speeds are measured in it."""
+    """Duration of an interval of motion divided by half of the interval over which its speeds are measured."""
 
 
 SETTINGS = PointSettings()
@@ -106,9 +106,9 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
 
 
 def _with_names(table: Table) -> Table:
-    """Name the columns of a table without a header t, x1, y1, x2, y2, ... if they are ends of rods of constant length.
+    """Name the columns of a table without header if they are the ends of rods of constant length: t, x1, y1, x2, ...
 
-    This cannot be confused with angles or speeds of rods, because those keep no constant distance.
+    Angles and speeds of rods are not mistaken for points, because they do not have a constant distance.
     """
     timed = len(table.names) % 2
     xy = range(timed, len(table.names), 2)
@@ -252,7 +252,7 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
 
 
 def _repeats(ends: list[_Point]) -> Flags:
-    """Flags (n,) of frames that repeat the frame before them, apart from tracking noise; all False if there are few.
+    """Flags (n,) of frames that repeat the previous frame, apart from tracking noise; all False if there are few.
 
     The points hardly move in such a frame, although they move in the same direction before and after it.
     """
@@ -295,11 +295,11 @@ def _interpolated(ends: list[_Point]) -> Flags:
 def _upside_down(rods: list[Array]) -> bool:
     """Whether the y axis of the table points downwards, according to the motion of the points.
 
-    Falling points become faster. Over an interval too short for friction, the increments of squared speed and of height
-    of the ends of the rods are therefore negatively correlated if y points upwards. This also holds for rods that swing
-    from near upright or turn over. Noise hides the correlation over short intervals, and the exchange of energy between
-    the rods hides it over some longer intervals: the interval with the largest correlation decides. Points that do not
-    move are assumed to hang.
+    Falling points become faster. If y points upwards, the increments of squared speed and of height of the rods' ends
+    are therefore negatively correlated over intervals in which friction is negligible. This also holds for rods that
+    swing from near upright or turn over. Noise hides the correlation over short intervals, and the exchange of energy
+    between the rods hides it over some longer ones. The interval with the largest correlation is therefore used. Points
+    that do not move are assumed to hang.
     """
     points = np.cumsum(rods, axis=0)  # (rods, n, xy)
     lags = [2**k for k in range(points.shape[1].bit_length()) if 4 * 2**k < points.shape[1]]
@@ -320,10 +320,10 @@ def _falling(points: Array, lag: int) -> float:
 
 
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
-    """Pivot and ends of the rods, in this order.
+    """Select the pivot and the ends of the rods, in this order.
 
-    The points named in `take` are used. If `take` is empty, all points are used, sorted by number if their names end in
-    one, otherwise in the order of the table. A missing pivot is estimated.
+    The points named in `take` are used. If `take` is empty, all points are used: sorted by the numbers at the end of
+    their names, or, without such numbers, in the order of the table. A missing pivot is estimated.
     """
     by_name = {point.name.lower(): point for point in points}
     available = ", ".join(point.name for point in points)
@@ -352,7 +352,7 @@ def _moved(point: _Point) -> float:
 
 
 def _pivot_of(table: Table, end: _Point) -> _Point:
-    """Pivot of a rod: the origin, or the centre of the circle on which the end of the rod moves."""
+    """Estimate the pivot of a rod: the origin, or the centre of the circle on which the end of the rod moves."""
     valid = end.at[np.isfinite(end.at).all(axis=1)]
     if len(valid) < 3:
         raise RunError(f"{table.path}: the point {end.name!r} was detected in too few frames")

@@ -56,7 +56,7 @@ def _document(text: str) -> Any:
 
 
 def _lists(name: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
-    """Name and content of each list of a document; lists within lists are not listed separately."""
+    """Yield name and content of each list in a document. Lists within lists are not yielded separately."""
     if isinstance(value, list):
         yield name, value
     elif isinstance(value, Mapping):
@@ -65,9 +65,9 @@ def _lists(name: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, float]]:
-    """Name and value of each number in a record.
+    """Yield name and value of each number in a record.
 
-    A missing value (null) is NaN. Truth values are left out.
+    A missing value (null) becomes NaN. Truth values are omitted.
     """
     if isinstance(value, Mapping):
         for key, inner in value.items():
@@ -80,7 +80,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 def _array(rows: list[Any]) -> NDArray[Any]:
-    """A list as an array of numbers, with NaN for missing values; an array of text if the list has other content."""
+    """Convert a list to an array of numbers with NaN for missing values, or to an array of text for other content."""
     try:
         return np.array(rows, dtype=np.float64)
     except (TypeError, ValueError):

@@ -29,14 +29,14 @@ class LengthSettings:
     """Maximum scatter of a rod's length, relative to the length. With a larger scatter the points are not the ends of
     one rod."""
     wild: float = 4.0
-    """Maximum deviation of a length from its fit, in standard deviations; larger deviations are set to this limit."""
+    """Limit of the deviation of a length from its fit, in standard deviations. Larger deviations are clipped."""
     correlated: float = 4.0
     """Minimum autocorrelation of the lengths that counts as significant, in standard errors."""
     most_alike: float = 0.98
     """Upper bound on the autocorrelation of the lengths of neighbouring frames."""
     wrong: tuple[float, float] = (8.0, 0.01)
-    """Deviation of a length, in standard deviations and relative to the length. In a frame that exceeds both, the
-    tracker followed another object."""
+    """Two limits on the deviation of a length: in standard deviations, and relative to the length. If both are
+    exceeded, the tracker followed another object in this frame."""
     frames_per_unknown: float = 3.0
     """Minimum number of frames with independent errors per coefficient of the fit of length against pose."""
     by_pose: float = 10.0
@@ -61,12 +61,12 @@ class RodLength:
 
 
 def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
-    """Variation of the length in the picture of the last rod in `rods`.
+    """Analyse the length in the picture of the last rod in `rods`.
 
     Args:
         path: table of the points
-        axis: name of its angle
-        rods: (n, 2) from start to end of each rod up to this one, NaN if a point was not detected
+        axis: name of the rod's angle
+        rods: (n, 2) vectors from start to end of each rod, up to the analysed rod; NaN if a point was not detected
 
     Raises:
         RunError: the points are not the ends of a rod.
@@ -106,8 +106,8 @@ def _autocorrelation(values: Array) -> float:
 def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
     """Part (n,) of the length of the last rod that depends on the directions of the rods; 0 if not significant.
 
-    It is the least-squares fit of two harmonics of each direction. Of n errors with autocorrelation r, only n (1 - r) /
-    (1 + r) count as independent.
+    Two harmonics of each direction are fitted by least squares. The effective number of n errors with autocorrelation r
+    is n (1 - r) / (1 + r).
     """
     angles = np.arctan2(*np.stack(rods).transpose(2, 0, 1))
     harmonics = [wave(k * angle) for angle in angles for k in (1, 2) for wave in (np.cos, np.sin)]

@@ -38,7 +38,7 @@ _PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
 """Pattern of ambiguous names for the position of a cart: they may also denote angles or points. They are used only if
 no column has an unambiguous name."""
 _HEIGHT = re.compile("y([cm]?m|px|pixels?)?")
-"""Pattern of the height of a point. A cart moves horizontally, so that a column x next to it is of a tracked point."""
+"""Pattern of the height of a point. A cart has no height, so a column x next to a height is that of a tracked point."""
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
@@ -50,8 +50,8 @@ class CartSettings:
     A cart is represented by a long arm.
 
     Attributes:
-        rail_m: length of this arm, m: at 1 m/s it turns at 0.1 rad/s, and g / L1 exceeds the square of this speed more
-            than a thousand times
+        rail_m: length of this arm, m. At 1 m/s the arm turns at 0.1 rad/s; g / L1 is more than a thousand times the
+            square of this speed
     """
 
     rail_m: float = 10.0
@@ -65,8 +65,8 @@ class KnownInputs:
     """Columns of the known torques of joints 1 and 2, or of the input of a driven arm."""
 
     pairs: Pairs
-    """Kind -> names of two columns: the torques of both joints or, for a driven arm, the input of the arm and
-    `PASSIVE`. Empty for a free swing."""
+    """Names of two columns for each kind of input: the torques of both joints or, for a driven arm, the input of the
+    arm and `PASSIVE`. Empty for a free swing."""
     factors: tuple[float, float]
     """Factor of each column from the unit in its name to the SI unit."""
     motor: MotorTable | None = None
@@ -75,7 +75,10 @@ class KnownInputs:
     """Number of mounted rods."""
 
     def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Kind -> inputs (k, 2) of the kept rows (k,), SI units, from all rows of the columns and their times t, s."""
+        """Inputs (k, 2) of the kept rows (k,) for each kind, SI units, from all rows of the columns.
+
+        `t` contains the times of all rows, s.
+        """
         return {
             kind: np.stack([held_torque(t, columns[name], rows) for name in pair], axis=1) * self.factors
             for kind, pair in self.pairs.items()
@@ -150,7 +153,7 @@ def known_inputs(
 
 
 def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
-    """Import options with the mode of the arm: the stated mode, otherwise the mode in the rig file.
+    """Set the mode of the arm in import options: the stated mode, otherwise the mode in the rig file.
 
     Raises:
         RunError: the mode is not possible for this rig, or its column is missing.
@@ -169,7 +172,7 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
 
 
 def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:
-    """Column of the input of a driven arm, and its factor to SI units.
+    """Find the column of the input of a driven arm, and its factor to SI units.
 
     Args:
         names: names of the columns
@@ -215,7 +218,7 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
 
 
 def _gain_note(motor: MotorTable) -> list[str]:
-    """Note that the rig file lacks a constant that converts the input to a torque; empty if none is missing."""
+    """Note if the rig file lacks a constant that converts the input to a torque; otherwise empty."""
     needed = {"current": ("kt",), "voltage": ("kt", "R")}.get(motor.input, ())
     missing = [name for name in needed if getattr(motor, name) is None]
     if not missing:
@@ -227,7 +230,7 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Note that a table contains a drive input although its arm is free; otherwise empty."""
+    """Note if a table contains a drive input although its arm is free; otherwise empty."""
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))

@@ -14,9 +14,9 @@ _NEWLINE, _BLANK = ord("\n"), ord(" ")
 
 
 def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int) -> Array | None:
-    """Numbers of a block in which every line is a row of numbers; None for any other block.
+    """Read a block in which every line is a row of numbers; None for any other block.
 
-    The result equals `float` of each field to the last bit. A missing value is NaN.
+    The result equals `float` of each field exactly. A missing value is NaN.
 
     Args:
         text: complete lines
@@ -26,7 +26,7 @@ def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool
         line_length: maximum number of characters of a line
 
     Returns:
-        (n, width)
+        Numbers (n, width) of the n lines.
     """
     if not text.isascii() or '"' in text or (width < 2 and delimiter is not None):
         return None

@@ -33,12 +33,12 @@ SETTINGS = CounterSettings()
 
 
 def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
-    """Times (n,) without wraps; NaN is kept.
+    """Unwrap times (n,) of a counter with the period `wrap`; NaN is kept.
 
-    `name` is the column's name in error messages.
+    `name` is the name of the column in error messages.
 
     Raises:
-        RunError: times that span more than the given wrap, so the wrap is wrong.
+        RunError: the times span more than the given period, so the period is wrong.
     """
     known = np.flatnonzero(np.isfinite(times))
     span = float(np.ptp(times[known])) if len(known) else 0.0
@@ -56,10 +56,10 @@ def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool 
     """Width of the counter that wrapped between two values; None if no counter matches.
 
     Args:
-        before: last value before the fall
+        before: last value before the decrease
         after: next value
         step: usual difference of two values
-        continues: whether the readings continue across the fall; a counter then may have any width
+        continues: whether the readings continue smoothly across the decrease; the counter may then have any width
     """
     widths = sorted(2.0**bits / ticks for bits in SETTINGS.bits for ticks in SETTINGS.ticks)
     within = [width for width in widths if 0 <= after <= before < width]
@@ -76,7 +76,7 @@ def continues_across(row: int, columns: Iterable[Array]) -> bool:
     """Whether the clock wrapped at a row, because moving readings continue across it as in the neighbouring rows.
 
     Args:
-        row: index of the first row after the fall
+        row: index of the first row after the decrease
         columns: (n,) readings
     """
     reach = SETTINGS.reach

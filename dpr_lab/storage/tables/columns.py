@@ -64,7 +64,7 @@ class Columns:
     """Meaning and unit of each column."""
 
     names: Mapping[str, str]
-    """Quantity -> column name: t and each axis."""
+    """Column name of each quantity: t and each axis."""
     unit: str
     time_unit: str
     notes: tuple[str, ...] = ()
@@ -87,7 +87,7 @@ def counter(table: Table) -> str:
 def numbers(table: Table) -> Array:
     """Number of each row in the recording, (n,), from 0.
 
-    Numbers are missing where frames were lost. If a frame column counts every k-th frame, its numbers are divided by k.
+    Numbers are missing where frames were lost. The numbers of a column that counts every k-th frame are divided by k.
     """
     if table.frames is not None:
         return table.frames
@@ -98,10 +98,10 @@ def numbers(table: Table) -> Array:
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
-    """Columns by common names; quantities without exactly one match are omitted.
+    """Find columns by common names. Quantities without exactly one match are omitted.
 
-    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, count only if no column has
-    a plain name.
+    Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, are used only if no column
+    has a plain name.
     """
     common, angle, ending = (
         (_COUNT_NAME, _COUNT_NAME, "(counts?|ticks?)?")
@@ -129,7 +129,7 @@ def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
 def find_columns(
     table: Table, given: Mapping[str, str], unit: str | None, time_unit: str | None, rate_hz: float | None
 ) -> Columns:
-    """Columns by options, by names, or by position.
+    """Find the columns of time and angles by options, by names, or by position.
 
     Args:
         table: the table
@@ -163,8 +163,8 @@ def find_columns(
 def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
     """Add a missing column for a fixed joint 2 to a table of one rod; return the table and the given columns.
 
-    The name of the rod's column may lack a number. The only varying column needs no name. If the column of theta1 is
-    given, a column named like theta2 is not another rod, but for example another recording.
+    The name of the rod's column may lack a number. If only one column varies, it needs no name. If the column of theta1
+    is given, a column named like theta2 does not count as another rod; it may be another recording.
     """
     guessed = [guess_columns(table.names, unit) for unit in ("rad", "counts")]
     if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
@@ -196,7 +196,7 @@ def _on_arm(names: Sequence[str]) -> dict[str, str]:
 
 
 def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
-    """The first column, without names also the last, as time, if it increases and no name is a time or row counter."""
+    """Find an increasing column that is the time although no name states it: the first, without names also the last."""
     if table.settled or "t" in given or any(map(is_time, table.names)) or counter(table):
         return {}
     unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
@@ -206,7 +206,7 @@ def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
-    """Column of the angle if only one column apart from the time varies.
+    """Name of the only column that varies, apart from the time; empty list if several columns vary.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.
@@ -360,10 +360,10 @@ def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, s
 
 
 def _of_joint_states(names: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
-    """Axis -> name of its column, in a table whose columns have the names of a ROS joint state.
+    """Assign the columns of a ROS joint state to the axes, in their order.
 
-    The columns are assigned in their order: to the rods, or to the arm and the rods. Nothing is assigned if the names
-    of the joints contain numbers that identify the axes.
+    The columns are assigned to the rods, or to the arm and the rods. Nothing is assigned if the names of the joints
+    contain numbers that identify the axes.
     """
     if {"theta0", "theta1"} & set(given):
         return {}

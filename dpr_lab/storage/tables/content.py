@@ -60,8 +60,8 @@ class Content:
         on_progress: called after each block
 
     Raises:
-        RunError: the file is empty, is not text, or is a damaged or too large compressed file; here or in the methods.
-
+        RunError: the file is empty, is not text, or is a damaged or too large compressed file. The methods raise this
+            error too.
         OSError: the file cannot be read.
     """
 
@@ -136,7 +136,7 @@ class _Unpacked(io.RawIOBase):
     """Text of a gzip file as a raw stream, limited by the compressed size.
 
     Raises:
-        RunError: it is damaged, or expands beyond the limits.
+        RunError: the file is damaged, or expands beyond the limits.
     """
 
     def __init__(self, packed: BinaryIO, path: Path, limits: TableLimits) -> None:
@@ -171,7 +171,7 @@ def _coding(path: Path, limits: TableLimits) -> str:
     """Character encoding of a text file, determined from the complete file.
 
     Raises:
-        RunError: it is empty or not text.
+        RunError: the file is empty or not text.
     """
     if _is_utf16(path, limits):
         return "utf-16"

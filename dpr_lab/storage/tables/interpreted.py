@@ -32,11 +32,12 @@ class QuestionSettings:
     """Maximum range of joint 2 for which it counts as fixed: absolute, rad, and relative to the excursion of the
     rods."""
     unexplained: tuple[float, float] = (0.3, 0.8)
-    """Maximum residual of the energy balance without a warning, for a free and for a driven swing. Geared drives of
-    real rigs dissipate up to half of the exchanged energy by Coulomb friction."""
+    """Maximum residual of the energy balance without a warning: for a free swing, and for a driven swing. The Coulomb
+    friction of geared drives on real rigs dissipates up to half of the exchanged energy."""
     nearest: tuple[float, float] = (1.5, 0.5)
-    """Limits for naming the interpretation with the smallest residual, which is too large to be right: minimum ratio of
-    the next residual to it, and its maximum."""
+    """Limits for a message that names the interpretation with the smallest residual, although this residual is too
+    large for a correct interpretation: minimum ratio of the second smallest residual to the smallest, and maximum of
+    the smallest."""
     time_scale: float = 1.6
     """Maximum factor between the time scales of kinetic and potential energy, without a warning."""
     arm_rad: float = 0.05
@@ -53,15 +54,15 @@ class QuestionSettings:
     """Median change of a known torque from row to row, relative to its range, above which a warning is given. A sine of
     1 Hz has a median change of 0.012 at 200 Hz, and 0.12 at 20 Hz."""
     idle: tuple[float, float] = (1.0, 0.75)
-    """Two limits for known torques that may not act at all. The first is the residual of the torque balance, relative
-    to gravity, above which they are doubted. A warning is then given if the residual without torques, divided by this
-    residual, is below the second."""
+    """Two limits for a warning that known torques may not act at all. The residual of the torque balance, relative to
+    gravity, must exceed the first limit. The residual without torques, divided by this residual, must be below the
+    second."""
     energy_rows: int = 200_000
     """Maximum number of rows for the energy test. A wrong interpretation is already visible at the start of the
     swing."""
     pose: tuple[float, float] = (3.0, 10.0)
-    """Maximum distance of the release from the named pose, in units of its tolerance: first without a warning, then
-    without refusal of the table."""
+    """Two limits on the distance of the release from the named pose, in units of its tolerance: above the first, a
+    warning is given; above the second, the table is refused."""
 
 
 SETTINGS = QuestionSettings()
@@ -69,7 +70,7 @@ SETTINGS = QuestionSettings()
 
 @dataclass(frozen=True, slots=True)
 class TableQuestion:
-    """A doubt about the interpretation of a table."""
+    """A warning about the interpretation of a table."""
 
     sentence: str
     mend: tuple[str, ...] = ()
@@ -126,9 +127,9 @@ class InterpretedTable:
         return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
 
     def read(self) -> ReadTable:
-        """The swing as recorded samples.
+        """Samples of the swing with their interpretation.
 
-        If the time stamps jitter about evenly spaced instants, the samples have these instants.
+        If the time stamps scatter about evenly spaced instants, these instants are used.
         """
         rows = self.looked_at
         even = even_instants(self.t[rows], self.theta[rows, 1:])

@@ -60,8 +60,8 @@ class ImportOptions:
     columns: Annotated[
         Mapping[str, str], Typed("Names of the columns, e.g. t=time,theta1=q1,theta2=q2; recognised by default.")
     ] = field(default_factory=dict)
-    """Quantity -> column name, or column number if there is no header. The quantities are t, theta0, theta1, theta2,
-    the torques tau1 and tau2, and the input of a driven arm. A name is needed only if it is not recognised."""
+    """Column name of each quantity, or column number if there is no header. The quantities are t, theta0, theta1,
+    theta2, the torques tau1 and tau2, and the input of a driven arm. Only names that are not recognised are needed."""
     take: Annotated[
         tuple[str, ...], Typed("Part of the file: topic of a bag, arrays or groups, or the points PIVOT,ELBOW,TIP.")
     ] = ()
@@ -94,7 +94,7 @@ class ImportOptions:
         Mapping[str, float],
         Typed("Value to add to the angles after scaling, in the unit of the angles: 90, or theta1=90."),
     ] = field(default_factory=dict)
-    """Values that are added after `scale`, by axis, in the unit of the table."""
+    """Values that are added after the multiplication by `scale`, by axis, in the unit of the table."""
     torque: Annotated[
         Literal["measured", "commanded", "none"] | None,
         Typed("Torques to use if the table contains both kinds; none: treat the recording as a free swing."),
@@ -180,7 +180,7 @@ class TypedOption:
         """Convert the text of an option: names, `name=column` pairs, or one number for both rods or for each axis.
 
         Raises:
-            ValueError: text of another form.
+            ValueError: the text does not have this form.
         """
         parts = [part.strip() for part in text.split(",") if part.strip()]
         if get_origin(self.kind) is tuple:

@@ -40,8 +40,8 @@ class Plausible:
     angle: float = 1e4
     """Maximum angle, rad. A larger angle would take hours of turning."""
     jump: float = 1.5 * np.pi
-    """Minimum jump of an angle between two rows that counts as a wrap, rad: less than a turn, but more than a rod
-    turns."""
+    """Minimum jump of an angle between two rows that counts as a wrap, rad. It is less than a turn, but larger than the
+    motion of a rod between two rows."""
     outlier_rows: int = 3
     """Maximum number of consecutive rows that count as outliers because the angle jumps away and back."""
     window_slack: float = 0.2
@@ -55,7 +55,7 @@ class Plausible:
     """Maximum number of turns of a single rod between two turning points. If angles exceed this number, they cannot be
     in radians."""
     whole: float = 1e-6
-    """Maximum difference of the steps of an angle from whole numbers, for whole numbers, rad."""
+    """Maximum difference from integers for which the steps of an angle count as integers."""
     typical_rows: int = 20_000
     """Maximum number of examined rows, evenly spaced over the table."""
 
@@ -130,7 +130,7 @@ def turn_of_hanging(angle: Array) -> float:
     """Whole turns between pi and the angle at which a rod first hangs, rad; 0 if it also hangs at pi, or never hangs.
 
     Args:
-        angle: (n,) 0 = upright, rad
+        angle: (n,) angle of the rod, 0 = upright, rad
     """
     turns = np.round((angle[np.cos(angle) < 0.0] - np.pi) / (2 * np.pi))
     return 2 * np.pi * float(turns[0]) if len(turns) and turns.all() else 0.0
@@ -193,7 +193,7 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Note on gaps between (n,) times, s; empty if there are no gaps."""
+    """Note on gaps between the times (n,), s; empty if there are no gaps."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
@@ -243,7 +243,7 @@ def _between_turning_points(angle: Array) -> float:
 
 
 def recorded_by_stamps(first_s: float) -> str:
-    """Date and time in UTC of a table's first time, if this is in seconds since 1970; empty otherwise."""
+    """Date and time in UTC of the first row, if its time is in seconds since 1970; otherwise empty."""
     if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
         return ""
     return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

@@ -25,7 +25,7 @@ class Preview:
     kind: str
     """Kind of the file."""
     columns: dict[str, str]
-    """Quantity -> column name: t and each axis."""
+    """Column name of each quantity: t and each axis."""
     angles: str
     zero: str
     unit: str
@@ -60,7 +60,7 @@ class Preview:
     """(n, 3) absolute angles of the run, 0 = upright, rad."""
 
     def facts(self) -> dict[str, str]:
-        """Property -> value, as text: the interpretation of the table."""
+        """Interpretation of the table as text: the value of each property."""
         by_rig = self.unit == "counts"
         reading = (
             f"{self.unit}, converted by the encoders of the rig"
@@ -89,8 +89,8 @@ class Preview:
     def _mean_rate_hz(self) -> float:
         """Mean sample rate, Hz.
 
-        It is computed from the total duration, on which rounded times have no effect, or from the median step if rows
-        are missing.
+        It is computed from the total duration, which is hardly affected by rounded times. If rows are missing, it is
+        computed from the median step.
         """
         return self.rate_hz if self.gaps else (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 

@@ -18,7 +18,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.plausible import unwrapped
 
 Values = Mapping[str, Array]
-"""By axis, (n,) values in the unit of the table."""
+"""Values (n,) of each axis, in the unit of the table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,12 +33,12 @@ class ReadingSettings:
     sure: float = 0.1
     """Maximum energy residual of a proposed interpretation."""
     zero_rad: float = 0.02
-    """Minimum change of a proposed zero, rad. Smaller errors are fitted by a diagnosis as encoder offsets."""
+    """Minimum change of a proposed zero, rad. A diagnosis fits smaller errors as encoder offsets."""
     usual_zero_rad: float = np.pi / 12
     """Step of usual zero errors, rad: a wrong zero is usually a multiple of this step."""
     alike: float = 2.0
-    """Maximum ratio of two residuals for which the interpretations are equally good; then the one with fewer changes is
-    preferred."""
+    """Maximum ratio of two residuals for which the interpretations count as equally good. The one with fewer changes is
+    then preferred."""
     balanced: float = 0.05
     """Torque residual below which no other interpretation is tried. It is 0.01 to 0.17 for free swings, up to 0.4 for
     driven geared joints, and 0.1 or more with one wrong option."""
@@ -53,9 +53,9 @@ class ReadingSettings:
     alike_balance: float = 1.1
     """Maximum ratio of two torque residuals for which the interpretations are equally good; see `alike`."""
     wrong_zero_rad: float = 0.15
-    """Minimum distance, rad, from the given zero to the zero with the smallest torque residual, above which the given
-    zero is doubted, even if noise hides the reduction. It is at most 0.08 for 21 correct recordings of real rigs, and
-    0.17 for a zero that is 10 degrees off."""
+    """Distance from the given zero to the zero with the smallest torque residual, rad. Above this limit a warning is
+    given even if noise hides the reduction of the residual. The distance is at most 0.08 for 21 correct recordings of
+    real rigs, and 0.17 for a zero with an error of 10 degrees."""
     better_zero: float = 1.1
     """Minimum factor by which such a zero must reduce the torque residual."""
 
@@ -106,7 +106,7 @@ class OtherReading:
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, Integers | None]:
-    """(n, 3) absolute angles, rad, each axis contiguous, and the counts, if any.
+    """Convert values to absolute angles (n, 3), rad, each axis contiguous, and counts (None without counts).
 
     Raises:
         RunError: counts have fractions.
@@ -143,7 +143,7 @@ class ReadTable:
     """(n, 2) known torques, N m; None for a free swing."""
 
     def rods(self, values: Values, options: ImportOptions) -> Array:
-        """Absolute angles of the rods in an interpretation, (n, 2), rad; a single rod is given twice."""
+        """Absolute angles (n, 2) of the rods in an interpretation, rad. Both columns are equal for a single rod."""
         theta, _ = angles(values, options, self.rig, self.path)
         return theta[:, [1, 1]] if self.rig.rods.mounted != "both" else theta[:, 1:]
 
@@ -172,7 +172,10 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
 
 
 def _as_counts(read: ReadTable) -> OtherReading | None:
-    """Whole numbers as encoder counts, perhaps with other zeros; None unless a free swing then conserves energy."""
+    """Interpretation of integers as encoder counts, possibly with other zeros.
+
+    None unless a free swing conserves its energy in this interpretation.
+    """
     whole = all(np.array_equal(column, np.round(column)) for column in read.values.values())
     if read.options.unit == "counts" or read.options.offset or read.options.scale or not whole:
         return None
@@ -233,8 +236,8 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
 def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
     """Replace zeros from the torque balance by zeros from the energy of a single free rod, if both are near each other.
 
-    Friction that stops a rod or changes its sign falsifies the accelerations and shifts their zeros, but not the zeros
-    from the energy.
+    Friction that stops the rod or changes its sign shifts the zeros from the accelerations, but not those from the
+    energy.
     """
     if read.rig.rods.mounting == "both" or read.torques is not None:
         return balancing
@@ -270,10 +273,10 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
     """Interpretation with two offsets, rad, added to the absolute angles; small offsets are omitted.
 
     Args:
-        values: of the table
-        options: of the table
-        added: (2,) rad
-        tolerance: maximum difference from a usual zero error up to which an offset is replaced by it, rad
+        values: values of the table
+        options: options of the import
+        added: (2,) offsets, rad
+        tolerance: an offset is replaced by the nearest usual zero error if they differ by less than this angle, rad
     """
     turned = (np.asarray(added) + np.pi) % (2 * np.pi) - np.pi
     usual = np.round(turned / READ.usual_zero_rad) * READ.usual_zero_rad
@@ -288,7 +291,7 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
 
 
 def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[str, str]:
-    """Option and its text: one value if both rods have the same, otherwise a value for each."""
+    """Name and text of an option: one value if it is the same for both rods, otherwise a value for each rod."""
     if set(value) == set(AXES[1:]) and len(set(value.values())) == 1:
         return option, f"{value['theta1']:g}"
     return option, ",".join(

@@ -61,7 +61,7 @@ class Table:
     heading: tuple[tuple[str, ...], ...] = ()
     """Rows above the numbers, unchanged."""
     other_lengths: Mapping[str, int] = field(default_factory=dict)
-    """Column -> number of its values, for columns that are ignored because their length differs from the others."""
+    """Number of values of each column that is ignored because its length differs from the others."""
     settled: bool = False
     """Whether the values are already absolute angles in rad, 0 = upright, so that no option changes them."""
     film_noise: FilmNoise | None = None
@@ -85,7 +85,7 @@ class Table:
 
 
 def without_copies(table: Table) -> Table:
-    """A table without columns that repeat the name and the values of an earlier column, as in some spreadsheets."""
+    """Remove columns that repeat the name and the values of an earlier column, as in some spreadsheets."""
     columns = list(zip(table.names, table.values, strict=True))
     places = [
         place
@@ -226,9 +226,9 @@ class _Columns:
         return True
 
     def finish(self) -> None:
-        """End the table.
+        """Complete the table.
 
-        A last row that is too short was truncated when the logger was switched off. It is ignored, with a note.
+        A last row that is too short is ignored, with a note: it was truncated when the logger was switched off.
         """
         if self._short is None:
             return
@@ -245,10 +245,10 @@ class _Columns:
         )
 
     def _number(self, word: str, place: int, line: int) -> float:
-        """A field as number.
+        """Convert a field to a number.
 
-        A time such as `14:30:00.123`, `30:00.1`, or with a date before it, is converted to seconds. A unit must be the
-        same in the whole column.
+        A time such as `14:30:00.123` or `30:00.1`, also with a date before it, is converted to seconds. All fields of a
+        column must have the same unit.
         """
         word = word.replace(_MINUS, "-")
         if (value := _value(word, self._comma)) is not None:
@@ -279,7 +279,7 @@ def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | No
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """Name of a column with the unit from the row below; unchanged if it contains the unit or if there is none."""
+    """Add the unit from the row below to the name of a column, unless the name contains it or there is no unit."""
     unit = unit.strip(" ()[]")
     return name if not unit or unit.lower() in re.split(r"[\W_]+", name.lower()) else f"{name} ({unit})"
 
@@ -299,7 +299,7 @@ def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: i
 
 
 def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Name of each number, where a field of the first row contains several: a point, or the elements of an array."""
+    """Name each number of a row in which a field may contain several numbers: a point, or the elements of an array."""
     if len(names) != len(cells):  # refused with the first row
         return list(names)
     named: list[str] = []
@@ -313,7 +313,7 @@ def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
 
 
 def _trimmed(row: list[str], width: int) -> list[str]:
-    """Row above the numbers, without empty fields beyond the width of the table."""
+    """Remove empty fields beyond the width of the table from a row above the numbers."""
     return row[:width] if not any(row[width:]) else row
 
 
@@ -323,7 +323,7 @@ def _delimiter(lines: list[str]) -> str | None:
 
 
 def _joined(line: str) -> str:
-    """Line in which each vector is one field: `_NEXT` replaces the delimiters between its numbers."""
+    """Join the numbers of each vector in a line to one field: `_NEXT` replaces the delimiters between them."""
     if "(" not in line and "[" not in line:
         return line
     return _VECTOR.sub(lambda match: match[1] + _NEXT.join(re.split(r"[\s,;]+", match[2])), line)
@@ -335,7 +335,7 @@ def _numbers_of(cells: Sequence[str]) -> list[str]:
 
 
 def _cells(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) -> list[str]:
-    """Fields of a line; of a line with a name before each number, the numbers."""
+    """Split a line into fields. If each number has a name before it, only the numbers are returned."""
     if labels:
         named = dict(re.findall(_LABEL, line, re.I)) if _LABELLED.fullmatch(line) else {}
         return [named[name] for name in labels if name in named]
@@ -366,7 +366,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _value(word: str, decimal_comma: bool) -> float | None:
-    """A number, perhaps with separators between groups of three digits; None for other words."""
+    """Parse a number, with or without separators between groups of three digits; None for other words."""
     try:
         return float(word.replace(",", ".") if decimal_comma else word)
     except ValueError:

@@ -70,11 +70,11 @@ SETTINGS = StampSettings()
 def carried_times(t: Array) -> tuple[Array, str]:
     """Correct rows that are a second or a minute early or late, and return the times and a note.
 
-    A few rows are shifted by the unit if, without this shift, the time runs backwards and, with this shift, all steps
-    around them have the usual size. Other times are not changed.
+    A few rows are shifted by one unit if the time decreases without the shift, and if all steps around the rows have
+    the usual size with the shift. Other times are not changed.
 
     Args:
-        t: (n,) s, NaN where unknown
+        t: (n,) times, s, NaN where unknown
     """
     known = np.flatnonzero(np.isfinite(t))
     steps = np.diff(t[known])
@@ -116,17 +116,17 @@ def never_falls(column: Array) -> bool:
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
-    """(n - 1,) whether each row has the same time as the previous row but different readings."""
+    """Flags (n - 1,) of rows that have the same time as the previous row but different readings."""
     changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 
 
 def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Evenly spaced times in place of rounded times, and a note; other times are returned unchanged.
+    """Replace rounded times by evenly spaced times, and return the times and a note. Other times are not changed.
 
     Args:
-        t: (n,) s, not decreasing
-        readings: (n,) of each axis
+        t: (n,) times, s, not decreasing
+        readings: (n,) readings of each axis
     """
     steps = np.diff(t)
     known = bool(np.isfinite(t).all())
@@ -183,7 +183,7 @@ def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def _of_digits(t: Array) -> Array:
-    """(n,) resolution of times, s, written with the fewest significant digits that represent all of them."""
+    """Resolution (n,) of times, s, if written with the fewest significant digits that represent all of them."""
     size = np.abs(t)
     decade = np.floor(np.log10(np.where(size > 0, size, size[size > 0].min())))
     digits = next(
@@ -203,8 +203,8 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
     The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
 
     Args:
-        t: (n,) s, increasing where known
-        readings: (n,) of each axis, unwrapped
+        t: (n,) times, s, increasing where known
+        readings: (n,) unwrapped readings of each axis
     """
     values = np.stack(list(readings.values()), axis=1)
     rows = np.flatnonzero(np.isfinite(t) & np.isfinite(values).all(axis=1))
@@ -248,10 +248,7 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
 
 
 def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array:
-    """(columns,) absolute prediction error at an instant, by a parabola through other rows.
-
-    Infinite far from these rows.
-    """
+    """Absolute prediction error (columns,) at an instant, by a parabola through other rows; infinite far from them."""
     duration = float(np.ptp(t[fitted]))
     if np.abs(t[fitted] - instant).max() > SETTINGS.far * duration or duration <= 0:
         return np.full(x.shape[1], np.inf)

@@ -22,7 +22,7 @@ KINDS = ("measured", "commanded")
 JOINTS = ("tau1", "tau2")
 """Names of the torques in the options `columns` and `scale`."""
 PASSIVE = "none"
-"""Name in place of the torque column of a joint without a drive."""
+"""Substitute name of the torque column of a joint without a drive."""
 _KINDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
 _KINDS |= dict(zip(KINDS, KINDS, strict=True))
 _UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
@@ -33,13 +33,13 @@ _FACTORS = (1e-3, 1e-2, 1e3)
 """Factors of other common units of torque relative to N m: mN m, N cm, kN m."""
 
 Pairs = Mapping[str, tuple[str, str]]
-"""Kind -> names of the columns of joints 1 and 2, `measured` first. The kind is empty if no column states it."""
+"""Names of the columns of joints 1 and 2 for each kind, `measured` first. The kind is empty if no column states it."""
 
 
 def find_torques(
     names: Sequence[str], source: str | None, given: Mapping[str, str], path: object, *, alone: bool = False
 ) -> Pairs:
-    """Columns of the torques of both joints; empty for a free swing.
+    """Find the columns of the torques of both joints; empty for a free swing.
 
     If columns of one kind exist, columns without a stated kind are of the other kind. A joint without a torque column
     is passive, and the name of its column is `PASSIVE`.
@@ -101,7 +101,7 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
-    """Note on torque columns that do not name their joint and are therefore not used; empty otherwise.
+    """Note on torque columns that do not name their joint and are therefore not used; otherwise empty.
 
     On a moving arm such a torque belongs to its drive.
     """
@@ -129,14 +129,14 @@ def torque_column(table: Table, name: str) -> Array:
 
 
 def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
-    """Torque of the kept rows.
+    """Torque (k,) of the kept rows, N m.
 
-    Over an interval with removed rows, the result is the mean torque, which conserves the impulse.
+    Over an interval with removed rows, the torque is the mean, which preserves the impulse.
 
     Args:
-        t: (rows,) s
-        torque: (rows,) held until the next row, N m
-        rows: (k,) rows, ascending
+        t: (rows,) times of all rows, s
+        torque: (rows,) torque of each row, held until the next row, N m
+        rows: (k,) indices of the kept rows, ascending
     """
     known = np.flatnonzero(np.isfinite(t) & np.isfinite(torque))
     impulse = np.concatenate([[0.0], np.cumsum(torque[known[:-1]] * np.diff(t[known]))])[np.searchsorted(known, rows)]

@@ -64,18 +64,18 @@ class Understood:
     """Options including the detected units."""
     kind: str
     torques: Mapping[str, Array] = field(default_factory=dict)
-    """Kind -> torques (n, 2), N m, `measured` first. The kind is empty if the columns do not state a kind. A free swing
-    has no entry."""
+    """Torques (n, 2) of each kind, N m, `measured` first. The kind is empty if the columns do not state a kind. A free
+    swing has no entry."""
     torque_columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Kind -> names of the columns of joints 1 and 2."""
+    """Names of the columns of joints 1 and 2 for each kind."""
     questions: tuple[TableQuestion, ...] = ()
-    """Doubts about the interpretation."""
+    """Warnings about the interpretation."""
     recorded_at: str = ""
     """Time of the recording: ISO 8601 date, or date and time in UTC; empty if unknown."""
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
     at_edges: bool = False
-    """Whether a row was sent at each encoder count. The angles are then the angles of the edges between counts."""
+    """Whether the logger sent a row at each encoder count. The angles are then those of the edges between counts."""
 
     @property
     def t(self) -> Array:
@@ -130,7 +130,7 @@ def understand(
 
 
 def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -> tuple[Table, dict[str, str]]:
-    """The table with its stated columns of time and angles; the angle of a missing rod is constant."""
+    """Read the table, and the stated columns of time and angles. The angle of a missing rod is constant."""
     named_angles = not set(AXES).isdisjoint(options.columns)
     table = read_any(path, options.take, on_progress, points=not named_angles)
     stated = {name: column for name, column in options.columns.items() if name not in ("input", *JOINTS)}
@@ -140,7 +140,7 @@ def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -
 def _readings(
     table: Table, names: Mapping[str, str], rig: Rig, options: ImportOptions
 ) -> tuple[Array, dict[str, Array], list[str]]:
-    """Times (rows,), s, readings (rows,) of each recorded axis with NaN for outliers, and notes."""
+    """Extract times (rows,), s, readings (rows,) of each recorded axis with NaN for outliers, and notes."""
     t, carried = carried_times(_times(table, names, options))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
     _check_forwards(table, t, options, readings)
@@ -235,7 +235,7 @@ def _understood(
 
 
 def _at_edges(read: Understood, rig: Rig) -> Understood:
-    """Correct the angles to the edges between counts, if a row was sent at each count of an encoder."""
+    """Correct the angles to the edges between counts, if the logger sent a row at each encoder count."""
     theta = read.theta
     encoders = np.column_stack([theta[:, 0], rig.encoders.joint_angles.of_rods(theta[:, 1:])])
     rows = edge_rows(encoders[:, : 1 + rig.rods.number])

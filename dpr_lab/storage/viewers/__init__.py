@@ -9,4 +9,4 @@ VIEWERS: dict[str, tuple[str, Callable[[], str]]] = {
     "foxglove": ("dpr-lab.foxglove.json", foxglove),
     "plotjuggler": ("dpr-lab.plotjuggler.xml", plotjuggler),
 }
-"""Name of a viewer -> default file name, and function that returns the layout."""
+"""Default file name, and function that returns the layout, for each viewer."""

@@ -9,10 +9,10 @@ PLOTS: dict[str, tuple[tuple[str, str, int | None], ...]] = {
     "known torques, N m": ((SAMPLES, "tau", 0), (SAMPLES, "tau", 1)),
     "losses": ((STATUS, "dropped", None), (STATUS, "overruns", None)),
 }
-"""Title of a plot -> its curves: topic, key of the messages, and index in an array."""
+"""Curves of each plot, by title: topic, key of the messages, and index in an array."""
 
 TEXTS = EVENTS
 """Topic with the release and other events."""
 
 COLORS = ("#1f77b4", "#d62728", "#2ca02c")
-"""Colors of the curves of a plot, in order."""
+"""Colours of the curves of a plot, in order."""

@@ -10,7 +10,7 @@ from dpr_lab.storage.viewers.curves import COLORS, PLOTS, TEXTS
 
 
 def foxglove() -> str:
-    """Layout for Foxglove as JSON: plots below each other, and the events at the bottom."""
+    """Create a layout for Foxglove as JSON: plots below each other, and the events at the bottom."""
     panels = {f"Plot!{number}": _plot(title, curves) for number, (title, curves) in enumerate(PLOTS.items(), 1)}
     panels["RawMessages!events"] = {"topicPath": TEXTS, "diffEnabled": False}
     document = {

@@ -9,7 +9,7 @@ from dpr_lab.storage.viewers.curves import COLORS, PLOTS
 
 
 def plotjuggler() -> str:
-    """Layout for PlotJuggler as XML: one tab with plots below each other."""
+    """Create a layout for PlotJuggler as XML: one tab with plots below each other."""
     root = Element("root")
     tabs = SubElement(root, "tabbed_widget", {"parent": "main_window", "name": "Main Window"})
     container = SubElement(SubElement(tabs, "Tab", tab_name="dpr-lab", containers="1"), "Container")

@@ -1,4 +1,4 @@
-"""Job side of the pipe: sends progress; receives pause, stop and questions."""
+"""Connection of a job process to the screen: sends progress, and receives commands and questions."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobFailed, JobFi
 
 
 class JobControl:
-    """Connection of a job to its owner."""
+    """Connection of a job process to the process that started it."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -31,12 +31,12 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Wait while paused; return False after a request to stop and keep the result so far."""
+        """Wait while the job is paused. Return False if the job must stop and keep its result so far."""
         self._going.wait()
         return not self._stop.is_set()
 
     def questions(self) -> Iterator[Any]:
-        """Yield questions indefinitely; if several are pending, only the newest."""
+        """Wait for questions and yield them, without end. If several are pending, only the newest is yielded."""
         while True:
             question = self._asked.get()
             while not self._asked.empty():
@@ -60,13 +60,13 @@ class JobControl:
         os._exit(1)
 
     def send(self, event: JobEvent) -> None:
-        """Send a report, from any thread."""
+        """Send an event. This method may be called from any thread."""
         with self._sending:
             self._connection.send(event)
 
 
 def work(connection: Connection, function: Callable[..., Any], arguments: dict[str, Any]) -> None:
-    """Main function of a job process: call `function(control, **arguments)` and report its result or error."""
+    """Run a job in this process: call `function(control, **arguments)` and report its result or error."""
     _leave_the_terminal_alone()
     control = JobControl(connection)
     threading.Thread(target=control.listen, daemon=True).start()
@@ -81,7 +81,7 @@ def work(connection: Connection, function: Callable[..., Any], arguments: dict[s
 
 
 def _leave_the_terminal_alone() -> None:
-    """Ignore Ctrl-C, which is for the parent process, discard all output, and lower the priority."""
+    """Ignore Ctrl-C, which the parent process handles, discard all output, and lower the priority."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (1, 2):

@@ -1,4 +1,4 @@
-"""Events of a job for the screen: progress and end."""
+"""Events that a job process sends to the screen: progress and end."""
 
 from dataclasses import dataclass
 from typing import Any, TypeAlias

@@ -1,4 +1,4 @@
-"""Screen side of the pipe: start and control of a job, and its events."""
+"""Start and control of a job in a separate process, and reception of its events."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -15,11 +15,11 @@ from dpr_lab.tui.read_only import refuse_job
 
 
 class JobProcess:
-    """A function that runs in a separate process, which starts on construction.
+    """Function that runs in a separate process. The constructor starts the process.
 
     Args:
-        function: called in the process as `function(control, **arguments)`; importable by name
-        arguments: picklable
+        function: function importable by name; the process calls `function(control, **arguments)`
+        arguments: picklable keyword arguments
     """
 
     def __init__(self, function: Callable[..., Any], **arguments: Any) -> None:
@@ -33,10 +33,10 @@ class JobProcess:
         return self._process.alive
 
     def events(self, patience_s: float = 5.0) -> Iterator[JobEvent]:
-        """Yield the events of the job until its end; blocks, so call it in a thread.
+        """Yield the events of the job until its end. The iterator blocks, so use it in a thread.
 
         Args:
-            patience_s: maximum time for the process to exit before it is ended
+            patience_s: maximum waiting time for the process to exit, s; the process is then terminated
         """
         event: JobEvent = JobProgress(None)
         while isinstance(event, JobProgress | JobCompiling):
@@ -81,7 +81,7 @@ class JobProcess:
             return JobCancelled()
         return JobFailed(
             f"the process of the job ended unexpectedly (exit code {self._process.exit_code}); only its"
-            " result was lost. Start it again, and close other programs if memory was short"
+            " result was lost. Start the job again; if memory was short, close other programs first"
         )
 
 
@@ -94,7 +94,7 @@ class JobHeard(Message, bubble=False):
 
 
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
-    """Start a job like `JobProcess`; its owner receives its events as `JobHeard`.
+    """Start a `JobProcess` and post its events to its owner as `JobHeard` messages.
 
     Raises:
         SafetyStop: the page is read-only, and the job does more than read.

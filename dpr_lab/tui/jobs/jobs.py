@@ -1,6 +1,6 @@
-"""Jobs of the screen: workflows under a `JobControl`, and actions on single run files.
+"""Functions that the screen runs in separate processes: workflows, and actions on single run files.
 
-The process that draws the screen only names these functions. They import large libraries in their own process.
+Large libraries are imported only in these processes, not in the process that draws the screen.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def identify(control: JobControl, *, request: IdentifyRequest) -> IdentifyResult:
-    """Identify; a search can be paused, and stopped with the best result so far."""
+    """Identify a model. The search can be paused, or stopped with its best result so far."""
     return identify_runs(request, control.report, control.proceed)
 
 
@@ -68,9 +68,9 @@ class FreeRunFrom:
 
 
 def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
-    """Compare and save the result; then answer each `FreeRunStart` with a free run until cancelled.
+    """Compare runs with the model and save the result. Then answer each `FreeRunStart` with a free run until cancelled.
 
-    If the arm moves, the comparison consists only of segments.
+    If the arm moves, only segments are compared, and no free run is simulated.
     """
     folder, of_arm = request.out, []
 

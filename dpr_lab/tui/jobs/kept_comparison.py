@@ -66,11 +66,11 @@ class KeptComparison:
 
 
 def _array(value: Any) -> Any:
-    """Value of a field as an array; values by joint become JSON."""
+    """Convert the value of a field to an array. A mapping by joint is converted to JSON text first."""
     return np.array("" if value is None else json.dumps(value) if isinstance(value, dict) else value)
 
 
 def _plain(array: Any) -> Any:
-    """Value of a field, from its array."""
+    """Convert an array of `_array` back to the value of a field."""
     value = array.item() if array.ndim == 0 else array
     return json.loads(value) if isinstance(value, str) and value.startswith("{") else value

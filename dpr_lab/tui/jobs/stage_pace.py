@@ -4,11 +4,11 @@ from collections.abc import Collection, Mapping
 
 
 class StagePace:
-    """Estimate from the typical durations of the stages, scaled by the durations of the finished stages.
+    """Estimator of the remaining time: typical durations of the stages, scaled by the durations of finished stages.
 
     Args:
-        typical: stage -> typical duration, s, in order
-        steady: stages whose duration does not depend on the result; they determine the scale
+        typical: typical duration of each stage, s, in the order of the stages
+        steady: stages whose duration does not depend on the result; their durations determine the scale
         began: start of the first stage, s
     """
 
@@ -25,7 +25,7 @@ class StagePace:
         self._stage, self._since, self._compiled = stage, now, False
 
     def compiling(self, now: float) -> None:
-        """Exclude the compilation of a kernel from the estimate; called when it starts."""
+        """Exclude the compilation of a kernel from the estimate. Call this method when the compilation starts."""
         self._since, self._compiled = now, True
 
     def left(self, now: float) -> float | None:

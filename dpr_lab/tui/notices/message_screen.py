@@ -1,4 +1,4 @@
-"""All messages of the session, newest first."""
+"""Page with all messages of the session, newest first."""
 
 from typing import ClassVar
 
@@ -28,7 +28,7 @@ class MessageScreen(ModalScreen[None]):
         self._log = log
 
     def compose(self) -> ComposeResult:
-        """One message per line with its time."""
+        """Build the list: one message per line with its time."""
         with VerticalScroll(classes="dialog") as page:
             page.border_title = "Messages, newest first"
             page.border_subtitle = "esc: close · up, down: scroll"

@@ -1,4 +1,4 @@
-"""Base of the app: shows messages, and logs each of them; errors stay until they are dismissed."""
+"""Base class of the app that shows and logs messages. Errors stay visible until they are dismissed."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ class NoticeApp(App[None]):
         return [*self._notifications]
 
     def notify(self, message: str, *, severity: SeverityLevel = "information", **options: Any) -> None:
-        """Show a message; an error stays until Escape or another step."""
+        """Show a message. An error stays visible until Escape is pressed or another step is shown."""
         if severity == "error":
             options |= {"timeout": NOTICES.stays_s, "title": self.error_title}
         super().notify(message, severity=severity, **options)

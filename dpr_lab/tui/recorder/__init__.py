@@ -1,1 +1,1 @@
-"""Process that owns the device, and the screen side of its pipe, so that drawing the screen cannot lose samples."""
+"""Separate process that controls the device, so that no samples are lost while the screen is drawn."""

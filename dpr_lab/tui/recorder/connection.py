@@ -90,7 +90,7 @@ class DeviceConnection:
             yield report
 
     def note(self, report: RecorderReport) -> None:
-        """Store a report on the device."""
+        """Update the state with a report about the device."""
         match report:
             case Connected():
                 self.connected, self.opening, self.lost = report, None, None

@@ -10,9 +10,9 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 
 
 class Inbox:
-    """Received commands of the screen.
+    """Queue of commands that the screen sent to the recorder.
 
-    Cancel requests are received at any time.
+    Cancel requests are received at any time, also during a capture.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -60,7 +60,7 @@ class Inbox:
 class Outbox:
     """Queue of reports to the screen.
 
-    A screen that does not read them must not block a recording.
+    A recording is not blocked if the screen does not read the reports.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -70,11 +70,11 @@ class Outbox:
         self._sender.start()
 
     def add(self, report: RecorderReport) -> None:
-        """Send a message that must not be lost."""
+        """Send a report that must not be lost."""
         self._waiting.put(report)
 
     def add_if_read(self, report: RecorderReport) -> bool:
-        """Send a report that is soon outdated, unless too many reports are waiting, and return whether it was sent."""
+        """Send a report unless too many reports are waiting. Return whether the report was sent."""
         room = self._waiting.qsize() < SETTINGS.unread
         if room:
             self._waiting.put(report)

@@ -1,8 +1,8 @@
-"""Process that owns the device.
+"""Recorder process, which controls the device.
 
-Link, driver and capture run in this process, so that drawing the screen cannot lose samples. It executes commands from
-a pipe and sends reports. If the other side of the pipe is lost, no operator is present. The process then releases
-nothing, closes a recording in progress as incomplete, and ends.
+Link, driver and capture run in this process, so that no samples are lost while the screen is drawn. The process
+executes commands from a pipe and sends reports. If the other end of the pipe is closed, no operator is present. The
+process then releases nothing, closes a recording in progress as incomplete, and ends.
 """
 
 import contextlib
@@ -39,7 +39,7 @@ from firmware_protocol.messages import Position
 
 
 def serve(connection: Connection, url: str, rig_name: str, runs: Path, log: Path) -> None:
-    """Main function of the process.
+    """Run the recorder in this process until the pipe is closed.
 
     Args:
         connection: pipe to the screen
@@ -124,7 +124,7 @@ def _exercise(device: Device, order: Exercise) -> Exercised:
 
 
 class _IdleWatch:
-    """Reads the rods between captures and detects the loss of the device."""
+    """Monitor that reads the rods between captures and detects the loss of the device."""
 
     def __init__(self, device: Device, rig: Rig, outbox: Outbox) -> None:
         self._device, self._rig, self._outbox = device, rig, outbox
@@ -141,9 +141,9 @@ class _IdleWatch:
             self._tell(status.latched, self._device.heard_at)
 
     def _tell(self, latched: bool, time_s: float) -> None:
-        """Report changed angles.
+        """Send the angles of the rods to the screen.
 
-        While the rods rest, reports are rare, because each one redraws the screen.
+        While the rods are at rest, reports are rare, because each report redraws the screen.
         """
         last, still = self._last, self._still()
         if last is not None and still and latched == last.latched and time_s - last.at < SETTINGS.idle_s:
@@ -166,7 +166,7 @@ class _IdleWatch:
 
 
 def _leave_the_terminal(log: Path) -> None:
-    """Ignore Ctrl-C, which is for the screen, and redirect output to a log; on SIGTERM, finish the file."""
+    """Ignore Ctrl-C, which the screen handles, redirect the output to a log, and finish the run file on SIGTERM."""
     if hasattr(os, "setsid"):
         os.setsid()
     signal.signal(signal.SIGTERM, _interrupt)

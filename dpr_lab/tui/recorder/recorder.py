@@ -1,4 +1,4 @@
-"""Screen side of the pipe to the process that owns the device."""
+"""Interface of the screen to the recorder process."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -27,7 +27,7 @@ class Recorder:
     def tell(self, order: RecorderOrder) -> None:
         """Send a command.
 
-        If the process has ended, the command is ignored and a report states it.
+        If the process has ended, the command is ignored, and `reports` yields an error report.
         """
         with suppress(OSError):
             self._process.pipe.send(order)
@@ -43,6 +43,6 @@ class Recorder:
             yield report
 
     def close(self, patience_s: float = 5.0) -> None:
-        """Wait up to a time limit for the process to finish its file, then end it; repeated calls have no effect."""
+        """Let the process finish its file within `patience_s`, then terminate it. Repeated calls have no effect."""
         self._over = True
         self._process.end(patience_s)

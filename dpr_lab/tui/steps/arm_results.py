@@ -26,9 +26,9 @@ VIEWS = ("angle", "segment residual")
 
 
 def start_of_diagnosis(model: Path | None) -> Path | None:
-    """Model from which a diagnosis starts.
+    """Return the model from which a diagnosis starts, or None if it starts from the rig file.
 
-    None for a rig with a moving arm, whose diagnosis starts from the rig file.
+    The diagnosis of a rig with a moving arm starts from the rig file.
     """
     from dpr_lab.identification.moving_arm.model import load_moving_arm_model
 
@@ -43,7 +43,7 @@ def ratios(model: "MovingArmModel") -> Group:
 
 
 def absolute(model: "MovingArmModel") -> Group:
-    """Table of the absolute values, and the source of their scale."""
+    """Table of the absolute values, and a sentence on the quantity that determines their scale."""
     rows = table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     return Group(rows, Text(note, "dim"))
@@ -64,7 +64,7 @@ def identifiability(model: "MovingArmModel") -> Group:
 def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
     """Draw misfit and segment length after each merge of segments.
 
-    The first merge has short segments, the last one the longest that the model follows.
+    The segments are short at first and are merged up to the longest ones that the model can fit.
     """
     lengths, misfits = np.array(model.fit.merges, dtype=np.float64).reshape(-1, 2).T
     merge = np.arange(len(lengths), dtype=np.float64)

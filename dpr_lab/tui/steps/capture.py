@@ -57,7 +57,7 @@ UNDECIDED = "Keep the recorded swing with {capture.keep}, or put it aside and re
 
 
 class CaptureStep(Step):
-    """The guided release."""
+    """Step that guides the operator through placement, release and recording."""
 
     NAME = "Capture"
     HELP = """
@@ -65,10 +65,10 @@ Record one free swing for each pose of the rig.
 
 1. `{capture.start}` closes the latch and guides you: turn each rod until its mark is between the brackets.
 2. Let the rods come to rest in the latch.
-3. `{capture.release}` starts a countdown; **any other key stops it**. The countdown begins when the terminal confirms
-   that it is displayed. If the terminal does not confirm a number within 0.3 s, nothing is released. At the end of the
-   countdown the latch opens and the swing is recorded. In tmux, GNU screen, Zellij or mosh, first type the code that
-   the dialog shows.
+3. `{capture.release}` opens a dialog with a countdown; **any other key stops it**. The countdown begins when the
+   terminal confirms that the dialog is displayed. If the terminal does not confirm a number within 0.3 s, nothing is
+   released. At the end of the countdown the latch opens and the swing is recorded. In tmux, GNU screen, Zellij or
+   mosh, first type the code that the dialog shows.
 4. The recording is checked. `{capture.keep}` keeps it. `{capture.again}` moves it to `runs/aside` and starts the same
    pose again.
 
@@ -77,7 +77,7 @@ latch. `{capture.pose_up}` and `{capture.pose_down}` select the pose, `{capture.
 and `{capture.repeats}` the number of releases of each pose. `{capture.connect}` connects again after a loss of the
 link. `{app.import}` imports a recording of another logger instead.
 
-Grey values are old: no message has arrived from the device since then, and the latch may have opened.
+Grey values are outdated: no newer message has arrived from the device, and the latch may have opened meanwhile.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding(
@@ -112,7 +112,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         self._chance = random.SystemRandom()
 
     def compose(self) -> ComposeResult:
-        """Single view of all parts."""
+        """Build the view of the capture."""
         yield CaptureView()
 
     def on_mount(self) -> None:
@@ -122,7 +122,7 @@ Grey values are old: no message has arrived from the device since then, and the 
             self._rig = load_rig(self.workspace.rig)
 
     def outcome(self) -> str:
-        """Text that states the number of runs."""
+        """Number of recorded runs, as text."""
         count = len(self.workspace.runs)
         return counted_runs(count) if count else ""
 
@@ -178,7 +178,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         self._draw()
 
     def _take_planned(self, rig: Rig) -> None:
-        """Take over the pose and duration that the operator selected in a plan."""
+        """Select the pose and duration of the release that the operator chose in the step Plan."""
         if self.attempt is None and self.workspace.next_pose in rig.poses:
             self._pose, self.workspace.next_pose = self.workspace.next_pose, ""
             self.options = replace(self.options, until_rest=False, duration=self.workspace.next_duration_s)
@@ -296,7 +296,7 @@ Grey values are old: no message has arrived from the device since then, and the 
             raise DprError(self.worded(BUSY))
 
     def _obstacle(self) -> str:
-        """Reason why the rods may not be released now; empty if they may."""
+        """Reason why the rods may not be released now; empty if a release is permitted."""
         if self.attempt is None:
             return self.worded("press {capture.start} to be guided to the pose first")
         if not self.device.fresh(now := time.monotonic()):
@@ -309,7 +309,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         if not release or attempt is None:
             held = "nothing was released, the rods stay held"
             if not self.device.fresh(time.monotonic()):
-                held = "no release was commanded, but the device is silent, so the latch is UNKNOWN: keep clear"
+                held = "no release was commanded, but the device is silent; state of the latch UNKNOWN: keep clear"
             reason = obstacle if countdown is None else countdown.why
             self.notify(f"Not released: {reason}; {held}", severity="warning", timeout=NOTICES.news_s, markup=False)
         elif obstacle:
@@ -343,7 +343,7 @@ Grey values are old: no message has arrived from the device since then, and the 
         elif isinstance(report, AttemptSeen) and isinstance(report.progress, HangReading) and not report.progress.ok:
             errors = ", ".join(map(self.workspace.unit.text, report.progress.error))
             warning = (
-                f"The hanging rods deviate by {errors} from the vertical: either counts were lost, or the"
+                f"The hanging rods deviate by {errors} from the vertical: either the encoders lost counts, or the"
                 " zero in the rig file is wrong"
             )
             self.notify(warning, severity="warning", markup=False)

@@ -45,17 +45,18 @@ corrected afterwards; the slider moves that instant. The free run is predictable
 line in the chart). Beyond the horizon, the uncertainty of the initial state alone changes the simulation visibly, so
 the difference does not test the model. A rig whose arm moves is compared by segment only.
 
-The **segment residual** is the residual of half-second segments with free initial states; inside the band
-(±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern it is noise.
+The **segment residual** is the residual of half-second segments with fitted initial states. A residual inside the band
+(±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern is noise.
 
-`{{compare.beside}}` draws a second curve into the same chart: another run, or the same run simulated by another model.
+`{{compare.beside}}` draws a second curve in the same chart: another run, or the same run simulated with another model.
 Enter the file of that model in the field (`{{compare.edit}}`), for example the corrected `diagnosis/model.json`.
 
-In the chart: + and - zoom, arrows move, shift with up and down scales, 0 shows everything again. `{{chart.cursors}}`
-sets two cursors that show values and differences. Pressing it again selects the other cursor; pressing it a third time
-removes both. `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move the cursor, `{{chart.cursor_far_back}}` and
-`{{chart.cursor_far_on}}` by larger steps. Figures, report and numbers are written to `report/` in the folder of the
-workspace, as by `dpr-lab compare`.
+Keys in the chart: + and - zoom, the arrows pan, shift with up or down scales the vertical axis, 0 resets the view.
+`{{chart.cursors}}` sets two cursors that show values and differences. Pressing it again selects the other cursor;
+pressing it a third time removes both. `{{chart.cursor_back}}` and `{{chart.cursor_on}}` move the selected cursor,
+`{{chart.cursor_far_back}}` and `{{chart.cursor_far_on}}` move it by larger steps.
+
+Figures, report and numbers are written to `report/` in the folder of the workspace, as by `dpr-lab compare`.
 """
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("s", "start", "Start", id="compare.start", tooltip="compare runs with the model and write the report"),
@@ -107,7 +108,7 @@ workspace, as by `dpr-lab compare`.
         return super().missing() or ("" if known else no_model)
 
     def outcome(self) -> str:
-        """Text that states the number of compared runs."""
+        """Number of compared runs, as text."""
         return counted_runs(self._compared) if self._compared and self._compared_subject is not None else ""
 
     @property
@@ -143,12 +144,12 @@ workspace, as by `dpr-lab compare`.
         return "" if self._saved else super().work
 
     def pace(self, now: float) -> str:
-        """Text that states the remaining time, estimated from the number of finished runs."""
+        """Remaining time as text, estimated from the number of finished runs."""
         done, net = self._compared, now - self._started - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
-        """Sentence that model or runs have changed since the last comparison; empty otherwise."""
+        """Message if the model, runs or torques changed since the last comparison; otherwise empty."""
         if not self._compared or not self._saved or self.missing() or self._compared_subject == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")

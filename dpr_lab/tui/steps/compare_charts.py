@@ -99,22 +99,22 @@ class ComparedRun:
 
 
 def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
-    """Figures as in the table of `dpr-lab compare`, for inner and outer rod."""
+    """Residuals and free-run errors of both rods in one sentence, as in the table of `dpr-lab compare`."""
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
 
     row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
     until = "to the end of the record" if to_the_end(comparison) else f"up to {row['horizon (s)']} s"
     return (
-        f"{row['role']}, {row['segments']} segments, θ1, θ2: rms {row['rms (mrad)']} {unit.small},"
-        f" {row['rms / noise']} times the noise; free run from the release {row['free run (mrad)']} {unit.small}"
-        f" {until}"
+        f"{row['role']}, {row['segments']} segments, θ1, θ2: rms residual {row['rms (mrad)']} {unit.small}"
+        f" ({row['rms / noise']} times the noise); free-run error from the release"
+        f" {row['free run (mrad)']} {unit.small} {until}"
     )
 
 
 def _range_of(angle: Array) -> tuple[float, float]:
     """Range of the chart for a measured angle.
 
-    It ignores the free run, which leaves the chart if it diverges.
+    The free run is ignored. If it diverges, its curve leaves the chart.
     """
     low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
     room = max(0.06 * (high - low), 0.01)

@@ -36,7 +36,7 @@ LINKS = "\n".join(f"- {kind.name}: `{kind.example}`" for kind in TRANSPORTS.valu
 
 
 class ConnectStep(Step):
-    """Step that shows the available links, the selected link, and the answer of the device."""
+    """Step that lists the available links and connects to a device."""
 
     NAME = "Connect"
     HELP = f"""
@@ -63,7 +63,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._exercised: Exercised | str = ""
 
     def compose(self) -> ComposeResult:
-        """Links, a field for a URL, and the answer."""
+        """Build the list of links, a field for a URL, and the answer of the device."""
         yield OptionList(id="links")
         yield Input(placeholder=self.worded(OWN), id="url")
         with VerticalScroll(id="answer", can_focus=False):
@@ -83,7 +83,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         return "simulated" if connected.url.startswith("sim:") else connected.info.uid[-8:]
 
     def enter(self) -> None:
-        """Show the known links and focus their list."""
+        """Show the available links and focus their list."""
         self.query_one(OptionList).focus()
         self._draw()
 
@@ -204,7 +204,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         links.highlighted = 0
 
     def _offers(self, links: Links) -> dict[str, str]:
-        """URL -> description of each link; the last used link comes first."""
+        """Mapping of link URLs to descriptions, with the last used link first."""
         offers = {}
         if self.workspace.link:
             offers[self.workspace.link] = "used last"

@@ -1,4 +1,4 @@
-"""Step Diagnose: the verdict first, then location and causes of the gap, its reduction, and recommendations."""
+"""Step Diagnose: verdict, causes and location of the gap, gap reduction, and recommendations."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -67,8 +67,8 @@ class DiagnoseStep(JobStep):
     WORK = "the current diagnosis"
     RESTS_ON = ("the rig", "the runs", "the held-out runs", "the model", "the torques")
     HELP = """
-Shows where the simulation differs from the rig, which unmodelled effect causes it, its probability and alternatives,
-how far the gap closes on held-out data, and what to record or measure next.
+Shows where the simulation differs from the rig, and which unmodelled effects cause the gap, with probabilities and
+alternatives. Also shows by how much the gap decreases on held-out data, and what to record or measure next.
 
 - **held out** (`{diagnose.hold_out}`): runs that are not fitted; they validate the named effects.
 - **torques** (`{diagnose.torque}`): selects measured or commanded torques for runs that contain both.
@@ -169,7 +169,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.begin(jobs.diagnose, request=request)
 
     def pace(self, now: float) -> str:
-        """Text that states the remaining time, from the durations of the stages."""
+        """Remaining time as text, estimated from the durations of the stages."""
         left = self._pace.left(now) if self._pace is not None else None
         return f"about {left:.0f} s left" if left is not None else ""
 
@@ -269,7 +269,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, diagnosis: "Diagnosis") -> str:
-        """Note that the diagnosis does not belong to the selected runs; empty otherwise."""
+        """Note if the diagnosis does not belong to the selected runs; otherwise empty."""
         from dpr_lab.gap.screen.pieces import whole
 
         closed = diagnosis.gap.closed_held_out

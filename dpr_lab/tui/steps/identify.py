@@ -1,6 +1,6 @@
-"""Step Identify: identification with a live plot of the convergence.
+"""Step Identify: identification of a model, with a live plot of the convergence.
 
-The search can be paused, or stopped with the best result so far.
+The search can be paused, or stopped with its best result so far.
 """
 
 import time
@@ -47,17 +47,17 @@ class IdentifyStep(JobStep):
 Estimates the kinetic parameters from the selected runs: a global search inside the bounds of the rig file, then a
 local fit down to the noise floor.
 
-- **objective** `segments` restarts every quarter second, so that chaos does not disturb the search; `paper` is the
-  published E(Z), one free run over the whole record.
-- **search** is the algorithm, **seed** makes it repeatable.
+- **objective** `segments` restarts the simulation every quarter second, so that chaos does not disturb the search;
+  `paper` is the published E(Z) of one free run over the whole record.
+- **search** is the search algorithm; **seed** makes its result repeatable.
 - **torques** (`{identify.torque}`): selects measured or commanded torques for runs that contain both.
 - A search that is stopped early continues with the local fit from its best individual. A cancelled search has no
   result.
 
-A free swing determines five ratios. *Nine parameters* shows which of the nine parameters are determined, and by what.
-*Identifiability* shows the measurements that determine the others. With a free or driven arm, the ratios of rods, arm
-and drive are estimated by a local fit from the values of the rig file. The model is written to `model.json` in the
-folder of the workspace.
+A free swing determines five ratios. *Nine parameters* shows which of the nine parameters are determined, and by which
+data. *Identifiability* shows the measurements that determine the others. With a free or driven arm, a local fit that
+starts from the values of the rig file estimates the ratios of rods, arm and drive. The model is written to `model.json`
+in the folder of the workspace.
 """
     BINDINGS: ClassVar[list[BindingType]] = [*job_keys("identify"), Binding("v", "view", "View", id="identify.view")]
     DEFAULT_CSS = """
@@ -105,7 +105,7 @@ folder of the workspace.
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """Text that states the number of fitted runs."""
+        """Number of fitted runs, as text."""
         if self.workspace.model is None:
             return ""
         return f"model of {counted_runs(len(self.model.runs))}" if self.model is not None else "model"
@@ -140,9 +140,9 @@ folder of the workspace.
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """Text that states the generations and the remaining time.
+        """Upper limit of the remaining time of the search, as text; empty if unknown.
 
-        The time is an upper limit, because the search may end earlier.
+        The search may end before its maximum number of generations.
         """
         if self._fitting or not self._history:
             return ""
@@ -165,7 +165,7 @@ folder of the workspace.
                 self.say("search finished; the local fit follows")
 
     def finished(self, result: Any) -> None:
-        """Show the model of a finished job; it is already saved."""
+        """Show the model of a finished job. The model is already saved."""
         self.workspace.model = self._shown = result.file
         self.show_model(result.model)
         self.query_one(TabbedContent).active = TABS[1]
@@ -194,7 +194,7 @@ folder of the workspace.
         self.say("stopping after this generation; the local fit starts from its best individual")
 
     def show_model(self, model: "Model | MovingArmModel", news: str = "") -> None:
-        """Draw a model: messages, summary, convergence, and each value with its source."""
+        """Draw a model: messages, summary, convergence, and each value with the data that determine it."""
         from dpr_lab.identification.model import Model
 
         self.model = model
@@ -238,7 +238,7 @@ folder of the workspace.
         self.query_one("#seen-text", Static).update(_identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
-        """Note that the model does not belong to the selected runs; empty otherwise."""
+        """Note if the model was fitted to other runs than those selected; otherwise empty."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
         return "" if used == selected or not selected else " This model was fitted to other runs than those selected."
 

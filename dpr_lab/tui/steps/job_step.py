@@ -46,7 +46,7 @@ class JobStep(Step):
     PURPOSE: ClassVar[str]
     """Description of the job in a few words."""
     WORK: ClassVar[str]
-    """Name of the running work, for example `the identification`."""
+    """Phrase for the running job, for example `the current identification`."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
     """Inputs on which the result depends: keys of `Workspace.basis`."""
     CAN_PAUSE: ClassVar[bool] = False
@@ -95,9 +95,9 @@ class JobStep(Step):
         return f"{text}, {pace}" if pace else text
 
     def pace(self, now: float) -> str:
-        """Text with the remaining time, estimated only from the progress, not from earlier jobs.
+        """Remaining time as text, estimated only from the progress of this job; empty if unknown.
 
-        Empty if unknown.
+        Durations of earlier jobs are not used.
         """
         return ""
 
@@ -111,7 +111,7 @@ class JobStep(Step):
         return max(len(self.workspace.runs), 1)
 
     def missing(self) -> str:
-        """Message that no runs are selected; empty if runs are selected."""
+        """Message if no runs are selected; otherwise empty."""
         step = self.services.key_of("Capture")
         no_runs = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
         return "" if self.workspace.runs else no_runs
@@ -147,7 +147,7 @@ class JobStep(Step):
         """
 
     def at_stake(self) -> str:
-        """Sentence that quitting would end the running job; empty if no job is running."""
+        """Warning that quitting ends the running job; empty if no job is running."""
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 COLUMNS = ("release", "start pose", "duration", "minutes", "distinguished")
 FORECAST = "P(decided)"
 PLANNING = "planning the next releases"
-ONE = "select a release in the list first; {plan.start} makes the list"
+ONE = "select a release in the list first; {plan.start} creates the list"
 OTHER_SETUP = (
     "{text}: the rig file describes other rods or masses. Change [rods] or [added_mass] in the rig file"
     " ({rig.write} in step {rig}), then plan again"
@@ -52,14 +52,14 @@ Recommends the next releases as a ranked list: start pose, duration, reason, and
 based only on the rig file, later plans also on the runs and their diagnosis. Runs that are not diagnosed yet are
 diagnosed first.
 
-- **limits file**: which poses can be reached, what can be mounted, and how many minutes each step takes.
+- **limits file**: the poses that can be reached, the parts that can be mounted, and the duration of each step.
 - **budget**: time at the rig, such as `10min`; if it is empty, three releases are planned.
 - **distinguished**: mean expected information about a pair of effects of the library, from all releases up to this one.
   0 %: no pair is distinguished; 100 %: all pairs are.
 - **P(decided)**: probability that the causes are decided after this release. Causes that no release separates count as
   one cause.
-- `{plan.take}` takes the marked release as the next pose and duration of Capture, with the rig file that describes
-  its rods, mass and arm. The rods are not released: Capture guides you to the pose as to any other pose.
+- `{plan.take}` makes the selected release the next release of Capture: its pose, its duration, and the rig file that
+  describes its rods, mass and arm. Nothing is released yet: Capture guides you to the pose as to any other pose.
 
 `plan.json` and rig files with the planned poses are written to `plan/` in the folder of the workspace, as
 `dpr-lab plan --out` writes them.

@@ -35,7 +35,7 @@ _ARM = {
     "ke": ("V s/rad", "back-EMF constant of the motor"),
     "R": ("ohm", "resistance of the motor"),
 }
-"""Parameter of an arm or its motor -> unit and meaning."""
+"""Unit and meaning of each parameter of an arm or its motor."""
 CORRECT = "correct it, then press {rig.read}"
 
 
@@ -56,8 +56,8 @@ Choose the rig file that describes your rig: a recent or built-in one from the l
 (`{rig.edit}`). `{rig.write}` opens the shown file for editing; a built-in file is saved under another name. The file
 is saved only if it passes all checks.
 
-A parameter is either searched for between bounds, or measured on the bench with a standard uncertainty, which the
-identification then uses. `{rig.read}` reads the file again after a change.
+A parameter is either searched for between bounds, or measured on the bench. The identification uses the measured value
+with its standard uncertainty. `{rig.read}` reads the file again after a change.
 
 `{app.import}` imports a recording of another logger (a table, `.mat`, `.npz`, `.h5`, `.parquet`, a ROS 2 bag) with
 the selected rig.
@@ -76,9 +76,9 @@ the selected rig.
         self._named = ""
 
     def compose(self) -> ComposeResult:
-        """Names, a field for a path, and the rig."""
+        """Build the list of rigs, a field for a path, and the description of the rig."""
         yield OptionList(id="names")
-        hint = "rig file (.toml), or a built-in name; right completes a path"
+        hint = "rig file (.toml), or name of a built-in rig; the right arrow completes a path"
         yield Input(placeholder=hint, id="rig_file", suggester=PathSuggester(".toml"))
         with VerticalScroll(id="described"):
             yield Static(id="description")
@@ -117,7 +117,7 @@ the selected rig.
 
     @on(Input.Submitted)
     async def action_read(self) -> None:
-        """Use the rig named in the field; a connected device repeats its handshake with it."""
+        """Use the rig named in the field. A connected device repeats its handshake with this rig."""
         self.services.require_free()
         name = self.query_one(Input).value.strip()
         if not name:
@@ -181,7 +181,7 @@ the selected rig.
 def _description(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
     lengths = f"L0 {rig.L0:g} m, L1 {rig.L1:g} m" + (f", L2 {rig.L2:g} m" if rig.L2 is not None else "")
     yield Content.styled(f"{rig.name}: {lengths}, g {rig.g:g} m/s²", "bold")
-    yield Content.styled(f"{'':<4}{'value':>10} {'searched or measured':<20} {'unit':<10}what it is", "dim")
+    yield Content.styled(f"{'':<4}{'value':>10} {'searched or measured':<20} {'unit':<10}meaning", "dim")
     for name in _mounted(rig):
         yield _parameter(name, rig.parameters[name], *PARAMETER_UNITS[name])
     yield from _setup(rig)
@@ -206,7 +206,7 @@ def _setup(rig: Rig) -> Iterator[Content]:
     if rig.rods.mounting != "both":
         yield Content("the elbow is clamped" if rig.rods.number == 2 else f"{rig.rods.names[0]} alone, on joint 1")
     if rig.joints.inner == "prescribed":
-        yield Content("inner rod prescribed: its encoder gives its motion")
+        yield Content("inner rod prescribed: its encoder measures the prescribed motion")
     if rig.joints.geared:
         yield Content(f"geared motor at joint {' and '.join(map(str, rig.joints.geared))}")
 

@@ -86,5 +86,5 @@ def _write(target: Path, text: str) -> None:
     if target.suffix != ".toml":
         raise ConfigError(f"{target}: give the file a name that ends in .toml")
     if target.resolve().parent == BUILTIN.resolve() / "rigs":
-        raise ConfigError(f"{target}: is built in: save your rig under another name")
+        raise ConfigError(f"{target}: this rig file is built in: save your rig under another name")
     write_text(target, text, ConfigError)

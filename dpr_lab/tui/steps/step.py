@@ -17,7 +17,7 @@ from dpr_lab.tui.workspace import Workspace
 class Step(Guarded, Vertical, can_focus=True):
     """One step of the screen.
 
-    It can have the focus, so that its keys work when none of its widgets has the focus.
+    The step itself can have the focus, so that its keys work when none of its widgets has the focus.
 
     Args:
         services: services of the app
@@ -45,7 +45,7 @@ class Step(Guarded, Vertical, can_focus=True):
 
     @property
     def device(self) -> DeviceConnection:
-        """The device, if there is one."""
+        """Connection to the device."""
         return self.services.device
 
     def worded(self, text: str) -> str:
@@ -76,7 +76,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def report(self) -> Path | None:
-        """Report of the step."""
+        """Path of the report of the step; None if there is no report."""
         return None
 
     def missing(self) -> str:
@@ -90,5 +90,5 @@ class Step(Guarded, Vertical, can_focus=True):
         """Handle a report of the recorder."""
 
     def at_stake(self) -> str:
-        """A sentence on work that would be lost if the operator quits now; empty if there is none."""
+        """Warning about work that would be lost if the operator quits now; empty if there is none."""
         return ""

@@ -1,4 +1,4 @@
-"""Import of a recording of another logger: options, a preview, and a confirmation if there are warnings."""
+"""Dialog that imports a recording of another logger: options, preview, and confirmation of warnings."""
 
 import asyncio
 import shlex
@@ -23,12 +23,12 @@ from dpr_lab.tui.widgets.key_line import KeyLine
 from dpr_lab.workflows.import_table import ImportRequest, import_table, preview_table
 
 FILE = "path of a table, .csv.gz, .mat, .npz, .h5, .parquet, .mcap, or the folder of a ROS 2 bag"
-OPTIONS = "options, as --unit deg --angles relative --zero hanging --pose X1; Enter shows the preview"
+OPTIONS = "options such as --unit deg --angles relative --zero hanging --pose X1; Enter shows the preview"
 WARNING = "warning: "
 
 
 class TableImport(Guarded, ModalScreen[Path | None]):
-    """Options and preview of `dpr-lab import table`; the result is the path of the written run.
+    """Dialog with the options and the preview of `dpr-lab import table`. Its result is the path of the written run.
 
     Args:
         rig: rig file, or the name of a built-in one
@@ -52,7 +52,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
         self._shown: tuple[ImportRequest, Preview] | None = None
 
     def compose(self) -> ComposeResult:
-        """File, options, and interpretation."""
+        """Build the fields for file and options, and the preview."""
         with Vertical() as page:
             page.border_title = f"Import a table, with the rig {self._rig}: nothing has been written yet"
             text = str(self._file) if self._file is not None else ""
@@ -102,7 +102,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
             await self._save(True)
             return
         self.app.push_screen(
-            Question(f"Import the table in spite of these warnings?\n\n{chr(10).join(warnings)}", "Import", "Back"),
+            Question(f"Import the table despite these warnings?\n\n{chr(10).join(warnings)}", "Import", "Back"),
             self._save,
         )
 

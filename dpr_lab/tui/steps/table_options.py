@@ -41,7 +41,7 @@ def parse_options(text: str) -> TypedOptions:
 
 
 def option_list() -> list[str]:
-    """Text of each option with its choices, for example `--angles absolute|relative`."""
+    """Return each option with its choices as text, for example `--angles absolute|relative`."""
     return [_shown(action) for action in _parser()._actions]
 
 
@@ -53,7 +53,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> _Parser:
-    """Parser with an option for every field of `ImportOptions`, and for the mounting."""
+    """Create a parser with an option for every field of `ImportOptions`, and for the mounted rods and joint 2."""
     parser = _Parser(add_help=False, allow_abbrev=False, argument_default=argparse.SUPPRESS)
     for option in typed_options():
         flag = f"--{option.name.replace('_', '-')}"
@@ -69,7 +69,7 @@ def _parser() -> _Parser:
 
 
 def _reader(option: TypedOption) -> Callable[[str], Any]:
-    """Function that converts the text of an option; an error becomes a message of the parser."""
+    """Create a function that converts the text of an option. The parser reports an invalid text."""
     if not option.reads_text:
         return option.kind
 

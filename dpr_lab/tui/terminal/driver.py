@@ -1,4 +1,4 @@
-"""Driver of Textual for terminals: output never waits, the terminal is identified, and the end takes a limited time."""
+"""Textual driver for terminals: output without waiting, identified terminal, and shutdown in limited time."""
 
 import os
 import selectors

@@ -4,7 +4,7 @@ from textual.driver import Driver
 
 
 def our_driver(textuals: type[Driver]) -> type[Driver]:
-    """Driver of this package that replaces a driver of Textual; the driver of Textual if there is no replacement."""
+    """Return the driver of this package that replaces a Textual driver, or the Textual driver without replacement."""
     if textuals.__name__ == "WebDriver":
         from dpr_lab.tui.terminal.page import PageDriver
 

@@ -10,7 +10,7 @@ from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
 from textual.strip import Strip
 
 ATTRIBUTES = {"bold": "1", "dim": "2", "italic": "3", "underline": "4", "blink": "5", "reverse": "7", "strike": "9"}
-"""Attribute of a Rich style -> its SGR parameter (ECMA-48)."""
+"""SGR parameter (ECMA-48) of each attribute of a Rich style."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,8 @@ class FrameSettings:
     """Costs of terminal output."""
 
     bridge: int = 4
-    """Maximum number of unchanged cells between two changed cells that are sent again. Sending them is shorter than a
-    cursor movement."""
+    """Maximum number of unchanged cells between two changed cells for which the unchanged cells are sent again. This
+    output is shorter than a cursor movement."""
     looks: int = 4096
     """Maximum number of cached styles. A screen has some dozen."""
 
@@ -50,7 +50,7 @@ UNKNOWN: Cell = ("", Look("?"))
 
 
 class CellFrame:
-    """A screen of cells.
+    """Requested and transmitted content of all cells of a terminal.
 
     Args:
         width: columns

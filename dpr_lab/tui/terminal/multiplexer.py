@@ -8,11 +8,14 @@ import re
 from collections.abc import Mapping
 
 IN_ENVIRONMENT = {"TMUX": "tmux", "STY": "GNU screen", "ZELLIJ": "Zellij"}
-"""Variable that a multiplexer sets for its programs -> its name."""
+"""Name of the multiplexer that sets each environment variable."""
 IN_TERM = {"tmux": "tmux", "screen": "GNU screen or tmux"}
-"""Prefix of TERM -> name. Unlike the variables above, ssh passes TERM on to the remote computer."""
+"""Name of the multiplexer for each prefix of the variable TERM. Unlike the other variables, ssh passes TERM on to the
+remote computer."""
 IN_ATTRIBUTES = {"83": "GNU screen", "84": "tmux", "1;10;0": "mosh"}
-"""Reply to `ESC [ > c` (secondary device attributes, DEC) -> name. A key is the terminal type or the whole reply.
+"""Name of the multiplexer for each reply to `ESC [ > c` (secondary device attributes, DEC).
+
+A key is the terminal type or the whole reply.
 
 Sources: screen's ansi.c and tmux's input.c send the first letter of their name, mosh's terminalfunctions.cc this text.
 """

@@ -20,7 +20,9 @@ SETTINGS = PaceSettings()
 
 
 class Pace:
-    """Record of sent and confirmed frames. All times are arguments, s.
+    """Rate control of the output, from the sent and the confirmed frames.
+
+    The methods get the current time as an argument.
 
     Args:
         cells: number of cells of the terminal

@@ -1,4 +1,4 @@
-"""Regular end of the screen on SIGTERM, SIGHUP and SIGINT, within a limited time."""
+"""Orderly shutdown of the screen on SIGTERM, SIGHUP and SIGINT, within a limited time."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ class EndSettings:
     exit_code: int = 130
     """Exit code of the process after an interruption."""
     patience_s: float = 25.0
-    """Maximum time for a regular end, s. A recorder that does not answer is ended by signals within 15 s."""
+    """Maximum time for an orderly shutdown, s. A recorder that does not answer is ended by signals within 15 s."""
 
 
 ENDING = EndSettings()
@@ -24,13 +24,13 @@ ENDING = EndSettings()
 def end_on_signals(end: Callable[[], object], restore: Callable[[], object]) -> None:
     """End the app on SIGTERM, SIGHUP and SIGINT.
 
-    A Python signal handler runs between two steps of the main thread, so `end` must only request the end. If the
-    process has not ended after `patience_s`, the terminal is restored and the process exits at once. The recorder
-    finishes its file by itself when the other end of its pipe is closed.
+    A Python signal handler runs between two steps of the main thread, so `end` must only request the shutdown. If the
+    process has not ended after a time limit, the terminal is restored and the process exits at once. The recorder
+    process finishes its file when the other end of its pipe is closed.
 
     Args:
-        end: requests the end
-        restore: restores the terminal
+        end: function that requests the shutdown
+        restore: function that restores the terminal
     """
 
     def give_up() -> None:

@@ -53,7 +53,7 @@ class TerminalWriter:
         """Write the remaining output, and end within a limited time.
 
         Args:
-            last_words: written instead of the remaining output if the terminal does not accept that
+            last_words: text written instead of the remaining output if the terminal does not accept the output
         """
         with self._changed:
             self._closing = True

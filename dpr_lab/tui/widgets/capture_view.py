@@ -46,7 +46,7 @@ class CaptureState:
     """Name of the selected pose; empty if the rig has none."""
     attempt: Attempt | None
     ended: Attempt | None
-    """Previous attempt if it ended without a verdict; its recording stays visible. None otherwise."""
+    """Previous attempt that ended without a verdict, whose recording stays visible; None if there is none."""
     seen: Sighting
     """Last known angles of the rods and state of the latch."""
     now: float

@@ -27,9 +27,9 @@ SETTINGS = ViewSettings()
 
 
 def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
-    """Smallest and largest finite value.
+    """Return the smallest and the largest finite value.
 
-    If both are equal, they are made different. Without values, they are 0 and 1.
+    If both are equal, the range is widened. Without finite values, the range is 0 to 1.
     """
     finite = [finite_values for array in values if len(finite_values := array[np.isfinite(array)])]
     if not finite:
@@ -44,13 +44,13 @@ def smallest(low: float, high: float) -> float:
 
 
 def zoomed(view: tuple[float, float], direction: int) -> tuple[float, float]:
-    """A view scaled about its middle."""
+    """Scale a view about its middle by one zoom step."""
     middle, half = (view[0] + view[1]) / 2, (view[1] - view[0]) / 2 * SETTINGS.zoom**-direction
     return (middle - half, middle + half) if half > smallest(*view) else view
 
 
 def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
-    """A view moved by a share of its width."""
+    """Move a view by a share of its width."""
     step = direction * SETTINGS.pan * (view[1] - view[0])
     return view[0] + step, view[1] + step
 

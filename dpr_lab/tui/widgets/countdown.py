@@ -20,7 +20,7 @@ LETTERS = "acdefhjkmnpqrtuvwxyz"
 
 
 def new_code(chance: random.Random, without: frozenset[str]) -> str:
-    """A code of different letters, without the release keys `without`."""
+    """Draw a code of different letters, without the release keys `without`."""
     return "".join(chance.sample([letter for letter in LETTERS if letter not in without], SIGHT.code_length))
 
 
@@ -51,7 +51,7 @@ class Countdown(ModalScreen[bool]):
         self._typed = asyncio.Event()
         self._over = self._covered = False
         self.why = ""
-        """Reason why the rods are not released; empty until then."""
+        """Reason why the release was cancelled; empty before a cancellation."""
 
     @property
     def waits_for_code(self) -> bool:

@@ -9,7 +9,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Markdown, Static
 
 HELP_KEY = Binding("f1,question_mark", "app.help", "Help", id="app.help")
-"""Key of the help. It is defined here again, because a screen above the app hides the keys of the app."""
+"""Key of the help. It is defined again for dialogs, because a dialog hides the keys of the app."""
 
 
 class HelpScreen(ModalScreen[None]):
@@ -41,7 +41,7 @@ class Question(ModalScreen[bool]):
         self._question, self._yes, self._no = question, yes, no
 
     def compose(self) -> ComposeResult:
-        """The question and its answers."""
+        """Build the question and its two buttons."""
         with Vertical(classes="dialog small"):
             yield Static(self._question, markup=False)
             with Horizontal(classes="buttons"):

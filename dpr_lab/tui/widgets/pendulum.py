@@ -37,7 +37,7 @@ class _Drawing(PlainCanvas):
 
     @abstractmethod
     def _draw(self) -> None:
-        """Redraw the whole picture in the present size."""
+        """Redraw the whole picture in the current size."""
 
     def _colour(self, name: str) -> str:
         """Colour of the theme; grey if the angles are outdated."""
@@ -48,7 +48,7 @@ class _Drawing(PlainCanvas):
 class Pendulum(_Drawing):
     """View from the end of the arm, with the plane of the rods as the plane of the picture.
 
-    The rotation of the arm is shown in perspective. Lines are the rods, dots the requested pose.
+    The rotation of the arm is shown in perspective. Lines show the rods, and dots show the requested pose.
     """
 
     def __init__(self, *, id: str | None = None) -> None:
@@ -97,7 +97,7 @@ class Pendulum(_Drawing):
     def _scale(self) -> float:
         """Scale of the drawing, columns per metre.
 
-        The rods reach nearly to the edge; a row is as high as two columns are wide.
+        The rods reach nearly to the edge. A row is as high as two columns are wide.
         """
         reach = max(self._lengths.inner + self._lengths.outer, 1e-9)
         return 0.95 * min(self.size.width / 2, self.size.height) / reach

@@ -1,4 +1,4 @@
-"""Texts during the placement of the rods: each angle and its target, rest, latch, losses."""
+"""Texts shown during the placement of the rods: angles and targets, rest, latch, lost samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ def placement_text(placement: Placement, unit: AngleUnit) -> Content:
 
 def _rod(name: str, wanted: float, error: float, tolerance: float, unit: AngleUnit) -> tuple[Content, Content]:
     inside = abs(error) <= tolerance
-    angles = f"{name} {unit.text(wanted + error):>9}  wanted {unit.text(wanted):>9}"
+    angles = f"{name} {unit.text(wanted + error):>9}  target {unit.text(wanted):>9}"
     hint = "inside" if inside else f"turn {unit.text(-error)}"
     text = f"{bar(error, tolerance)} {GOOD if inside else BAD} {hint}"
     return Content.styled(angles, "bold"), Content.styled(text, _tone(inside))
@@ -70,7 +70,7 @@ def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0
 
 
 def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
-    """Statement that the rods are at rest, or the limit that is exceeded."""
+    """State whether the rods are at rest; if they are not, name the exceeded limits."""
     if rest is None:
         return Content.styled(f"rest   {UNKNOWN} checked when the rods are at the pose", "dim")
     limits = QUALITY_LIMITS.rest
@@ -84,7 +84,7 @@ def rest_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
 
 
 def arm_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
-    """Statement that a movable arm is at rest within its limits, or the reason against a release."""
+    """State whether a movable arm is at rest within its limits; if not, give the reason."""
     if rest is None:
         return Content.styled(f"arm    {UNKNOWN} checked when the rods are at the pose", "dim")
     within = ", within its limits" if rig.arm.limits else ""
@@ -120,7 +120,7 @@ def ordered_text(ordered: float, now: float) -> Content:
 
 
 def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleUnit, number: int = 2) -> Content:
-    """Last readings, marked as outdated; the latch may have moved since."""
+    """Last readings, marked as outdated. The latch may have moved since then."""
     lines = [latch_text(None) if ordered is None else ordered_text(ordered, now)]
     if sighting.latched is not None and ordered is None:
         was = "CLOSED" if sighting.latched else "OPEN"

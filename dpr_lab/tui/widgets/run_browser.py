@@ -49,8 +49,8 @@ class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
     NAME = "Runs"
     HELP = """
 Select runs: `{runs.choose}` selects or deselects the run under the cursor, `{runs.all}` all shown runs. `{runs.accept}`
-closes the list with this selection; if it is empty, with the run under the cursor. `{runs.leave}` closes the list with
-the previous selection. `{runs.filter}` shows only runs that contain the entered words.
+closes the list and uses this selection, or the run under the cursor if no run is selected. `{runs.leave}` closes the
+list and keeps the previous selection. `{runs.filter}` shows only runs that contain the entered words.
 
 `{runs.verify}` checks hash, chunks, ticks and end of the file under the cursor. `{runs.export}` writes the run in
 another format, to `exports/` next to the folder of the runs. `{runs.recover}` writes the valid part of a damaged run as
@@ -60,8 +60,8 @@ run file never changes.
 `{runs.import}` closes the list with this selection and imports a table of another logger. The imported run is also
 selected.
 
-`{runs.folder}` lists the runs of another folder, where the right arrow completes a path, and up and down show recent
-folders; the selection is kept.
+`{runs.folder}` lists the runs of another folder and keeps the selection. In the input field, the right arrow completes
+a path, and up and down show recent folders.
 
 A run with the state *cut* is incomplete: it contains the samples up to the interruption. An *unreadable* run contains
 no samples. The reason is shown below the list.

@@ -1,4 +1,4 @@
-"""Slider: a number that is set by keys."""
+"""Slider that is moved by keys."""
 
 from typing import ClassVar
 

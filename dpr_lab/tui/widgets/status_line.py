@@ -31,7 +31,7 @@ COUNTDOWN = "RELEASING"
 
 
 class StatusLine(Static):
-    """Status line; it shows only values that are currently known."""
+    """Status line, which shows only values that are currently known."""
 
     def show(self, device: DeviceConnection, urgent: str, work: Sequence[str], folder: Path, now: float) -> None:
         """Draw the line if it has changed. If space is short, the least important parts are omitted.

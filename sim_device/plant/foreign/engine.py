@@ -1,7 +1,7 @@
 """Equation of motion of plants with out-of-library effects, whose torques and states dpr-lab's kernels lack.
 
-It is integrated in plain Python by an adaptive eighth-order rule, so that the result shares neither integrator nor step
-size with dpr-lab.
+It is integrated in plain Python by an adaptive eighth-order method. Integrator and step size therefore differ from
+those of dpr-lab.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ ERROR = 1e-9
 """Relative tolerance of an integration step. The absolute tolerance is a tenth of it."""
 
 LONGEST_STEP = 0.02
-"""Maximum step, s. It is small enough that no short disturbance is skipped."""
+"""Maximum step of the integrator, s. It is small enough that no short disturbance is skipped."""
 
 BEGUN = 1e-9
 """Minimum speed at which a joint counts as sliding, rad/s."""

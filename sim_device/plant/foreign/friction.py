@@ -52,7 +52,7 @@ def root_joint2(body: Body, values: Values) -> EquationOfMotion:
 
 
 def lugre_joint2(body: Body, values: Values) -> EquationOfMotion:
-    """LuGre friction without micro-damping: bristles that bend and slip.
+    """LuGre friction without bristle damping.
 
         z' = w - |w| z / (Z g(w)),    tau2 = -F z / Z,    g = 1 + R exp(-(w/v)^2),    w = omega2 - omega1
 

@@ -48,7 +48,7 @@ class ForeignPlant:
     def let_go(
         self, theta: Array, omega: Array, rate_hz: float, release: int, driven: Driven | None = None
     ) -> "ForeignSwing":
-        """Swing of rods that are released at theta, omega (3,), and read at `rate_hz`."""
+        """Release the rods with the angles theta and speeds omega (3,); the swing is read at `rate_hz`."""
         start = np.array([*theta[1:], *omega[1:], *self.motion.memory])
         return ForeignSwing(self, start, float(theta[0]), rate_hz, release)
 

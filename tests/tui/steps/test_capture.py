@@ -64,7 +64,7 @@ async def test_a_degraded_recording_says_why(app: DprApp, until) -> None:
         step = await connect(pilot, until, SIM + "&fault=drop=0.02")
         await to_judged(pilot, until, step)
         assert "degraded" in headline(app)
-        assert "lost by cause" in str(app.query_one("#readout", Static).render())
+        assert "lost samples" in str(app.query_one("#readout", Static).render())
         await pilot.press("k")
         await until(pilot, lambda: app.workspace.runs)
 

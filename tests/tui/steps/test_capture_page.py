@@ -190,14 +190,14 @@ def test_the_limit_that_failed_is_named(paper) -> None:
 def test_what_follows_a_label_or_a_mark_stays_below_the_text(paper) -> None:
     keep_units_whole()
     reading = rest_text(RestReading((0.0, 3.1, 0.1), (0.0, 0.0), 0.05, 0.03, 0.0, False, ""), paper, UNITS["radians"])
-    reason = Content("✘ lost by cause: crc 12, 0.12 % of the samples")
+    reason = Content("✘ lost samples: crc 12, 0.12 % of the samples")
     shown = Hanging(Content("\n").join([reading, Content.styled("plain words that are long", "bold"), reason]))
     style, options = Style(), RenderOptions(lambda _: Style(), {})
     assert [strip.text.rstrip() for strip in shown.render_strips(30, None, style, options)] == [
         "rest   ✘ drift 0.0300 rad/s",
         "         (limit 0.0200 rad/s)",
         "plain words that are long",
-        "✘ lost by cause: crc 12,",
-        "  0.12 % of the samples",
+        "✘ lost samples: crc 12, 0.12 %",
+        "  of the samples",
     ]
     assert shown.get_height({}, 30) == 5

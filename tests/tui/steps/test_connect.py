@@ -83,7 +83,7 @@ async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, 
 async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         for url, remedy in (
-            ("gopher://x", "unknown kind of link 'gopher'; known are: serial:///dev/ttyUSB0"),
+            ("gopher://x", "unknown kind of link 'gopher'; use for example: serial:///dev/ttyUSB0"),
             ("serial:///dev/ttyNOTHERE", "/dev/ttyNOTHERE"),
             ("sim://?speed=3", "speed"),
         ):

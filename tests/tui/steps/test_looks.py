@@ -53,7 +53,7 @@ def recorded() -> SwingReading:
 
 
 def judged(ok: bool) -> AttemptFinished:
-    reason = "lost by cause: crc 12, 0.12 % of the samples (limit 0.1 %): check cable and rate"
+    reason = "lost samples: crc 12, 0.12 % of the samples (limit 0.1 %): check cable and rate"
     checks = (Check("pose", True, 0.02, 0.05, "rad", "fine"), Check("lost", ok, 0.0012, 1e-3, "1", reason))
     lost = NONE_LOST if ok else NONE_LOST | {"crc": 12}
     file = Path("20261121T101500Z_X1_00000001.mcap")
@@ -69,7 +69,7 @@ SWINGING = (
     AttemptSeen(1, Released(1000, Path("a.mcap")), False, NOW),
     AttemptSeen(1, recorded(), False, NOW, NONE_LOST),
 )
-WRONG = "serial:///dev/ttyACM0: 412 bytes arrived and no valid frame"
+WRONG = "serial:///dev/ttyACM0: 412 bytes arrived, but no valid frame"
 
 SCENES: dict[str, tuple[str, tuple[RecorderReport, ...]]] = {
     "connect-none": ("1", ()),

@@ -199,7 +199,7 @@ def test_the_page_is_for_this_computer_alone_and_its_screen_is_read_only(served:
     assert "read-only" in asyncio.run(screen_of(url, "Connect", "c", "read-only"))
     taken = subprocess.run([sys.executable, "-m", "dpr_lab", *page.words], capture_output=True, text=True)
     assert taken.returncode == 4
-    assert "name another port" in taken.stderr
+    assert "choose another port" in taken.stderr
 
 
 @pytest.mark.slow

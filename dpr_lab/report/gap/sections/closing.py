@@ -56,7 +56,7 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
         return ["No effect is named, so the gap is not reduced."]
     data = {
         "one release": "each quarter of the single run, predicted from the other quarters",
-        "releases left out": "each run, predicted from the others",
+        "releases left out": "each run, predicted from the other runs",
         "held-out runs": f"the {held_out_words(diagnosis)}",
     }[diagnosis.basis]
     return [

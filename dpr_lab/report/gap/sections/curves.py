@@ -19,7 +19,7 @@ LINES = {"bare model": style.SIMULATED, "corrected model": style.RESIDUAL | {"li
 CURVE_NAMES = ("measured", *LINES)
 
 Angles = dict[str, Array]
-"""Part (arm or rod) -> (n, 3) angles, rad: measured, of the bare model, of the corrected model."""
+"""Angles (n, 3) of each part (arm or rod), rad: measured, bare model, corrected model."""
 
 
 def angles_of(curves: Curves) -> Angles:

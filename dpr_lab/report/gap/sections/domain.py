@@ -20,7 +20,7 @@ COLOURS = "cividis_r"
 
 
 def domain_figure(diagnosis: Diagnosis) -> Figure:
-    """Duration at each angle and speed of a rod, s; cells reached by held-out runs are outlined."""
+    """Draw the time that each rod spent at each angle and speed, s. Cells reached by held-out runs are outlined."""
     maps = evidence_of(diagnosis).coverage
     with style.house_style():
         if not maps:

@@ -15,7 +15,7 @@ from dpr_lab.report.words import in_words
 from dpr_lab.shown import percent
 
 LINES = {"before": ("bare model", style.SIMULATED), "after": ("corrected model", style.RESIDUAL)}
-"""Key of a model -> its label and line style."""
+"""Label and line style of each model."""
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:

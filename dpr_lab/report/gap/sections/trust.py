@@ -39,8 +39,8 @@ TRUST = EvidenceSection(
     words=trust_words,
     figure=trust_figure,
     alternative="Confusion matrix of hidden and named effects.",
-    caption="Number of trials by hidden effect and named effect; ✗ marks wrong names. A name is right if the hidden"
-    " effect is in its class of indistinguishable effects.",
+    caption="Number of trials by hidden and named effect; ✗ marks incorrect effects. A named effect is"
+    " correct if the hidden effect is in its class of indistinguishable effects.",
     tables=(
         FoldedTable(
             "All trials",

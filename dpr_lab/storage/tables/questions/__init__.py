@@ -1,1 +1,1 @@
-"""Doubts about a table, one module for each kind of evidence."""
+"""Warnings about the interpretation of a table, one module for each kind of evidence."""

@@ -1,6 +1,6 @@
-"""Doubts about readings and rig file, from the accelerations of the swing.
+"""Warnings about readings and rig file, from the accelerations of the swing.
 
-Accelerations are more sensitive than the energy of the swing.
+Accelerations are more sensitive to a wrong interpretation than the energy of the swing.
 """
 
 from dataclasses import replace
@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.readings import angles, balanced_readings
 
 
 def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about zeros, scales and signs, from the accelerations of the swing."""
+    """Warn if other zeros, scales or signs agree better with the accelerations of the swing."""
     if table.prescribed:
         return []
     others = balanced_readings(table.read())
@@ -26,9 +26,9 @@ def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about the rig file, if the measured inertias lie outside its bounds.
+    """Warn if the measured inertias are outside the bounds of the rig file.
 
-    Rigs with gears are not judged, because motors add an inertia of their own.
+    Rigs with gears are not checked, because their motors add inertia.
     """
     if not table.free or table.ignored or table.rig.joints.geared:
         return []
@@ -53,7 +53,7 @@ def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def unit_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about the unit of the angles of a moving arm and its rods, from the equation of motion of the last rod."""
+    """Warn about the unit of the angles of a moving arm and its rods, from the equation of motion of the last rod."""
     unit = table.options.unit
     if not table.arm_moves or unit not in TO_RADIANS:
         return []

@@ -1,4 +1,4 @@
-"""Doubts from the energy of the swing: units, zeros, signs, order of the columns, and known torques."""
+"""Warnings from the energy of the swing: units, zeros, signs, order of the columns, and known torques."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,10 @@ from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 
 def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[OtherReading]]:
-    """Doubts about units, zeros, signs and order from the energy of the swing, and the corrected interpretations."""
+    """Warn about units, zeros, signs and order of the columns, from the energy of the swing.
+
+    Returns the warnings and the interpretations that conserve the energy better.
+    """
     looked_at, read = table.looked_at, table.read()
     fit = energy_fit(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
     residual, others = math.nan, []
@@ -80,9 +83,9 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
 
 
 def _nearest(read: ReadTable, residual: float) -> str:
-    """Interpretation with by far the smallest change of the energy, as the end of a sentence; empty if there is none.
+    """End of a sentence that names the interpretation with by far the smallest change of energy; empty if none.
 
-    It is no correction, because its energy changes too.
+    The energy changes in this interpretation too, so it is not proposed as a correction.
     """
     turned = _turned(read)
     others = [other for other in read.others() if other.mend and (not turned or other.scale == (1.0, 1.0))] + turned
@@ -118,16 +121,16 @@ def _turned(read: ReadTable) -> list[OtherReading]:
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
-    """Doubt that names the interpretations that would remove it, with a correction if there is only one.
+    """Create a warning that names the interpretations without the contradiction `broken`.
 
-    `broken` states the contradiction in the current interpretation.
+    If there is only one such interpretation, the warning contains its options as the correction.
     """
     causes = "; or ".join(other.sentence for other in others)
     return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
 
 
 def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
-    """Doubt about sign, unit, order or absence of the torques, if another interpretation conserves the energy."""
+    """Warn about sign, unit, order or absence of the torques if another interpretation conserves the energy."""
     others = list(other_torques(table.torques, table.torque_columns, table.options.scale, table.ignored))
     others = [replace(other, torques=other.torques[looked_at]) for other in others]
     best = better_torques(fit, table.t[looked_at], table.theta[looked_at][:, 1:], others, table.rig)

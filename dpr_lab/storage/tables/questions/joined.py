@@ -1,4 +1,4 @@
-"""Doubt about gaps: whether the readings on both sides belong to one motion."""
+"""Warning about a gap if the readings on both sides do not belong to one motion."""
 
 from dataclasses import dataclass
 
@@ -20,9 +20,9 @@ class JoinSettings:
     lost: int = 3
     """Maximum number of missing rows in a gap. The motion in a longer gap cannot be predicted."""
     times: float = 5.0
-    """Minimum ratio of the residual to the usual one at other places with as many rows left out."""
+    """Minimum ratio of the residual at the gap to the usual residual at other places with as many rows left out."""
     usual: float = 0.95
-    """Quantile of the residuals at other places that is the usual one."""
+    """Quantile of the residuals at other places that serves as the usual residual."""
     share: float = 0.02
     """Minimum residual relative to the range of the angle."""
     places: tuple[int, int] = (20, 300)
@@ -33,7 +33,7 @@ JOIN = JoinSettings()
 
 
 def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about the first gap at which another recording seems to begin, as in a log that was continued."""
+    """Warn about the first gap after which another recording seems to begin, as in a log file that was continued."""
     t, theta = table.t[table.swing], table.theta[table.swing, 1:]
     steps = np.diff(t)
     lost = np.rint(steps / np.median(steps)).astype(np.intp) - 1

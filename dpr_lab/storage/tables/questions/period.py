@@ -1,4 +1,4 @@
-"""Doubt whether a column is an angle, from the period of a single rod over its amplitude."""
+"""Warning if a column is probably not an angle, from the amplitude dependence of the period of a single rod."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,12 +13,12 @@ from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 
 @dataclass(frozen=True, slots=True)
 class PeriodSettings:
-    """Limits for the period over the amplitude."""
+    """Limits for the amplitude dependence of the period."""
 
     fewest_periods: int = 6
     """Minimum number of periods from which the scatter of a period can be estimated."""
     smallest_share: float = 0.1
-    """Minimum amplitude relative to the largest amplitude; noise disturbs the period of smaller swings."""
+    """Minimum amplitude relative to the largest amplitude. The periods of smaller swings are disturbed by noise."""
     overturned_rad: float = 3.0
     """Maximum amplitude of a swing, rad."""
     other_scale: float = 0.6
@@ -28,16 +28,16 @@ class PeriodSettings:
     """Minimum increase of the sum of squares at the scale 1, in units of the variance of a period: 5 standard
     deviations."""
     means: int = 5
-    """Steps of the arithmetic-geometric mean; the number of correct digits doubles with each."""
+    """Number of steps of the arithmetic-geometric mean. Each step doubles the number of correct digits."""
 
 
 SETTINGS = PeriodSettings()
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubt about a column whose period depends on the amplitude like the period of much smaller angles.
+    """Warn about a column whose period depends on the amplitude like the period of much smaller angles.
 
-    The period of a rod in free swing is T = T0 / agm(1, cos(A/2)) with the arithmetic-geometric mean agm and the
+    The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), with the arithmetic-geometric mean agm and the
     amplitude A. A position in mm that is read as degrees has the period of another amplitude.
     """
     unit = table.options.unit

@@ -1,4 +1,4 @@
-"""Doubts about the pose of the release."""
+"""Warnings about the pose of the release."""
 
 import math
 from dataclasses import replace
@@ -13,10 +13,10 @@ from dpr_lab.storage.tables.readings import READ, OtherReading, ReadTable, with_
 
 
 def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubts about the pose of the release.
+    """Warn if the release is not at the named pose.
 
     Raises:
-        RunError: the release is at another pose.
+        RunError: the release is far away from the named pose.
     """
     if table.options.pose is None:
         return []
@@ -46,7 +46,7 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
-    """Interpretations with the release in the named pose and conserved energy, those with the fewest changes first."""
+    """Interpretations with the release at the named pose and conserved energy, fewest changes first."""
     read = table.read()
     others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
@@ -59,9 +59,9 @@ def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
 
 
 def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
-    """Interpretation with other zeros, for which the swing starts in the named pose.
+    """Interpretation with other zeros, for which the swing starts at the named pose.
 
-    Empty if energy would then be conserved less well.
+    Empty if the energy is conserved less well with these zeros.
     """
     if table.options.unit == "counts" or table.options.pose is None:
         return []
@@ -77,7 +77,7 @@ def _residual(read: ReadTable, other: OtherReading) -> float:
 
 
 def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:
-    """The interpretation, or its mirror image if only the mirror image starts in the named pose."""
+    """Return the interpretation, or its mirror image if only the mirror image starts at the named pose."""
     behind = not _in_pose(table, other) and _in_pose(table, other.mirrored)
     return other.mirrored if behind else other
 

@@ -1,6 +1,6 @@
-"""Doubts about the interpretation of a table.
+"""Warnings about the interpretation of a table.
 
-A table that cannot be used is refused. Each other doubt becomes a warning that names the option that may remove it.
+A table that cannot be used is refused. Each warning names the options that may correct the interpretation.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ PUSH = PushSettings()
 
 
 def questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubts about a table, most serious first.
+    """Check the interpretation of a table and return the warnings, most serious first.
 
     Raises:
         RunError: the table cannot be used because of too few rows, constant or identical columns, a wrong unit of time,
@@ -109,7 +109,7 @@ def refuse_push(table: InterpretedTable, origin: float) -> None:
 
 
 def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
-    """Doubts about the sample rate and the duration.
+    """Warn about a low sample rate or a short duration.
 
     Raises:
         RunError: too few rows to follow a swing.
@@ -141,9 +141,9 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
 
 
 def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
-    """Doubts about known torques: rows too far apart, or rods that move as if the torques did not act.
+    """Warn about known torques if rows are too far apart, or if the rods move as if the torques did not act.
 
-    The input of a driven arm does not act on the rods, so only the distance of its rows is judged.
+    The input of a driven arm does not act on the rods. For such an input, only the distance of the rows is checked.
     """
     if table.torques is None:
         return []
@@ -158,7 +158,7 @@ def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _arm_questions(table: InterpretedTable, theta0: Array) -> list[TableQuestion]:
-    """Doubt about an arm that is stated to be clamped although it moves."""
+    """Warn about an arm that is specified as clamped although it moves."""
     if table.arm_moves or not (moved := float(np.ptp(theta0))) > SETTINGS.arm_rad:
         return []
     known = "L0" in table.rig.rig.model_fields_set
