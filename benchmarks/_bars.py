@@ -1,4 +1,4 @@
-"""Measured values and their targets, printed as a table or as one JSON object."""
+"""Measured values with their targets ("bars"), printed as a table or as one JSON object."""
 
 import argparse
 import json
@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A measured value with its target: one line of the table."""
+    """Measured value with its target: one line of a result table."""
 
     bar: str
     target: str
@@ -21,15 +21,15 @@ class Bar:
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
-    """Parser with the options that all benchmarks share."""
+    """Create a parser with the options that all benchmarks share."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a short version of the same")
+    parser.add_argument("--quick", action="store_true", help="run a shorter version of the benchmark")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     return parser
 
 
 def show(title: str, bars: list[Bar], as_json: bool, **more: object) -> None:
-    """Print the bars.
+    """Print measured values and targets as a table or as JSON.
 
     `more` is added to the JSON object.
     """
@@ -49,15 +49,15 @@ def show(title: str, bars: list[Bar], as_json: bool, **more: object) -> None:
 
 
 def missing(name: str, target: str) -> Bar:
-    """A bar whose value cannot be measured on this machine."""
+    """Line for a value that cannot be measured on this machine."""
     return Bar(name, target, None, None)
 
 
 def at_most(name: str, measured: float, limit: float) -> Bar:
-    """A bar with an upper limit."""
+    """Line with a measured value and its upper limit."""
     return Bar(name, f"<= {limit:g}", measured, measured <= limit)
 
 
 def at_least(name: str, measured: float, limit: float) -> Bar:
-    """A bar with a lower limit."""
+    """Line with a measured value and its lower limit."""
     return Bar(name, f">= {limit:g}", measured, measured >= limit)

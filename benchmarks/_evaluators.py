@@ -1,7 +1,7 @@
-"""Other implementations of E(Z), docs/theory.md equation (2), with which the batch evaluator is compared.
+"""Other implementations of E(Z), docs/theory.md equation (2), for comparison with the batch evaluator.
 
-Each function takes a `Problem` and returns an evaluator, which gives the costs of the first n candidates, summed over
-poses. All of them except `solve_ivp` make the same Runge-Kutta steps. None uses more than one thread.
+Each function takes a `Problem` and returns an evaluator: a function that returns the costs of the first n candidates,
+summed over poses. All evaluators except `solve_ivp` use the same Runge-Kutta steps. Each uses one thread.
 """
 
 import ctypes
@@ -65,12 +65,12 @@ def problem(candidates: int, samples: int = SAMPLES, repeats: int = 1) -> Proble
 
 
 def lanes(task: Problem) -> Evaluator:
-    """The batch evaluator of dpr-lab."""
+    """Create an evaluator from the batch simulation of dpr-lab."""
     return lambda n: trajectory_errors(task.candidates[:n], task.poses, task.reference, STEP).sum(axis=1)
 
 
 def predictions(task: Problem, *, arm: bool) -> Evaluator:
-    """Predicted readings of all poses, as a fit computes them, with the arm clamped or free."""
+    """Create a function that computes the predicted readings of all poses as in a fit, with the arm clamped or free."""
     rig = load_rig("paper")
     bases = base_parameters(task.parameters, rig.L1, rig.g)
     t = STEP * np.arange(task.reference.shape[1])
@@ -87,7 +87,7 @@ def predictions(task: Problem, *, arm: bool) -> Evaluator:
 
 
 def scalar_loop(task: Problem) -> Evaluator:
-    """One candidate after another, in a loop that numba compiles."""
+    """Create an evaluator that processes one candidate after another in a loop compiled by Numba."""
     return lambda n: _scalar_costs(task.candidates[:n], task.poses, task.reference)
 
 
@@ -115,7 +115,7 @@ def _scalar_costs(candidates: Array, poses: Array, reference: Array) -> Array:
 
 
 def numpy_batch(task: Problem) -> Evaluator:
-    """All candidates and poses as one NumPy array."""
+    """Create an evaluator that processes all candidates and poses as one NumPy array."""
 
     def run(n: int) -> Array:
         b, d, e1, e2, c1, c2 = task.candidates[:n].T[:, :, None]
@@ -143,7 +143,7 @@ def numpy_batch(task: Problem) -> Evaluator:
 
 
 def solve_ivp(task: Problem, tolerance: float) -> Evaluator:
-    """One candidate after another with scipy's adaptive solver; the equation uses plain Python numbers."""
+    """Create an evaluator that simulates one candidate after another with SciPy's adaptive solver, in plain Python."""
     from scipy.integrate import solve_ivp as integrate
 
     t = STEP * np.arange(task.reference.shape[1])
@@ -169,9 +169,9 @@ def solve_ivp(task: Problem, tolerance: float) -> Evaluator:
 
 
 def c_program(task: Problem, source: Path, *flags: str) -> Evaluator | None:
-    """C program for comparison, compiled for this machine; None without its source or gcc.
+    """Compile the C program for comparison on this machine; None without its source or gcc.
 
-    It evaluates only problems of the full duration.
+    The program evaluates only problems of the full duration.
     """
     compiler = shutil.which("gcc")
     if compiler is None or not source.is_file():
@@ -211,9 +211,9 @@ RODS = """
 
 
 def mujoco_rollout(task: Problem, most: int) -> Evaluator | None:
-    """Batch rollout of MuJoCo with at most `most` models; None if MuJoCo is not installed.
+    """Create an evaluator with MuJoCo's batch rollout of at most `most` models; None if MuJoCo is not installed.
 
-    The models are built here.
+    The models are built in this call, before any evaluation.
     """
     try:
         mujoco: Any = import_module("mujoco")

@@ -91,7 +91,7 @@ def sequences(problem: Problem, states: Array, rig: Rig) -> sysid.ModelSequences
 
 
 def toolbox(trial: Trial, rig: Rig, length: float) -> Array:
-    """(5,) ratios that the toolbox estimates."""
+    """Estimate the ratios (5,) with the toolbox."""
     problem, states = segmented(trial.runs, rig, length)
     residual = sysid.build_residual_fn(models_sequences=[sequences(problem, states, rig)])
     with contextlib.redirect_stdout(io.StringIO()):  # it prints every iteration

@@ -39,9 +39,9 @@ class Trial:
 
 
 def draw(seed: int, rate_hz: int = RATE_HZ) -> Trial:
-    """Random rig with parameters within 15 % of the rig `paper`, and its recordings.
+    """Draw a rig with parameters within 15 % of the rig `paper`, and record it.
 
-    It is recorded from three poses for 10 s, with 14-bit encoders and a noise of half a count.
+    Each recording starts from one of three poses and lasts 10 s. Encoders have 14 bits and a noise of half a count.
     """
     rig = load_rig("paper")
     L1, g = rig.L1, rig.g
@@ -66,14 +66,14 @@ def boxed(box: str) -> Rig:
 
 
 def _record(rig: Rig, base: Array, pose: str, rate_hz: int, rng: np.random.Generator) -> tuple[Run, Array]:
-    """Recording of a pose, in counts, and its true start state."""
+    """Record a release from a pose, in counts, and return the recording and its true initial state."""
     return recorded(rig, pose, lambda start, t: simulate(base, rig.L1, rig.g, start, t, TRUTH_STEP), rate_hz, rng)
 
 
 def recorded(
     rig: Rig, pose: str, swing: Callable[[Array, Array], Array], rate_hz: int, rng: np.random.Generator
 ) -> tuple[Run, Array]:
-    """Recording of a swing that is released by hand, and its true start state.
+    """Record a swing that is released by hand, and return the recording and its true initial state.
 
     Args:
         rig: the rig

@@ -23,12 +23,12 @@ DRY = ("coulomb", "stribeck", "friction_curve", "hysteresis")
 
 
 def real_bars(folder: Path) -> list[Bar]:
-    """Bars on the two rigs whose recordings are in `folder`."""
+    """Results for the two rigs whose recordings are in `folder`."""
     return [*multiarm_bars(folder / "multiarm"), *dfki_bars(folder / "dfki_design_a")]
 
 
 def multiarm_bars(folder: Path) -> list[Bar]:
-    """Bars on a long swing whose publication states only viscous friction; every second piece of 10 s is held out."""
+    """Results for a long swing whose publication states only viscous friction; every second piece is held out."""
     rig = load_rig("multiarm")
     cuts = [ImportOptions(zero="hanging", start_s=PIECE_S * k, duration_s=PIECE_S) for k in range(PIECES)]
     runs = [
@@ -45,9 +45,9 @@ def multiarm_bars(folder: Path) -> list[Bar]:
 
 
 def dfki_bars(folder: Path) -> list[Bar]:
-    """Bars on geared motors at zero torque, with static friction and rotor inertia.
+    """Results for geared motors at zero torque, with static friction and rotor inertia.
 
-    One release is fitted, and the other is held out.
+    One release is fitted, and the other release is held out.
     """
     rig = dfki_rig(json.loads((folder / "release_060143.json").read_text(encoding="utf-8")))
     runs = [import_csv(file, rig, ImportOptions(zero="hanging")) for file in sorted(folder.glob("*.csv"))]
@@ -88,7 +88,7 @@ def rezeroed(rig: Rig) -> Rig:
 
 
 def dfki_rig(told: dict[str, Any]) -> Rig:
-    """The rig with the parameters that its authors identified. Only the lengths count as measured."""
+    """Rig with the parameters that its authors identified. Only the lengths count as measured values."""
     known = told["known_parameters"]
     model = known["model_1_0"]
     L1, L2 = known["l1_m"], known["l2_m"]

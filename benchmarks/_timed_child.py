@@ -1,4 +1,4 @@
-"""Process that diagnoses or identifies recordings on request and measures the time and memory.
+"""Process that diagnoses or identifies recordings on request and measures its time and memory.
 
 benchmarks/diagnosis_speed.py starts one such process for each code base, with PYTHONPATH set to its folder. The code
 base may be old, so this module imports only names that every version has. It reads one JSON object per line and answers
@@ -25,7 +25,7 @@ PLACES = {"identify": ("dpr_lab.identification.identify", "dpr_lab.identify"), "
 
 
 def found(name: str) -> Callable[..., Any]:
-    """A function of the code base, from the first module that exists."""
+    """Import a function of the code base from the first module that exists."""
     for place in PLACES[name]:
         with contextlib.suppress(ModuleNotFoundError):
             if find_spec(place) is not None:
@@ -34,7 +34,7 @@ def found(name: str) -> Callable[..., Any]:
 
 
 def recorded(folder: Path) -> tuple[list[Any], Any]:
-    """The runs and the rig of a folder written by `diagnosis_speed.keep`."""
+    """Read the runs and the rig from a folder written by `diagnosis_speed.keep`."""
     from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 

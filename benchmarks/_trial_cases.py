@@ -1,4 +1,4 @@
-"""Blind trials by the hundred: drawn and recorded in memory, diagnosed, opened and scored, on all cores."""
+"""Blind trials in memory, on all cores: plants are drawn, recorded, diagnosed, revealed and scored."""
 
 import os
 import time
@@ -25,7 +25,7 @@ THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One trial to run."""
+    """Blind trial to run."""
 
     group: str
     """Group of trials to which the case belongs in the table of results."""
@@ -36,30 +36,30 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """One trial done."""
+    """Completed blind trial with its scores."""
 
     case: Case
     outcome: TrialOutcome
     said: dict[str, Any]
     """The diagnosis as JSON."""
     true: tuple[bool, ...]
-    """Which of the listed effects are causes, with any verdict."""
+    """Whether each effect that the diagnosis lists is a true cause, independent of the verdict."""
 
 
 def hidden(case: Case) -> tuple[PlantConfig, Rig]:
-    """The plant of a case, and the rig file for dpr-lab: weighed masses, the other parameters unknown within bounds."""
+    """Draw the plant of a case, and the rig file for dpr-lab: measured masses, and bounds of the other parameters."""
     base, rig = weighed(load_plant("paper", case.seed), load_rig("paper"))
     wanted = parse_request(case.draw)
     return draw_plant(wanted, base, rig), described(wanted, rig)
 
 
 def opened(plant: PlantConfig, rig: Rig) -> Truth:
-    """The truth of a plant."""
+    """True parameters and effects of a plant."""
     return read_truth(truth(plant_of(plant, rig)))
 
 
 def run_case(case: Case) -> Scored:
-    """Draw, record, diagnose, open, score."""
+    """Draw, record, diagnose, reveal and score one plant."""
     from dpr_lab.gap.diagnose import diagnose
 
     plant, rig = hidden(case)
@@ -77,7 +77,10 @@ def run_case(case: Case) -> Scored:
 
 
 def run_all(cases: Sequence[Case], workers: int) -> Iterator[Scored | tuple[Case, str]]:
-    """Every case as it is done, each process on one thread; a case that failed with what it said."""
+    """Run all cases in parallel processes of one thread each, and yield each result as soon as it is complete.
+
+    For a case that failed, the case and its error message are yielded.
+    """
     for name in THREADS:
         os.environ[name] = "1"
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:

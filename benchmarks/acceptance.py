@@ -1,13 +1,13 @@
-"""Limits of simulated rigs: how often an effect just above its limit passes, and one at half its limit.
+"""Acceptance test of simulated rigs: pass rates of effects just above their limits, and at half of their limits.
 
     python benchmarks/acceptance.py --plants 20 --seed 1
 
-A rig is drawn around `paper` with one effect of the library, three releases of 6 s. Its diagnosis is judged against
-limits whose truth is known: each amplitude of the effect, and each ratio, lies 5 % above its limit (it must not pass)
-or at half of it (it should pass). A limit below the minimum detectable size is counted apart: such recordings cannot
-decide it. The same applies to a tolerance of a ratio below five standard deviations. The limit of a ratio is a
-tolerance about a nominal value. The friction torque of each joint is limited up to a slow and a fast speed.
-Amplitudes of absent effects have their typical size as limit.
+A rig is drawn near `paper` with one effect of the library, and three releases of 6 s are recorded and diagnosed. The
+limits are chosen with knowledge of the true values. Each amplitude of the effect, and each ratio, lies 5 % above its
+limit (it must not pass) or at half of its limit (it should pass). A limit below the minimum detectable size is counted
+separately, because the recordings cannot decide it. The same applies to a tolerance of a ratio below five standard
+deviations. The limit of a ratio is a tolerance about a nominal value. The friction torque of each joint is limited up
+to a slow and a fast speed. Amplitudes of absent effects have their typical size as limit.
 """
 
 import sys
@@ -40,26 +40,26 @@ TOLERANCE = 0.03
 
 
 def limit_of(effect: str, parameter: str, size: float) -> Limits:
-    """Largest permitted size of one amplitude."""
+    """Create a limit on one amplitude of an effect."""
     (unit,) = (p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
     return Limits.model_validate({"effects": {effect: {parameter: {"max": size, "unit": unit}}}})
 
 
 def range_of(ratio: str, true: float, share: float) -> Limits:
-    """A tolerance of a ratio, of which the true deviation from the nominal value takes up a share."""
+    """Create a tolerance of a ratio. The true deviation from the nominal value is `share` of the tolerance."""
     nominal = true / (1 + share * TOLERANCE)
     bounds = {"nominal": nominal, "tolerance": TOLERANCE * abs(nominal), "unit": RATIO_UNITS[ratio]}
     return Limits.model_validate({"ratios": {ratio: bounds}})
 
 
 def friction_limit(joint: int, speed: float, size: float) -> Limits:
-    """Largest permitted friction torque of a joint up to a speed."""
+    """Create a limit on the friction torque of a joint up to a speed."""
     bounds = {"max": size, "speed_rad_s": speed, "unit": "N m"}
     return Limits.model_validate({"friction": {f"joint{joint}": bounds}})
 
 
 def largest_friction(effects: Mapping[str, Mapping[str, float]], joint: int, viscous: float, speed: float) -> float:
-    """Largest friction torque of a joint up to a speed; nan if it depends on more than the speed."""
+    """Largest friction torque of a joint up to a speed; nan if the friction also depends on other quantities."""
     u = np.linspace(1e-9, speed, 4001)
     torque = viscous * u
     for name, sizes in effects.items():
@@ -78,7 +78,7 @@ def largest_friction(effects: Mapping[str, Mapping[str, float]], joint: int, vis
 
 
 def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
-    """Kind of limit, quantity, answer and reason for every limit of one plant."""
+    """Yield kind, quantity, result and reason for every limit of one plant."""
     plant, rig = hidden(Case("single", f"single:{level}", seed))
     truth = opened(plant, rig)
     found = diagnose(record(plant, rig, SWING_S), rig)
@@ -117,7 +117,7 @@ def _words(found: Diagnosis) -> str:
 
 
 def main() -> None:
-    """Draw, record, diagnose, judge, print."""
+    """Draw, record and diagnose plants, test their limits, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0, help="of the first plant")

@@ -1,6 +1,7 @@
 """Blind trials of rigs with a free or driven arm and with one rod or two.
 
-The bars are the shares of correct first names, confident wrong names and false alarms, and the time.
+The results are the shares of correct first causes, of incorrect causes with a high probability, and of false alarms,
+and the time.
 
     python benchmarks/arm_trials.py [--each 10] [--seed 91000] [--quick] [--json] [--folder out/arm_trials]
 
@@ -40,7 +41,7 @@ def bars(outcomes: list[TrialOutcome], failures: int) -> list[Bar]:
 
 
 def main() -> None:
-    """Run what is missing, and print."""
+    """Run the missing trials, and print the scores of all trials."""
     parser = options(__doc__)
     parser.add_argument("--each", type=int, default=10, help="trials of each campaign (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=91000, help="of the first trial (default: %(default)s)")

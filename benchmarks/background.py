@@ -1,15 +1,16 @@
-"""One dominant effect among small ones and wrong nominal values, on rigs that scipy simulates: which name comes first.
+"""Diagnosis of rigs with one dominant effect, several small effects and wrong nominal values, simulated by SciPy.
 
     python benchmarks/background.py --cases 40              even seeds, for tuning
-    python benchmarks/background.py --cases 40 --judge      odd seeds, for the judgement (--first 1000: further ones)
+    python benchmarks/background.py --cases 40 --judge      odd seeds, for evaluation (--first 1000: further seeds)
 
-The laws are those of `tests/background_rigs.py`, which shares no code with dpr-lab. The library does not contain a
-third of the small ones. Each rig has an encoder with a zero offset, and a mount with a second mode that rings. One case
-in four has a single rod. In one case of three, the logger samples at wrong instants. The rig file has standard errors
-of 0.5 % in L1 and 1 % in the masses. With --clean, only the small effects remain of all these.
+The effects are those of `tests/background_rigs.py`, which shares no code with dpr-lab. The library does not contain a
+third of the small effects. Each rig has an encoder with a zero offset, and a mount with a lightly damped second mode.
+One case in four has a single rod. In one case of three, the logger samples at wrong instants. The rig file has standard
+errors of 0.5 % in L1 and 1 % in the masses. With --clean, only the dominant and the small effects remain.
 
-The size of a drawn effect does not measure the gap that it causes: several turns wind up a small spring at the elbow.
-Each effect is therefore also simulated alone, and the first name is also compared with the effects of the largest gap.
+The size of a drawn effect does not determine the gap that it causes: for example, several turns wind up a small spring
+at the elbow. Each effect is therefore also simulated alone, and the first named effect is also compared with the
+effects that cause the largest gap.
 """
 
 import sys
@@ -77,11 +78,11 @@ class Case:
     fault: str
     """Fault of the logger; empty for none."""
     true: tuple[str, ...]
-    """The dominant effect, then the small ones, and the mount if it moves."""
+    """The dominant effect, then the small effects, and the mount if it moves."""
     gaps: dict[str, float]
-    """Residual of the bare model in units of the noise, by law, if this law acts alone.
+    """Residual of the bare model in units of the noise for each effect, if only this effect acts.
 
-    Neither the mount nor the zero offset acts in addition.
+    Mount and zero offset do not act.
     """
     verdict: str
     named: tuple[tuple[tuple[str, ...], float], ...]
@@ -94,24 +95,24 @@ class Case:
 
     @property
     def first_right(self) -> bool:
-        """Whether the first named effect is the dominant one; wrong values of the rig file do not count."""
+        """Whether the first named effect is the dominant effect; wrong values of the rig file are ignored."""
         return self.first_is(self.true[:1])
 
     def first_is(self, laws: Sequence[str]) -> bool:
-        """Whether the first named effect is one of some laws; wrong values of the rig file do not count."""
+        """Whether the first named effect is one of the given effects; wrong values of the rig file are ignored."""
         classes = [names for names, _ in self.named if not names[0].startswith(WRONG_VALUES)]
         return bool(classes) and one_of(classes[0], laws)
 
     @property
     def largest(self) -> list[str]:
-        """The effects that alone cause the largest gap, or nearly the largest."""
+        """Effects that alone cause the largest gap, or nearly the largest gap."""
         return [name for name, gap in self.gaps.items() if gap >= LARGEST * max(self.gaps.values())]
 
     def small(self, *, seen: bool) -> list[bool]:
         """Whether each small effect of the library is named.
 
         Args:
-            seen: select the effects that alone leave a residual above the noise, otherwise those below
+            seen: True selects effects that alone cause a residual above the noise, False the other effects
         """
         names = {law for law in self.gaps if law != self.true[0] and law.startswith(NAMED)}
         named = [name for members, _ in self.named for name in members]
@@ -121,24 +122,24 @@ class Case:
     def claims(self) -> list[Claim]:
         """Every named class with its probability.
 
-        A claim is true if a member of the class is a law of this rig, or a wrong value of its file. The probability
+        A claim is true if a member of the class is an effect of this rig, or a wrong value of its file. The probability
         applies to the class, because no algorithm can distinguish its members.
         """
         return [Claim(p, one_of(names, (*self.true, *WRONG_VALUES))) for names, p in self.named]
 
     @property
     def sure_wrong(self) -> int:
-        """Number of classes with a probability above `SURE` that contain no law of this rig."""
+        """Number of classes with a probability above `SURE` that contain no effect of this rig."""
         return sum(claim.probability > SURE and not claim.true for claim in self.claims)
 
 
 def one_of(names: Sequence[str], laws: Sequence[str]) -> bool:
-    """Whether one of the names represents one of the laws."""
+    """Whether one of the named effects represents one of the given effects."""
     return any(alike(name, law) for name in names for law in laws)
 
 
 def alike(name: str, law: str) -> bool:
-    """Whether a name represents a law."""
+    """Whether a named effect represents a simulated effect."""
     (kind, joint), (said, of) = _at_joint(law), _at_joint(name)
     return said.startswith((kind, *ALSO.get(kind, ()))) and of in (joint, "")
 
@@ -150,7 +151,7 @@ def _at_joint(name: str) -> tuple[str, str]:
 
 
 def described(rig: Rig, rng: np.random.Generator) -> Rig:
-    """The rig file as a user measures it, with errors in L1 and the masses."""
+    """Rig file as measured by a user, with errors in L1 and the masses."""
     values = rig.model_dump(exclude_none=True)
     values["rig"]["L1"] *= 1 + 0.005 * rng.standard_normal()
     for name in MASSES:
@@ -160,7 +161,7 @@ def described(rig: Rig, rng: np.random.Generator) -> Rig:
 
 
 def gaps_alone(seed: int, acting: Sequence[Law], rods: int, rate_hz: float) -> dict[str, float]:
-    """Residual of the bare model in units of the noise, for each law alone."""
+    """Residual of the bare model in units of the noise, for each effect alone."""
     gaps = {}
     for name in dict.fromkeys(law.name for law in acting):
         rig, runs, _ = recordings(seed, [law for law in acting if law.name == name], rods=rods, rate_hz=rate_hz)
@@ -232,10 +233,10 @@ def _mean(truths: list[bool]) -> float | None:
 
 
 def main() -> None:
-    """Draw, diagnose, print."""
+    """Draw and diagnose the rigs, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=40, help="(default: %(default)s)")
-    parser.add_argument("--judge", action="store_true", help="odd seeds, kept aside")
+    parser.add_argument("--judge", action="store_true", help="odd seeds, which are reserved for evaluation")
     parser.add_argument("--first", type=int, default=0, help="first seed, even; with --judge the next odd one")
     parser.add_argument("--clean", action="store_true", help="no wrong instants, no wrong values of the rig file")
     parser.add_argument("--workers", type=int, default=None, help="processes (default: all cores)")

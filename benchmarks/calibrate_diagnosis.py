@@ -1,10 +1,11 @@
 """Fit of the constants that turn scores into probabilities: `dpr_lab.gap.classes.posterior.CALIBRATION`.
 
-Tuning trials of every kind are drawn, except with the foreign effects that are held back and with the seeds of
-`benchmarks/diagnosis.py`. They are diagnosed with the present constants. Each effect that a diagnosis considers gives a
-statement: its odds against each rival, the share of the gap that it leaves, and whether it was a cause. The new
-constants minimise the log loss of these statements, with a weak pull towards the present constants, so that few trials
-change them little. Paste the printed constants into the module, then run the benchmark.
+Tuning trials of every kind are drawn. They do not use the out-of-library effects that are reserved for evaluation, or
+the seeds of `benchmarks/diagnosis.py`. The trials are diagnosed with the current constants. Each effect that a
+diagnosis considers gives a statement: its odds against each alternative, the share of the gap that it leaves, and
+whether it was a cause. The new constants minimise the log loss of these statements. A weak prior centred on the current
+constants limits the change if there are few trials. Paste the printed constants into the module, then run the
+benchmark.
 
     python benchmarks/calibrate_diagnosis.py [--cases 30] [--quick] [--json]
 """
@@ -29,9 +30,9 @@ SMALLEST, MOST = 1e-3, 0.2
 """Smallest probability in a logarithm, and largest probability of a cause outside the library if no gap is left."""
 
 PULL = 1.0
-"""Standard deviation of each free number about its present value.
+"""Prior standard deviation of each fitted number about its current value.
 
-The numbers are logarithms, so that 1 means about a factor of e.
+The numbers are logarithms, so that a value of 1 is a factor of e.
 """
 
 
@@ -40,7 +41,7 @@ class Statement:
     """An effect that a diagnosis considers, with its scores."""
 
     log_odds: tuple[float, ...]
-    """Logarithmic odds of each rival, and of no effect, against the effect, at the present temperature."""
+    """Log odds of each alternative, and of no effect, relative to the effect, at the current temperature."""
     left: float
     """Share of the excess that remains unexplained."""
     remainder: float
@@ -51,7 +52,7 @@ class Statement:
 
 
 def statements(done: Sequence[Scored]) -> list[Statement]:
-    """Every effect that the diagnoses considered."""
+    """Create a statement for every effect that the diagnoses considered."""
     return [statement for scored in done for statement in _of(scored)]
 
 
@@ -78,7 +79,7 @@ def probability(statement: Statement, tried: Calibration) -> float:
 
 
 def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> float:
-    """Log loss of all statements, plus the pull towards the present constants."""
+    """Log loss of all statements, plus the penalty of the prior about the current constants."""
     tried = constants(numbers)
     p = np.clip([probability(statement, tried) for statement in made], SMALLEST, 1 - SMALLEST)
     told = np.where([statement.true for statement in made], np.log(p), np.log1p(-p))
@@ -86,7 +87,7 @@ def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> f
 
 
 def constants(numbers: np.ndarray) -> Calibration:
-    """Calibration constants from five free numbers."""
+    """Convert the five fitted numbers to calibration constants."""
     temperature, half, steepness, imitates = np.exp(numbers[:4]).tolist()
     return replace(
         CALIBRATION,
@@ -99,7 +100,7 @@ def constants(numbers: np.ndarray) -> Calibration:
 
 
 def fitted(made: Sequence[Statement]) -> Calibration:
-    """Constants with the least loss; the minimisation starts from the present constants."""
+    """Find the constants with the smallest loss, starting from the current constants."""
     now = CALIBRATION
     share = min(now.outside_when_closed / MOST, 0.99)
     logs = np.log([now.temperature, now.half_unexplained, now.steepness, now.imitates])
@@ -108,7 +109,7 @@ def fitted(made: Sequence[Statement]) -> Calibration:
 
 
 def main() -> None:
-    """Draw, diagnose, fit, print."""
+    """Draw and diagnose the trials, fit the constants, and print them."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=30, help="trials of each kind (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="of the first trial (default: %(default)s)")

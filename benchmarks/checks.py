@@ -2,10 +2,10 @@
 
     python benchmarks/checks.py [--cases 120] [--quick] [--json]
 
-Blind trials whose diagnosis leaves more than one cause open are continued. For each check, either the sealed plant is
-released as the check requires and the recording is used, or the true amplitude is measured with an error of `READ`
-typical sizes. A trial ends when, for each named effect, one cause has the share `LEFT` of its probability, or when no
-check remains.
+Blind trials whose diagnosis leaves more than one possible cause are continued with checks. For each check, either the
+sealed plant is released as the check requires and the recording is used, or the true amplitude is measured with an
+error of `READ` typical sizes. A trial ends when no check remains, or when, for each named effect, one cause has the
+share `LEFT` of the probability.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ Choice = Callable[[Sequence[AdvisedCheck]], AdvisedCheck]
 
 
 def cases_of(count: int, seed: int) -> list[Case]:
-    """Trials of all kinds in turn. Single effects follow one after another."""
+    """Create trials of all kinds in turn. The effects of single-effect trials are used in turn, too."""
     effects = visible_effects()
     each = [(KINDS[k % len(KINDS)], effects[k // len(KINDS) % len(effects)]) for k in range(count)]
     return [
@@ -52,7 +52,7 @@ def still_open(found: Diagnosis) -> list[str]:
 
 
 def right(found: Diagnosis, truth: Truth) -> bool:
-    """Whether the most probable cause of every named effect is a true one."""
+    """Whether the most probable cause of every named effect is a true cause."""
     answers = {name for names in truth.answers for name in names}
     likeliest = [max(share, key=lambda name: share[name]) for share in _shares(found)]
     return all(name in answers for name in likeliest)
@@ -65,9 +65,9 @@ def _shares(found: Diagnosis) -> list[dict[str, float]]:
 def played(
     found: Diagnosis, plant: PlantConfig, rig: Rig, truth: Truth, choice: Choice, rng: np.random.Generator
 ) -> tuple[Diagnosis, int]:
-    """Diagnosis after the checks, and the number of checks.
+    """Perform checks until one cause is left or no check remains.
 
-    The checks end when one cause is left, or no check remains.
+    Returns the final diagnosis and the number of checks.
     """
     count = 0
     while names := still_open(found):
@@ -89,7 +89,7 @@ def played(
 
 
 def released(plant: PlantConfig, rig: Rig, asked: AdvisedRelease) -> Run:
-    """Recording of the sealed plant, released as a check requires."""
+    """Record the sealed plant, released as a check requires."""
     pose = Pose(theta1=asked.theta1_rad, theta2=asked.theta2_rad)
     other = rig.model_copy(update={"poses": {"check": pose}, "added_mass": asked.added_mass})
     (run,) = record(plant, other, asked.duration_s)

@@ -1,9 +1,9 @@
-"""False alarms on rigs without effects: unusual rigs, loggers that damage samples, and cameras.
+"""Rate of false alarms on rigs without effects: unusual rigs, loggers that damage samples, and cameras.
 
     python benchmarks/clean_rigs.py --count 100
 
-The verdict "inconclusive" is no false alarm, because most effects of typical size are below five standard deviations on
-these rigs. It is counted separately.
+The verdict "inconclusive" is counted separately. It is not a false alarm, because most effects of typical size are
+below five standard deviations on these rigs.
 
 scipy simulates the swings with the equations of this file, which share only the description of the rig with dpr-lab.
 """
@@ -46,7 +46,7 @@ class Logger:
 
 
 def odd_rig(rng: np.random.Generator) -> tuple[float, float, Logger]:
-    """Lengths of both rods, m, and a logger without faults.
+    """Draw lengths of both rods, m, and a logger without faults.
 
     The rigs range from desk toys to fairground rides, with coarse and fine encoders.
     """
@@ -57,7 +57,7 @@ def odd_rig(rng: np.random.Generator) -> tuple[float, float, Logger]:
 
 
 def bad_logger(rng: np.random.Generator) -> tuple[float, float, Logger]:
-    """Lengths of both rods, m, and a logger with one or several faults."""
+    """Draw lengths of both rods, m, and a logger with one or several faults."""
     L1 = float(rng.uniform(0.15, 0.5))
     outer = L1 * rng.uniform(0.6, 1.2)
     rate_hz, counts = int(rng.choice([200, 500, 1000])), int(rng.choice([2000, 4096, 16384]))
@@ -65,7 +65,7 @@ def bad_logger(rng: np.random.Generator) -> tuple[float, float, Logger]:
 
 
 def camera(rng: np.random.Generator) -> tuple[float, float, Logger]:
-    """Lengths of both rods, m, and a camera with a poorly known scale and errors that last for several frames."""
+    """Draw lengths of both rods, m, and a camera with a poorly known scale and errors that last for several frames."""
     L1 = float(rng.uniform(0.1, 0.4))
     rate_hz, shared = int(rng.choice([100, 120, 200, 240])), float(rng.uniform(0.0, 0.9))
     tracked = float(rng.uniform(0.5e-3, 3e-3))
@@ -81,7 +81,7 @@ KINDS: dict[str, Callable[[np.random.Generator], tuple[float, float, Logger]]] =
 
 
 def drawn(kind: str, seed: int) -> tuple[Rig, list[Run], Logger]:
-    """Rig file of a clean rig, with values wrong by up to 15 %, and recordings of this rig."""
+    """Draw a rig without effects, its rig file with errors of up to 15 %, and its recordings."""
     rng = np.random.default_rng(seed)
     L1, outer, logger = KINDS[kind](rng)
     rig, nominal = _rig(L1, outer, logger, rng)

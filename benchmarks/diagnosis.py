@@ -1,10 +1,11 @@
-"""Reliability of the diagnosis on plants with hidden effects, with its targets.
+"""Reliability of the diagnosis on plants with hidden effects, compared with targets.
 
     python benchmarks/diagnosis.py --cases 40            all groups, 40 trials in each
     python benchmarks/diagnosis.py --quick               6 trials in each group
     python benchmarks/diagnosis.py --real FOLDER         also recordings of real rigs
 
-Foreign effects that were held back are listed separately from the foreign effects with which thresholds were chosen.
+Out-of-library effects that were reserved for evaluation are listed separately from those with which thresholds were
+chosen.
 """
 
 import argparse
@@ -80,17 +81,17 @@ Rate = Callable[[TrialOutcome], bool]
 
 
 def often(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
-    """Bar on a share that should be high; none without trials."""
+    """Result for a share that should be high; empty without trials."""
     return [at_least(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
 def seldom(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
-    """Bar on a share that should be low; none without trials."""
+    """Result for a share that should be low; empty without trials."""
     return [at_most(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
 def bars(done: Sequence[Scored]) -> list[Bar]:
-    """All bars for which there are trials."""
+    """All results for which there are trials."""
     groups = {name: [s.outcome for s in done if s.case.group == name] for name in GROUPS}
     dirty_clean, dirty_single = (_there(groups["dirty"], effect) for effect in (False, True))
     right, all_of_them, alarm = (lambda o: o.first), (lambda o: o.exact), (lambda o: not o.silent)
@@ -117,7 +118,7 @@ def bars(done: Sequence[Scored]) -> list[Bar]:
 
 
 def form_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
-    """Bars on library effects whose law has another form."""
+    """Results for effects of the library in another functional form."""
     return [
         *often(f"{name}: right family first", outcomes, lambda o: o.first, 0.95),
         *often(f"{name}: nothing invented", outcomes, lambda o: not o.invented, 0.85),
@@ -125,7 +126,7 @@ def form_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
 
 
 def outside_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
-    """Bars on effects that the library does not contain."""
+    """Results for effects that the library does not contain."""
     return [
         *seldom(f"{name}: wrong name above 0.5", outcomes, lambda o: o.wrong_name, 0.03),
         *often(f"{name}: admitted", outcomes, lambda o: o.admitted, 0.95),
@@ -133,9 +134,9 @@ def outside_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
 
 
 def measure_bars(outcomes: Sequence[TrialOutcome]) -> list[Bar]:
-    """Bars on the probabilities over all trials.
+    """Results for the probabilities of all trials.
 
-    Sizes, gap and time are scored over the trials that the library can explain.
+    Sizes, gap and time are evaluated for the trials that the library can explain.
     """
     known = summary([o for o in outcomes if o.kind in ("single", "pair", "triple", "clean")])
     coverage = known["interval_coverage"]
@@ -154,7 +155,7 @@ def _there(outcomes: Sequence[TrialOutcome], effect: bool) -> list[TrialOutcome]
 
 
 def parsed() -> argparse.Namespace:
-    """Options of the command line."""
+    """Parse the command line."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=40, help="trials of each group (default: %(default)s)")
     parser.add_argument("--only", action="append", choices=list(GROUPS), help="only this group, repeatable")
@@ -166,7 +167,7 @@ def parsed() -> argparse.Namespace:
 
 
 def campaign(cases: Sequence[Case], workers: int, keep: Path | None) -> list[Scored]:
-    """Results of all trials, each printed when it ends."""
+    """Run all trials, and print each result when its trial ends."""
     begin, done = time.perf_counter(), []
     plant, rig = hidden(cases[0])
     warm_up(rig, record(plant, rig))
@@ -184,7 +185,7 @@ def campaign(cases: Sequence[Case], workers: int, keep: Path | None) -> list[Sco
 
 
 def main() -> None:
-    """Run, score, print."""
+    """Run and score the trials, and print the results."""
     chosen = parsed()
     names = chosen.only or list(GROUPS)
     cases = trials_of(names, 6 if chosen.quick else chosen.cases, chosen.seed)
@@ -199,14 +200,14 @@ def main() -> None:
 
 
 def is_astray(outcome: TrialOutcome) -> bool:
-    """Whether a true effect is not named, or a wrong one is."""
+    """Whether a true effect is not named, or an incorrect effect is named."""
     if not outcome.truth:
         return not outcome.silent
     return outcome.invented or (outcome.kind not in ("form", "outside") and not outcome.exact)
 
 
 def astray(scored: Scored) -> str:
-    """Named and true effects of a trial, with the seed that draws its plant again."""
+    """Named and true effects of a trial, with the seed that reproduces its plant."""
     outcome = scored.outcome
     said, there = (" + ".join(names) or "nothing" for names in (outcome.named, outcome.truth))
     return f"{scored.case.draw}, seed {scored.case.seed}: {there} -> {said} ({outcome.verdict})"

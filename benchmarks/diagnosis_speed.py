@@ -1,18 +1,18 @@
-"""Cost of a diagnosis with the present code and with another commit, on the same recordings.
+"""CPU time and memory of a diagnosis with the current code and with another commit, on the same recordings.
 
-Both must give the same answers.
+Both versions must give the same results.
 
     python benchmarks/diagnosis_speed.py --against COMMIT [--cases 60] [--seed S] [--quick] [--json]
 
-The other commit is checked out as a git worktree in a temporary folder. Blind trials are drawn and recorded once, by
-the present code. Two processes, one for each code base, read them as files and diagnose them alternately. Each process
-uses one thread and its own kernels, which are compiled before; a measurement during which code was compiled is
-repeated. Seconds are CPU seconds inside `diagnose`. A ratio is the time of the present code over the time of the other
-commit for the same trial, so that other load on the machine has little influence.
+The other commit is checked out as a git worktree in a temporary folder. Blind trials are drawn and recorded once, with
+the current code. Two processes, one for each version, read the recordings from files and diagnose them alternately.
+Each process uses one thread and its own kernels, which are compiled before the measurement. A measurement during which
+code was compiled is repeated. Times are CPU seconds inside `diagnose`. A ratio is the time of the current code divided
+by the time of the other commit for the same trial, so that other load on the machine has little influence.
 
 Six recordings of 30 s at 1 kHz are compared with three recordings of 10 s of the same plant at the rate of the rig
 file. Their memory is the maximum of a process that does nothing else. `identify` uses three recordings of 10 s at 200
-Hz. With --quick there are three trials and no long recordings.
+Hz. With --quick, there are three trials and no long recordings.
 """
 
 import json
@@ -66,7 +66,7 @@ IDENTIFY_HZ = 200
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One trial, diagnosed by both code bases."""
+    """Trial that was diagnosed by both versions of the code."""
 
     draw: str
     seed: int
@@ -75,12 +75,12 @@ class Pair:
 
     @property
     def ratio(self) -> float:
-        """CPU seconds of the present code over those of the other commit."""
+        """CPU time of the current code divided by that of the other commit."""
         return self.now["cpu_s"] / self.then["cpu_s"]
 
     @property
     def alike(self) -> bool:
-        """Whether both code bases give the same verdict and names."""
+        """Whether both versions give the same verdict and the same named effects."""
         return all(self.now[key] == self.then[key] for key in ("verdict", "names"))
 
 
@@ -96,7 +96,7 @@ def keep(folder: Path, runs: Sequence[Run], rig: Rig) -> Path:
 
 
 class CodeBase:
-    """A process that works with the code of one folder."""
+    """Process that runs the code of one folder."""
 
     def __init__(self, code: Path, cache: Path) -> None:
         threads = dict.fromkeys(THREADS, "1")
@@ -109,7 +109,7 @@ class CodeBase:
         )
 
     def ask(self, do: str, folder: Path, seed: int = 0) -> dict[str, Any]:
-        """Execute a request; repeat it if something was compiled."""
+        """Execute a request. Repeat it if code was compiled meanwhile."""
         told = self._asked(do, folder, seed)
         return self._asked(do, folder, seed) if told["compiled"] else told
 
@@ -119,7 +119,7 @@ class CodeBase:
         print(json.dumps({"do": do, "folder": str(folder), "seed": seed}), file=self._process.stdin, flush=True)
         line = self._process.stdout.readline()
         if not line:
-            raise SystemExit("the process that measures ended; what it said stands above")
+            raise SystemExit("the measuring process ended; its messages are printed above")
         return json.loads(line)
 
     def __enter__(self) -> "CodeBase":
@@ -131,7 +131,7 @@ class CodeBase:
 
 @contextmanager
 def checked_out(commit: str, folder: Path) -> Iterator[Path]:
-    """Worktree of a commit, removed afterwards."""
+    """Context manager for a worktree of a commit, which is removed at the end."""
     subprocess.run(["git", "-C", ROOT, "worktree", "add", "--quiet", "--detach", folder, commit], check=True)
     try:
         yield folder
@@ -140,7 +140,7 @@ def checked_out(commit: str, folder: Path) -> Iterator[Path]:
 
 
 def compared(now: CodeBase, then: CodeBase, cases: Sequence[Case], folder: Path) -> Iterator[Pair]:
-    """Every trial, diagnosed by both code bases; the first one alternates."""
+    """Diagnose every trial with both versions, which take turns in running first."""
     for number, case in enumerate(cases):
         plant, rig = hidden(case)
         kept = keep(folder / str(number), record(plant, rig), rig)
@@ -154,9 +154,9 @@ def compared(now: CodeBase, then: CodeBase, cases: Sequence[Case], folder: Path)
 
 
 def warmed(sides: Sequence[CodeBase], folder: Path) -> Path:
-    """Folder with three clean recordings of 10 s.
+    """Let both versions compile all kernels that they need.
 
-    Both code bases first compile all kernels that they need.
+    Returns a folder with three recordings of 10 s without effects.
     """
     plant, rig = hidden(Case("warm up", "pair:clear:arm_compliance,coulomb_joint2", FIRST_SEED - 1))
     short = keep(folder / "arm", record(plant, rig, duration=2.0)[:2], rig)
@@ -169,7 +169,7 @@ def warmed(sides: Sequence[CodeBase], folder: Path) -> Path:
 
 
 def trial_bars(pairs: Sequence[Pair]) -> list[Bar]:
-    """Bars on the trials."""
+    """Results for the trials."""
     ratios, now, then = (
         [pair.ratio for pair in pairs],
         [pair.now["cpu_s"] for pair in pairs],
@@ -187,7 +187,7 @@ def trial_bars(pairs: Sequence[Pair]) -> list[Bar]:
 
 
 def identify_bars(now: CodeBase, then: CodeBase, clean: Path) -> list[Bar]:
-    """Bars on the identification of three recordings of 10 s."""
+    """Results for the identification of three recordings of 10 s."""
     taken = [[side.ask("identify", clean, seed)["cpu_s"] for side in (now, then)] for seed in range(SEARCHES)]
     seconds, ratios = [mine for mine, _ in taken], [mine / other for mine, other in taken]
     return [
@@ -197,7 +197,7 @@ def identify_bars(now: CodeBase, then: CodeBase, clean: Path) -> list[Bar]:
 
 
 def long_bars(cache: Path, folder: Path) -> list[Bar]:
-    """Bars on six recordings of 30 s at 1 kHz, which a process of its own diagnoses."""
+    """Results for six recordings of 30 s at 1 kHz, which a separate process diagnoses."""
     plant, rig = hidden(Case("long", "single:clear:coulomb_joint1", FIRST_SEED - 3))
     few = keep(folder / "few", record(plant, rig), rig)
     twice = rig.model_copy(update={"poses": rig.poses | {f"{name} again": pose for name, pose in rig.poses.items()}})
@@ -212,7 +212,7 @@ def long_bars(cache: Path, folder: Path) -> list[Bar]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure both versions and print the results."""
     parser = options(__doc__)
     parser.add_argument("--against", required=True, metavar="COMMIT", help="the commit to compare with")
     parser.add_argument("--cases", type=int, default=60, help="blind trials")

@@ -1,9 +1,9 @@
 """Reliability of `dpr-lab drift` on rigs that changed and on rigs that did not.
 
-False alarms and power of the test alone are measured with ten thousands of drawn estimates, for several plans of runs.
-Whole recordings of simulated plants verify that estimates fitted to runs behave like drawn ones. In these plants the
-friction of joint 1 changes by three standard deviations of a run's estimate, with and without random scatter from run
-to run.
+False-alarm rate and power of the statistical test are measured with tens of thousands of random estimates, for several
+designs of groups and runs. Recordings of simulated plants verify that estimates fitted to runs have the same
+properties. In these plants, the friction of joint 1 changes by three standard deviations of a run's estimate, with and
+without random scatter from run to run.
 
     python benchmarks/drift.py [--quick] [--json]
 """
@@ -25,7 +25,7 @@ POSES = ("X1", "X2", "X3")
 BETWEEN_POSES = {"X1": 0.0, "X2": 5.0, "X3": -3.0}
 """Error of the model at each pose, in standard deviations of a run's estimate."""
 PLANS = ((2, 7, POSES[:1]), (2, 3, POSES), (4, 5, POSES[:1]), (4, 2, POSES), (3, 3, POSES))
-"""Plans: number of groups, runs from each pose in a group, and poses."""
+"""Designs: number of groups, number of runs from each pose in a group, and poses."""
 QUICK = DriftSettings(draws=2000)
 """Settings for the many tests of this benchmark. Critical values accurate to a tenth are sufficient."""
 CHANGE = 3.0
@@ -35,7 +35,7 @@ SCATTER = 0.01
 
 
 def main() -> None:
-    """Print the bars."""
+    """Print the results."""
     asked = options(__doc__).parse_args()
     drawn, whole = (400, 4) if asked.quick else (4000, 40)
     bars = [bar for plan in PLANS for bar in drawn_bars(*plan, drawn)]
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def drawn_bars(groups: int, repeats: int, poses: tuple[str, ...], trials: int) -> Iterator[Bar]:
-    """Shares of false alarms and detected changes among drawn estimates."""
+    """Rates of false alarms and of detected changes for random estimates."""
     rng = np.random.default_rng(groups * 100 + repeats)
     plan = f"{groups} groups of {repeats} runs from {len(poses)} pose{'s' * (len(poses) > 1)}"
     calm = [drawn(rng, groups, repeats, poses, 0.0) for _ in range(trials)]
@@ -55,9 +55,9 @@ def drawn_bars(groups: int, repeats: int, poses: tuple[str, ...], trials: int) -
 
 
 def drawn(rng: np.random.Generator, groups: int, repeats: int, poses: tuple[str, ...], change: float) -> Drift:
-    """Drift of drawn estimates of five parameters.
+    """Drift analysis of random estimates of five parameters.
 
-    One of them changes by `change` from a random group on.
+    One parameter changes by `change` from a random group on.
     """
     group = np.repeat(np.arange(groups), repeats * len(poses))
     of_run = poses * (groups * repeats)
@@ -68,7 +68,7 @@ def drawn(rng: np.random.Generator, groups: int, repeats: int, poses: tuple[str,
 
 
 def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
-    """False alarms and detected changes among recordings: three of each pose before the change and three after it."""
+    """Rates of false alarms and of detected changes for recordings: from each pose three before and three after it."""
     rig, plant = load_rig("paper"), load_plant("paper", 1)
     calm = estimate_each([run_of(plant, rig, pose, 0, 1.0) for pose in POSES], rig)
     at = calm.names.index("c1/b")

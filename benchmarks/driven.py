@@ -3,10 +3,10 @@
 python benchmarks/driven.py FOLDER [DESIGN ...] [--torque commanded]
 
 FOLDER contains dfki_driven. Two records of each design are fitted, with friction, rotor inertia, drive effects and the
-zero offsets of the encoders in each record. The third record is predicted in windows of 2 s, by this fit and by the
-authors' equations with their published parameters, which this file implements separately. Both predictions of a window
-start from the state that brings them nearest to its first 0.3 s, which the error excludes. The error also excludes the
-first window of the third record, because it determines the zero offsets of the encoders.
+zero offsets of the encoders in each record. The third record is predicted in windows of 2 s: by this fit, and by the
+authors' equations with their published parameters, which this file implements separately. In each window, the initial
+state of each prediction is fitted to the first 0.3 s, which the error excludes. The error also excludes the first
+window of the third record, because it determines the zero offsets of the encoders.
 """
 
 import argparse
@@ -77,7 +77,7 @@ def windows(run: Run) -> list[tuple[Array, Array]]:
 
 
 def begun(foretell: Foretell, t: Array, theta: Array) -> Array:
-    """State (4,) at `PAD` before t[0] from which a model is closest to the first readings."""
+    """Fit the state (4,) of a model at `PAD` before t[0] to the first readings."""
     head = t < t[0] + SETTLE_S
     line = np.polynomial.polynomial.polyfit(t[head] - t[0] + PAD, theta[head], 4)
     found = least_squares(
@@ -87,9 +87,9 @@ def begun(foretell: Foretell, t: Array, theta: Array) -> Array:
 
 
 def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
-    """(n, 2) angles of both rods at `t` by the authors' equations.
+    """Angles (n, 2) of both rods at `t`, simulated with the authors' equations.
 
-    These use joint angles from hanging and rotors with gears.
+    The equations use joint angles from the hanging position, and rotors with gears.
     """
     I1, I2, Ir, n, g = (model[name] for name in ("I1", "I2", "Ir", "gr", "g"))
     l1, m1, m2, r1, r2 = (model[name] for name in ("l1", "m1", "m2", "r1", "r2"))
@@ -127,9 +127,9 @@ def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
 
 
 def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) -> Array:
-    """(n, 2) angles of both rods at `t` by base parameters and effects.
+    """Angles (n, 2) of both rods at `t`, simulated with base parameters and effects.
 
-    The lanes start `PAD` before the first reading.
+    The simulation starts `PAD` before the first reading.
     """
     laid_out = segments([t], setups=[run.setup])
     read = predict(*at, rig_constants(rig), laid_out, state[None])
@@ -137,7 +137,7 @@ def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) ->
 
 
 def errors(run: Run, foretell: Foretell) -> Array:
-    """(windows,) rms errors of both angles after the first readings, rad."""
+    """Rms errors (windows,) of both angles, without the first readings of each window, rad."""
     found = []
     for t, theta in windows(run)[1:]:
         later = t >= t[0] + SETTLE_S
@@ -147,13 +147,13 @@ def errors(run: Run, foretell: Foretell) -> Array:
 
 
 def zeros(run: Run, at: Estimate, rig: Rig) -> Array:
-    """(2,) zero offsets of the encoders of joints 1 and 2 in a record, from its first window, rad."""
+    """Zero offsets (2,) of the encoders of joints 1 and 2 in a record, estimated from its first window, rad."""
     first = record(run.between(run.t[0], run.t[0] + PAD + WINDOW_S), rig)
     return own_zeros(Recordings((first,), rig), at, 25)[0]
 
 
 def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
-    """Ratios, scale, friction, rotor inertia and drive effects, fitted to some records."""
+    """Fit ratios, scale, friction, rotor inertia and drive effects to records."""
     recordings = Recordings(tuple(record(run, rig) for run in in_pieces(runs, ())[0]), rig, exact_torques=True)
     _, problem, bare = fit_bare_model(recordings, nominal_ratios(rig))
     at, names = bare.fit.estimate, list[str]()
@@ -166,7 +166,7 @@ def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
 
 
 def compared(folder: Path, design: str, torque: str) -> list[Bar]:
-    """Bars on one design: two records are fitted, and the third is predicted."""
+    """Results for one design: two records are fitted, and the third is predicted."""
     rig, model, runs = records(folder, design, torque)
     at, unseen = fitted(runs[:2], rig), runs[2]
     print(f"{design}, {torque} torques: b {at.base[1]:.4g} kg m^2, the authors' {model['I2']:.4g}")
@@ -189,7 +189,7 @@ def compared(folder: Path, design: str, torque: str) -> list[Bar]:
 
 
 def main() -> None:
-    """Print the comparison and its bars."""
+    """Print the comparison and its results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("designs", nargs="*", default=DESIGNS)

@@ -6,11 +6,11 @@
 
 Simulated plants are drawn as for blind trials. Three recordings of 5 s are diagnosed, and three from other poses are
 held out. `--mujoco` does the same with rigs in MuJoCo that have one to three of the planted errors of
-`benchmarks/simulator_models.py`. `--driven` uses plants with driven joints, with a random fault of the drives or none;
-the held-out recordings have other torques. Every recording of a real rig is held out once. A single recording is cut
-into pieces, and every second piece is held out. Recordings that spend more than half of their time beyond the fitted
-amplitudes are pooled separately, without a target. The readings of one recording are strongly dependent, so that the
-standard error is that of the mean over recordings.
+`benchmarks/simulator_models.py`. `--driven` uses plants with driven joints, with or without a random fault of the
+drives; the held-out recordings have other torques. Every recording of a real rig is held out once. A single recording
+is cut into pieces, and every second piece is held out. Recordings that spend more than half of their time beyond the
+fitted amplitudes are pooled separately, without a target. The readings of one recording are strongly dependent.
+Therefore the standard error is that of the mean over recordings.
 """
 
 import sys
@@ -79,9 +79,9 @@ def identified(fitted: list[Run], rig: Rig) -> Fitted:
 def bands(
     fit: Callable[[list[Run], Rig], Fitted], fitted: list[Run], held_out: list[Run], rig: Rig, members: int, seed: int
 ) -> Iterator[Tested]:
-    """Bands of an ensemble for held-out recordings.
+    """Compute the bands of an ensemble for held-out recordings.
 
-    Errors are printed.
+    If this is not possible, the error is printed.
     """
     try:
         model, posterior, verdict = fit(fitted, rig)
@@ -116,7 +116,7 @@ def simulated(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) 
 
 
 def elsewhere(rig: Rig) -> Rig:
-    """The rig with changed poses."""
+    """Copy of the rig with other poses."""
     poses = {
         name: pose.model_copy(update={"theta1": pose.theta1 + 0.5, "theta2": pose.theta2 - 0.7})
         for name, pose in rig.poses.items()
@@ -127,7 +127,7 @@ def elsewhere(rig: Rig) -> Rig:
 def in_mujoco(seed: int, members: int, fit: Callable[[list[Run], Rig], Fitted]) -> Iterator[Tested]:
     """Bands of one rig that MuJoCo simulates.
 
-    Its rig file is made from the model without the planted errors.
+    The rig file is created from the model without the planted errors.
     """
     rng = np.random.default_rng([29, seed])
     kinds = [kind for kind in KINDS["xml"] if not kind.startswith("gear")]  # a gear is visible only in driven rods

@@ -5,12 +5,13 @@ signals.
 
     python benchmarks/evaluator.py [--quick] [--json] [--limit path/to/rk4_limit.c]
 
-A ratio is a median over rounds. In each round all programs run in turn on one thread, and CPU time is measured, so that
-other load on the machine affects all programs alike. The C program is compiled without -ffast-math; gcc then still
-fuses multiplications with additions, which the lanes do not. The lead of the C program over the other programs is also
-printed, as a measure of the processor. The gain by threads is measured in wall time, as the best of all rounds. It
-requires idle cores, so that the load is printed. The error of `solve_ivp` with a tolerance of 1e-6 is about ten times
-the error of the lanes with steps of 5 ms; with 1e-8 it is no larger.
+A ratio is a median over rounds. In each round, all programs run in turn on one thread, and CPU time is measured, so
+that other load on the machine affects all programs equally. The C program is compiled without -ffast-math; gcc then
+still uses fused multiply-add, which the batch evaluator ("lanes") does not use. The ratio of the C program to the other
+programs is also printed, because it depends on the processor. The speed-up by threads is measured in wall time, as the
+best of all rounds. It requires idle cores, so the load of the machine is printed. The error of `solve_ivp` with a
+tolerance of 1e-6 is about ten times the error of the batch evaluator with steps of 5 ms; with a tolerance of 1e-8 it is
+not larger.
 """
 
 import os
@@ -55,7 +56,7 @@ print(time.perf_counter() - began)
 
 
 def peers(task: Problem, limit: Path, quick: bool) -> dict[str, Program]:
-    """Every program that can run on this machine.
+    """All programs that can run on this machine.
 
     Slow programs evaluate fewer candidates.
     """
@@ -104,7 +105,7 @@ def seconds(programs: dict[str, Program], rounds: int) -> dict[str, list[float]]
 
 
 def beside_peers(limit: Path, quick: bool) -> list[Bar]:
-    """Bars on ratios of programs on a single thread in the same round."""
+    """Ratios of the times of programs on a single thread in the same round."""
     task = problem(512 if quick else 1024)
     taken = seconds(peers(task, limit, quick), 3 if quick else 9)
 
@@ -141,7 +142,7 @@ def with_an_arm(quick: bool) -> list[Bar]:
 
 
 def on_threads(threads: int, quick: bool) -> list[Bar]:
-    """Gain by all threads relative to a linear gain."""
+    """Speed-up by all threads, relative to a linear speed-up."""
     evaluate, n = lanes(problem(2048)), 2048
     wall: dict[int, list[float]] = {1: [], threads: []}
     cpu: dict[int, list[float]] = {1: [], threads: []}
@@ -178,7 +179,7 @@ def growth(quick: bool) -> tuple[list[Bar], dict[str, dict[int, float]]]:
 
 
 def first_calls() -> list[Bar]:
-    """Seconds of the first call in a new process, with an empty cache and with a full one."""
+    """Time of the first call in a new process, s, with an empty and with a filled kernel cache."""
     command = [sys.executable, "-c", FIRST_CALL]
     with tempfile.TemporaryDirectory() as cache:
         environment = os.environ | {"NUMBA_CACHE_DIR": cache}
@@ -194,7 +195,7 @@ def show_curves(curves: dict[str, dict[int, float]]) -> None:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure all programs and print the results."""
     parser = options(__doc__)
     parser.add_argument("--limit", type=Path, default=LIMIT, metavar="RK4_LIMIT.C", help="C yardstick to compile")
     chosen = parser.parse_args()

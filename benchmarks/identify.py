@@ -4,14 +4,14 @@
 
 Each rig is drawn within 15 % of the rig `paper` and recorded from three poses for 10 s at 200 Hz, with 14-bit encoders
 and half a count of noise. The rods are placed by hand with an error of 10 mrad. A search works in a box around the
-values of the rig `paper` and stops at the first generation that has used up the evaluations. The segment least squares
-of `dpr_lab.identification` then starts from its best candidate. Two rows without a search show the local solver alone:
-from the middle of the box, which is never far from the truth here, and from a random point of the box.
+values of the rig `paper`. It stops at the first generation that exceeds the number of evaluations. The segment least
+squares of `dpr_lab.identification` then starts from its best candidate. Two rows without a search show the local solver
+alone: from the middle of the box, which is never far from the true values here, and from a random point of the box.
 
-before   median over rigs of the largest relative error of the three undamped ratios, a/b, d/b, e1/b
-basin    share of the rigs in which the search's cost fell below twice the cost at the truth
-success  share of the rigs in which the final residual is at most 1.1 of the noise floor
-error    error after the local solver over the Cramer-Rao bound: rms over five ratios, median over rigs
+before   largest relative error of the three ratios without friction (a/b, d/b, e1/b) before the local solver, median
+basin    share of the rigs in which the cost of the search falls below twice the cost of the true parameters
+success  share of the rigs in which the final residual is at most 1.1 times the noise floor
+error    error after the local solver divided by the Cramer-Rao bound: rms over five ratios, median over rigs
 """
 
 import os
@@ -36,7 +36,7 @@ from dpr_lab.search.settings import SearchSettings
 from dpr_lab.shown import percent
 
 TARGETS = {"20 %": 0.99, "50 %": 0.98, "factor 3": 0.95}
-"""Target of the IGA's success in each box."""
+"""Target of the success rate of the improved genetic algorithm in each box."""
 
 NEAR_FLOOR = 1.1
 WITHOUT_SEARCH = ("middle of the box", "random point")
@@ -80,7 +80,7 @@ def settings_of(search: str) -> SearchSettings:
 
 
 def searched(search: str, trial: Trial, rig: Rig, evaluations: int, seed: int) -> tuple[Array, int]:
-    """(9,) best candidate, and the number of evaluations."""
+    """Run a search, and return the best candidate (9,) and the number of evaluations."""
     rng = np.random.default_rng(seed)
     if search == "middle of the box":
         return rig.bounds.mean(axis=0), 0
@@ -94,7 +94,7 @@ def searched(search: str, trial: Trial, rig: Rig, evaluations: int, seed: int) -
 
 
 def outcome(search: str, box: str, trial: Trial, evaluations: int, seed: int) -> Outcome:
-    """Result of one search and of the local solver after it, on one rig."""
+    """Run one search and then the local solver on one rig."""
     rig = boxed(box)
     began = time.perf_counter()
     best, used = searched(search, trial, rig, evaluations, seed)
@@ -117,15 +117,15 @@ def outcome(search: str, box: str, trial: Trial, evaluations: int, seed: int) ->
 
 
 def one_rig(seed: int, searches: Sequence[str], evaluations: int) -> list[Outcome]:
-    """Searches in every box on one rig."""
+    """Run the searches in every box on one rig."""
     trial = draw(seed)
     return [outcome(search, box, trial, evaluations, seed) for box in BOXES for search in searches]
 
 
 def all_rigs(seeds: Sequence[int], searches: Sequence[str], evaluations: int, processes: int) -> Iterator[Outcome]:
-    """Results of each rig when it is done.
+    """Run all rigs in parallel, and yield the results of each rig when it is complete.
 
-    Each process uses one thread, so that seconds are comparable.
+    Each process uses one thread, so that the times are comparable.
     """
     os.environ.update(NUMBA_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
     with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
@@ -157,13 +157,13 @@ def rows(outcomes: Sequence[Outcome]) -> list[Row]:
 
 
 def bars(table: Sequence[Row]) -> list[Bar]:
-    """Bars on the success of the IGA."""
+    """Success rates of the improved genetic algorithm, with targets."""
     reached = {row.box: row.success for row in table if row.search == "iga"}
     return [at_least(f"success of the IGA, box {box}", reached[box], target) for box, target in TARGETS.items()]
 
 
 def beaten(table: Sequence[Row]) -> list[str]:
-    """Sentences for the figures in which another search is better than the IGA."""
+    """Sentences on the results in which another search is better than the improved genetic algorithm."""
     igas = {row.box: row for row in table if row.search == "iga"}
     said = []
     for other in (row for row in table if row.search in ALGORITHMS):
@@ -194,7 +194,7 @@ def show_rows(table: Sequence[Row]) -> None:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the searches and print the results."""
     parser = options(__doc__)
     parser.add_argument("--rigs", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="seed of the first rig")

@@ -3,8 +3,8 @@
     python benchmarks/large_table.py [--rows 6000000] [--quick] [--json]
 
 The text table contains time and two angles of a decaying swing. `dpr-lab import table` reads the table, checks it and
-writes its run. The last bar is relative to a plain loop over the same lines in this process, so that other load on the
-computer has little influence.
+writes a run. The last result is relative to a simple loop over the same lines in this process, so that other load on
+the computer has little influence.
 """
 
 import subprocess
@@ -19,7 +19,7 @@ from _bars import at_least, at_most, options, show
 SECONDS = 15.0
 """Target of the import of six million rows on an idle core, CPU seconds."""
 TIMES_ITS_NUMBERS = 10.0
-"""Target of the memory, relative to the size of the numbers in the file."""
+"""Upper limit of the memory, relative to the size of the numbers in the file."""
 TIMES_A_LOOP = 0.2
 """Target of the rows per second of the whole import, relative to a loop that only splits lines and converts numbers."""
 
@@ -66,7 +66,7 @@ def by_line(file: Path) -> float:
 
 
 def main() -> None:
-    """Write a table, import it in a separate process, and print the bars."""
+    """Write a table, import it in a separate process, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--rows", type=int, default=6_000_000)
     chosen = parser.parse_args()

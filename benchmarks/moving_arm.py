@@ -3,10 +3,11 @@
     python benchmarks/moving_arm.py [--rigs 100] [--first 0] [--step 1] [--quick] [--json]
 
 The rigs are random within 15 % of the rig `paper`, with arms of random inertia and friction. The arm is free or driven
-by a known torque, with both rods or the inner rod alone, in turn. Every eighth rig is integrated by scipy as point
-masses, the others by MuJoCo; neither shares code with dpr-lab. Each rig has two releases of 5 s at 200 Hz, with 14 bits
-and a noise of half a count. The bound is that of whole swings with unknown initial states. With twice the torque,
-swings of both rods are so chaotic that no segment of 5 s can be integrated, so that this bound cannot be reached.
+by a known torque, with both rods or the inner rod alone, in turn. Every eighth rig is simulated by SciPy as point
+masses, the others by MuJoCo. Neither shares code with dpr-lab. Each rig has two releases of 5 s at 200 Hz, with 14-bit
+encoders and a noise of half a count. The Cramer-Rao bound is that of whole swings with unknown initial states. With
+twice the torque, swings of both rods are so chaotic that no segment of 5 s can be integrated. The bound can then not be
+reached.
 """
 
 import sys
@@ -67,7 +68,7 @@ def rig_of(mode: str, rods: str) -> Rig:
 
 
 def recorded(rig: Rig, swing: Array, torque: Array | None, t: Array, rng: np.random.Generator, name: str) -> Run:
-    """Recording of a swing (n, 3), in counts."""
+    """Convert a simulated swing (n, 3) to a recording in counts."""
     counts = np.rint(rig.positions(swing) + rng.normal(0, rig.encoders.noise_counts, swing.shape)).astype(np.int64)
     theta = rig.theta(counts)
     if rig.rods.mounted == "inner":
@@ -79,7 +80,7 @@ def recorded(rig: Rig, swing: Array, torque: Array | None, t: Array, rng: np.ran
 
 
 def answer(seed: int) -> Answer:
-    """Draw, record and identify one rig."""
+    """Draw, record and identify one rig, and return its errors."""
     rng, kind = np.random.default_rng(seed), KINDS[seed % len(KINDS)]
     rig, engine = rig_of(*kind), "scipy" if seed // len(KINDS) % 8 == 0 else "MuJoCo"
     t = np.arange(round(SWING_S * RATE_HZ)) / RATE_HZ
@@ -122,7 +123,7 @@ def true_ratios(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """True value and Cramer-Rao bound of each ratio.
 
-    The bound is the least standard deviation from whole swings with unknown initial states.
+    The bound is the smallest possible standard deviation from whole swings with unknown initial states.
     """
     base, held = mounted(np.maximum(Z, 1e-300), (rig.L0, rig.L1, rig.g), arm)
     scale = base.b if rig.rods.mounted == "both" else Z[7] + Z[2] * Z[0] ** 2
@@ -171,7 +172,7 @@ def bars(answers: list[Answer]) -> list[Bar]:
 
 
 def main() -> None:
-    """Draw, identify, print."""
+    """Draw and identify the rigs, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--rigs", type=int, default=100, help="number of rigs (default: %(default)s)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first")

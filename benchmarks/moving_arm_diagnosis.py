@@ -1,4 +1,4 @@
-"""First names of the diagnosis in blind cases of rigs with a free or driven arm and one fault, simulated by MuJoCo.
+"""Diagnosis of simulated rigs (MuJoCo) with a free or driven arm and one fault: correctness of the first named effect.
 
 python benchmarks/moving_arm_diagnosis.py --cases 15 --clean 5
 """
@@ -29,10 +29,11 @@ FREE = (
 
 
 def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple[bool, bool, float, str]:
-    """Result of one case.
+    """Simulate and diagnose one case.
 
     Returns:
-        Whether the first name is correct, whether a wrong name is confident, CPU seconds, and the printed line.
+        Whether the first named effect is correct, whether an incorrect effect has a high probability, CPU time, s, and
+        the printed line.
     """
     rng = np.random.default_rng(seed)
     largest = 0.25 if both else 0.12

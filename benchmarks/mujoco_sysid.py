@@ -3,18 +3,18 @@
     python -m pip install "mujoco[sysid]>=4"
     python benchmarks/mujoco_sysid.py [--quick] [--json] [--rigs N]
 
-All programs use the same recordings and start from the middle of the same box. They receive the same start states of
+All programs use the same recordings and start from the middle of the same box. They receive the same initial states of
 the segments, which the smoother of `dpr-lab` estimates. Their methods differ:
 
-mujoco.sysid               Gauss-Newton within the box over all nine parameters, with the toolbox's defaults; start
-                           states stay fixed, because the toolbox has no other option
-dpr-lab, start states kept five ratios by scipy's least squares; start states also stay fixed
-dpr-lab, no search         the local solver of `identify`; start states are estimated together with the ratios
+mujoco.sysid               Gauss-Newton within the box over all nine parameters, with the defaults of the toolbox;
+                           initial states stay fixed, because the toolbox has no other option
+dpr-lab, start states kept least squares of SciPy over the five ratios; initial states also stay fixed
+dpr-lab, no search         the local solver of `identify`; initial states are estimated together with the ratios
 
-Only ratios are compared, because a free swing determines nothing else.
+Only ratios are compared, because a free swing does not determine other quantities.
 
 error        median over rigs of the largest relative error of the five ratios
-over bound   error over the Cramer-Rao bound: rms over the five ratios, median over rigs
+over bound   error divided by the Cramer-Rao bound: rms over the five ratios, median over rigs
 """
 
 import logging
@@ -54,7 +54,7 @@ class Row:
 
 
 def states_kept(trial: Trial, rig: Rig, length: float) -> Array:
-    """The method of the toolbox with the simulation of dpr-lab: joint angles of segments from fixed start states."""
+    """Estimate the ratios (5,) from fixed initial states, as the toolbox does, with the simulation of dpr-lab."""
     problem, starts = segmented(trial.runs, rig, length)
     pieces = np.split(problem.t, problem.segments.offsets[1:-1])
 
@@ -68,7 +68,7 @@ def states_kept(trial: Trial, rig: Rig, length: float) -> Array:
 
 
 def no_search(trial: Trial, rig: Rig) -> Array:
-    """Ratios of the local solver alone."""
+    """Estimate the ratios (5,) with the local solver alone."""
     return polish(rig.bounds.mean(axis=0), trial.runs, rig).ratios
 
 
@@ -79,7 +79,7 @@ def programs() -> dict[str, Program]:
         from _mujoco_toolbox import toolbox
     except ImportError as error:
         hint = "it needs the extra `sysid` of MuJoCo 4 or newer: pip install 'mujoco[sysid]>=4'"
-        print(f"MuJoCo's toolbox is left out: {hint} ({error})", file=sys.stderr)
+        print(f"MuJoCo's toolbox is not tested: {hint} ({error})", file=sys.stderr)
     else:
         made |= {f"{TOOLBOX}, {s:g} s": partial(toolbox, length=s) for s in SEGMENTS_S}
     made |= {f"dpr-lab, start states kept, {s:g} s": partial(states_kept, length=s) for s in SEGMENTS_S}
@@ -87,7 +87,7 @@ def programs() -> dict[str, Program]:
 
 
 def measured(box: str, name: str, program: Program, trials: Sequence[Trial]) -> Row:
-    """Results of one program on all rigs, in one box."""
+    """Run one program on all rigs, in one box."""
     rig, seconds, errors, bounds = boxed(box), [], [], []
     for trial in trials:
         began = time.perf_counter()
@@ -100,7 +100,7 @@ def measured(box: str, name: str, program: Program, trials: Sequence[Trial]) -> 
 
 
 def bars(table: Sequence[Row]) -> list[Bar]:
-    """Bars on the error of the local solver, relative to the best error of the toolbox."""
+    """Error of the local solver, relative to the smallest error of the toolbox."""
     made = []
     for box in dict.fromkeys(row.box for row in table):
         name = f"{box}: error of {OURS} over the toolbox's best"
@@ -118,7 +118,7 @@ def show_rows(table: Sequence[Row]) -> None:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run all programs and print the results."""
     parser = options(__doc__)
     parser.add_argument("--rigs", type=int, default=3)
     chosen = parser.parse_args()

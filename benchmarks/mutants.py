@@ -1,4 +1,4 @@
-"""Mutation test of the numerical core and of the protocol: share of single faults that the tests detect.
+"""Mutation test of the numerical core and of the protocol: share of artificial faults that the tests detect.
 
     python benchmarks/mutants.py [--only AREA ...] [--seed N] [--quick] [--json] [--compare OLD.json]
 
@@ -6,9 +6,9 @@ Each mutant is the program with one change: an operator, a comparison, a constan
 random, and the same for the same seed and sources. A mutant runs in a copy of the repository against the fast tests of
 its area until one fails; tests that name its module run first. A mutant survives if all tests pass. A survivor shows a
 missing test, or a change without effect. With --compare, each mutant of an earlier table (--json) runs against the
-present tests.
+current tests.
 
-Compiled functions are compiled again for each mutant, which takes one to two minutes. All others use one cache.
+Compiled functions are compiled again for each mutant, which takes one to two minutes. All other mutants use one cache.
 """
 
 import ast
@@ -104,7 +104,7 @@ class Mutant:
 
 
 def sites(area: str, path: Path) -> Iterator[Mutant]:
-    """Every possible mutant of one file."""
+    """Yield all possible mutants of one file."""
     source = path.read_bytes()
     tree = ast.parse(source)
     calls = (
@@ -167,9 +167,9 @@ def mutated(node: ast.expr | ast.stmt) -> str | None:
 
 
 def chosen(seed: int, area: str, number: int) -> list[Mutant]:
-    """Random mutants of an area.
+    """Select random mutants of an area.
 
-    Each round takes one mutant from every file, in random order, until there are enough.
+    Each round selects one mutant from every file, in random order, until there are enough.
     """
     draw = random.Random(f"{seed} {area}")
     files = {path: list(sites(area, path)) for path in sorted((ROOT / AREAS[area].package).rglob("*.py"))}
@@ -182,9 +182,9 @@ def chosen(seed: int, area: str, number: int) -> list[Mutant]:
 
 
 def copy_of_the_repository(folder: Path) -> Path:
-    """Copy of the repository whose kernel cache does not depend on the sources.
+    """Copy the repository, with a kernel cache that does not depend on the sources.
 
-    Only mutants of compiled functions need a cache of their own.
+    Only mutants of compiled functions need a separate cache.
     """
     copy = folder / "copy"
     listed = ("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
@@ -202,7 +202,7 @@ def copy_of_the_repository(folder: Path) -> Path:
 
 
 def tests_of(area: str, file: str) -> list[str]:
-    """Test files of an area, with those that name the module first."""
+    """Test files of an area. Those that mention the module come first."""
     module = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     tests = sorted(path for pattern in AREAS[area].tests for path in ROOT.glob(pattern))
     tests.sort(key=lambda path: module not in path.read_text(encoding="utf-8"))
@@ -227,7 +227,7 @@ def failed_test(copy: Path, tests: list[str], cache: Path) -> str:
 
 
 def tried(mutant: Mutant, copy: Path, cache: Path) -> Mutant:
-    """A mutant with the first test that detects it."""
+    """Run the tests on a mutant, and return it with the first test that fails."""
     path = copy / mutant.file
     source, stamp = path.read_bytes(), path.stat()
     end = mutant.start + len(mutant.before.encode())
@@ -246,7 +246,7 @@ def tried(mutant: Mutant, copy: Path, cache: Path) -> Mutant:
 
 
 def main() -> None:
-    """Run the mutants, print one line for each, then the bars."""
+    """Run the mutants, print one line for each, and then the results."""
     parser = options(__doc__)
     parser.add_argument("--only", nargs="+", choices=AREAS, default=list(AREAS), help="areas")
     parser.add_argument("--seed", type=int, default=SEED)

@@ -2,12 +2,12 @@
 
     python benchmarks/plan_bounds.py
 
-For ratios, an exchange algorithm chooses the best three poses of a grid. The figure is the geometric mean of the
-standard deviations of the ratios, relative to those after X1, X2, X3. The search is then repeated with one rod, a
-clamped elbow and added masses; all these releases have 10 s. For causes, the figure is the number of releases until one
-amplitude of the library is decided, for sizes of one to ten times the smallest size that the average release of the
-menu shows. An oracle knows the cause and uses the best pose for it. Both figures are computed for the duration of the
-menu's releases and for 30 s. The minutes are those of `dpr-lab plan` for placing and recording.
+For ratios, an exchange algorithm chooses the best three poses of a grid. The criterion is the geometric mean of the
+standard deviations of the ratios, relative to those after X1, X2, X3 (the fixed menu). The search is then repeated with
+one rod, a clamped elbow and added masses; all these releases last 10 s. For causes, the criterion is the number of
+releases until one amplitude of the library is decided. The sizes are one to ten times the minimum detectable size of an
+average release of the menu. An oracle knows the cause and uses the best pose for it. Both criteria are computed for the
+duration of the menu's releases and for 30 s. Minutes for placing and recording are those of `dpr-lab plan`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -130,7 +130,7 @@ def best_ratios(known: Knowledge, menu_std: Array, H: Array) -> tuple[float, NDA
 def powers(known: Knowledge, H: Array) -> dict[str, Array]:
     """Information about each amplitude, per unit squared.
 
-    The first number is the whole information, the second the part that the nearest other effect cannot imitate.
+    The first number is the whole information. The second is the part orthogonal to the most similar other effect.
     """
     columns = list(range(RATIO_COLUMNS, len(known.prior)))
     G = given(known.prior + H, known.fitted, columns) - known.prior[np.ix_(columns, columns)]
@@ -153,7 +153,7 @@ def powers(known: Knowledge, H: Array) -> dict[str, Array]:
 def needed(powers_after: Sequence[Array], size: float) -> int:
     """Number of releases until an amplitude of this size is decided.
 
-    One more than the given releases if it stays undecided.
+    If it stays undecided, one more than the number of given releases.
     """
     for number, (power, distinct) in enumerate(powers_after, 1):
         margin = STOPPING.margin if number == 1 else SIGMAS
@@ -197,7 +197,7 @@ def planned_poses(rig: Rig, duration_s: float) -> tuple[list[tuple[float, float]
 
 
 def ratio_bars(rig: Rig, planned_std: Mapping[float, Array], quick: bool) -> list[Bar]:
-    """Bars on the standard deviations of the ratios after three releases, relative to those after the menu."""
+    """Standard deviations of the ratios after three releases, relative to those after the menu."""
     known, times = only_ratios(rig), BOUNDS.duration_s
     menu = information(known, [(pose.theta1, pose.theta2) for pose in rig.poses.values()], times)
     menu_std = ratio_std(known, known.prior + menu.sum(axis=0))
@@ -220,7 +220,7 @@ def ratio_bars(rig: Rig, planned_std: Mapping[float, Array], quick: bool) -> lis
 
 
 def main() -> None:
-    """Compare plan and bounds with the menu."""
+    """Compare the plan and the bounds with the fixed menu, and print the results."""
     args = options(__doc__).parse_args()
     rig, durations = load_rig("paper"), (BOUNDS.duration_s, BOUNDS.longest_s)
     known = known_before(rig)

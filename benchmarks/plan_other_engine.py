@@ -1,4 +1,4 @@
-"""Releases needed to decide the cause on plants in MuJoCo: by plan, by the fixed menu, and at random.
+"""Number of releases needed to decide the cause on plants in MuJoCo: by plan, by a fixed menu, and at random.
 
     python benchmarks/plan_other_engine.py --plants 10
 
@@ -7,9 +7,9 @@ average release of the menu shows. Releases of each plant are recorded until its
 check can decide, as in `dpr-lab trials campaign --plan`. A plant that stays undecided counts as one release more than
 the maximum.
 
-`--first N` searches for the minimum of each plant. If no strategy decided with one release, N other first releases are
-recorded and diagnosed one by one. If one of them decides, the minimum is one, otherwise the least number of all
-strategies.
+`--first N` estimates the minimum for each plant. If no strategy decides the cause with one release, N other first
+releases are recorded and diagnosed one by one. If one of them decides, the minimum is one; otherwise it is the smallest
+number of all strategies.
 """
 
 import sys
@@ -120,7 +120,7 @@ class Plant:
         return theta
 
     def record(self, release: CandidateRelease, rng: np.random.Generator) -> Run:
-        """Recording of a release by hand, in counts."""
+        """Record a release by hand, in counts."""
         rate, encoders = self.rig.link.rate_hz, self.rig.encoders
         t = np.arange(-round(REST_S * rate), round(release.duration_s * rate) + 1) / rate
         start = np.array([release.theta1, release.theta2]) + rng.normal(0, PLACEMENT_STD, 2)
@@ -145,7 +145,7 @@ class Plant:
 
 
 def drawn(seed: int) -> Plant:
-    """Random plant. Every fifth one has no effect."""
+    """Draw a random plant. Every fifth plant has no effect."""
     rng, paper = np.random.default_rng([seed, 28]), load_rig("paper")
     Z = paper.nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
     described = paper.model_dump(exclude_none=True)
@@ -166,7 +166,7 @@ def drawn(seed: int) -> Plant:
 
 
 def is_right(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
-    """Whether the last diagnosis names the effect or its class, or nothing on a plant without an effect."""
+    """Whether the last diagnosis names the effect or its class, or no effect on a plant without an effect."""
     effects = looks[-1].diagnosis.effects
     names = {name for effect in effects for name in (effect.name, *effect.members)}
     return plant.effect in names if plant.effect else not effects
@@ -206,7 +206,7 @@ def _judged(right: bool, true: bool) -> str:
 
 
 def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> list[Bar]:
-    """Bars on the number of releases until decided, and on right and true answers."""
+    """Number of releases until decided, and shares of correct and of true diagnoses."""
     counts = {name: [_count(looks) for looks, *_ in each] for name, each in results.items()}
     mean = {name: float(np.mean(each)) for name, each in counts.items()}
     made = []
@@ -242,7 +242,7 @@ def _as_outcome(look: SequentialLook) -> dict[str, Any]:
 
 
 def _of_plans(name: str, played_looks: Sequence[Sequence[SequentialLook]]) -> list[Bar]:
-    """Bars on the calibration of the forecasts and the time of the plans of one strategy; none without plans."""
+    """Calibration of the forecasts and time of the plans of one strategy; empty without plans."""
     claims = [claim for looks in played_looks for claim in forecast_claims([_as_outcome(look) for look in looks])]
     seconds = [look.plan_seconds for looks in played_looks for look in looks if look.plan_seconds is not None]
     made = list[Bar]()
@@ -258,7 +258,7 @@ def _of_plans(name: str, played_looks: Sequence[Sequence[SequentialLook]]) -> li
 
 
 def main() -> None:
-    """Draw, play, print."""
+    """Draw the plants, apply each strategy, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0, help="of the first plant")

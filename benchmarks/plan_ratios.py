@@ -2,11 +2,11 @@
 
     python benchmarks/plan_ratios.py --plants 4 --repeats 5 --seed 1
 
-Plants without an effect are recorded by the menu (X1, X2, X3 of 10 s) and by plans made before any recording, then
-identified. There are three plans: without options, with as many minutes at the rig as the menu including placing, and
-with three releases of 10 s. Each plan is recorded several times, with other placements by hand and other noise. Two
-figures are compared with those of the menu: the standard deviations that `identify` states, and the rms error of the
-ratios over the repeats. Both are geometric means over the five ratios and over the plants.
+Plants without an effect are recorded by the fixed menu (X1, X2, X3 of 10 s) and by plans made before any recording, and
+then identified. There are three plans: without options, with the same minutes at the rig as the menu (including
+placing), and with three releases of 10 s. Each plan is recorded several times, with other placement errors and other
+noise. Two quantities are compared with those of the menu: the standard deviations that `identify` states, and the rms
+error of the ratios over the repeats. Both are geometric means over the five ratios and over the plants.
 """
 
 import sys
@@ -67,7 +67,7 @@ def planned(rig: Rig) -> dict[str, list[CandidateRelease]]:
 
 
 def accuracy(plant: Plant, releases: list[CandidateRelease], repeats: int, rng: np.random.Generator) -> Accuracy:
-    """Accuracy of the ratios over several recordings of the same releases."""
+    """Identify several recordings of the same releases, and return the accuracy of the ratios."""
     stated, errors = [], []
     true = ratios(base_parameters(plant.Z, plant.rig.L1, plant.rig.g))
     for _ in range(repeats):
@@ -97,7 +97,7 @@ def _mean(values: Array) -> float:
 
 
 def main() -> None:
-    """Draw, plan, record, identify, print."""
+    """Draw the plants, plan, record and identify, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=4)
     parser.add_argument("--repeats", type=int, default=5, help="recordings of each plan")

@@ -5,11 +5,12 @@
 Each recording is fitted alone, and free runs of the fit predict the other recordings. The error of the chosen recording
 is compared with the median over all choices. The choice is made before any fit: it is the recording whose range of
 joint angles and speeds contains the largest share of the states of the others. A fit compensates for effects that the
-model lacks. Within the range of the fitted recording, the prediction remains close to the readings; beyond it, the
-compensation does not hold, however accurate the parameters are. Information about parameters, or about amplitudes of a
-library, does not describe this limit (docs/benchmarks.md has figures for both). `dpr-lab plan`, which proposes new
-recordings, does not use this criterion. Source: J. Brynjarsdottir & A. O'Hagan (2014), Learning about physical
-parameters: the importance of model discrepancy, Inverse Problems 30, 114007.
+model lacks. The compensation is valid only within the range of the fitted recording, even if the parameters are
+accurate. Information about parameters, or about amplitudes of a library, does not describe this limit
+(docs/benchmarks.md lists results for both). `dpr-lab plan`, which proposes new recordings, does not use this criterion.
+
+Source: J. Brynjarsdottir & A. O'Hagan (2014), Learning about physical parameters: the importance of model discrepancy,
+Inverse Problems 30, 114007.
 """
 
 import sys
@@ -96,7 +97,7 @@ def held_out_errors(rig: Rig, runs: list[Run], chosen: int) -> dict[str, float]:
 
 
 def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
-    """Bar on the error of the chosen recording relative to the median over all choices.
+    """Error of the chosen recording relative to the median over all choices.
 
     The error of a choice is its median over the recordings that every fit predicts.
     """
@@ -116,10 +117,10 @@ def bars(name: str, rig: Rig, runs: list[Run]) -> list[Bar]:
 
 
 def main() -> None:
-    """Import, rate, fit, print."""
+    """Import the recordings, choose and fit, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--data", type=Path, required=True, help="folder of the real recordings")
-    parser.add_argument("--only", default="", help="sets whose name begins so")
+    parser.add_argument("--only", default="", help="use only sets whose name begins with this text")
     args = parser.parse_args()
     each = [(name, *read(args.data)) for name, read in SETS.items() if name.startswith(args.only)]
     every = [bars(name, rig, runs[:3] if args.quick else runs) for name, rig, runs in each]

@@ -88,7 +88,7 @@ class Fold:
 
     @property
     def closed(self) -> float:
-        """Share of the gap that closes on the held-out data."""
+        """Gap reduction on the held-out data, as a share."""
         return self.diagnosis.gap.closed_held_out.estimate
 
     @property
@@ -170,7 +170,7 @@ def _one_rod(folder: Path) -> Iterator[RealRig]:
 
 
 def _drafted(name: str, length: float, mass: float, counts: int) -> Rig:
-    """Rig with one rod, of which only length, mass and encoder are known."""
+    """Create a rig with one rod, of which only length, mass and encoder are known."""
     rod = Measure(mass)
     measures = RigMeasures(name, length, length, rod, rod, counts_per_rev=counts)
     return parse_rig(draft_rig(measures)).with_rods("inner")
@@ -214,7 +214,7 @@ def _with_drives(
     files: list[Path],
     options: ImportOptions,
 ) -> RealRig:
-    """Rig with geared drives, of which lengths and masses are known."""
+    """Create a rig with geared drives, of which only lengths and masses are known."""
     masses = Measure(model["m1"]), Measure(model["m2"])
     name = title.replace("double pendulum, design", "").lower().split(",")[0]
     rig = geared(rezeroed(parse_rig(draft_rig(RigMeasures(name, *lengths, *masses)))))
@@ -224,7 +224,7 @@ def _with_drives(
 def _rotary(folder: Path) -> Iterator[RealRig]:
     """Arm, rod and motor of a Furuta pendulum.
 
-    Its two recordings have different inputs, so that each is cut into parts.
+    The two recordings have different inputs. Therefore each is a separate rig and is cut into parts.
     """
     files = {name: folder / f"{name}.csv" for name in ("free_rod_2023", "sine_4V")}
     known = json.loads(files["sine_4V"].with_suffix(".json").read_text(encoding="utf-8"))["parameters"]
@@ -260,7 +260,7 @@ def diagnosed(real: RealRig) -> Iterator[Fold]:
 
 
 def section(real: RealRig, folds: list[Fold]) -> str:
-    """Section on one rig: its diagnoses, compared with the published model on the same held-out recordings."""
+    """Write the section on one rig: diagnoses, and comparison with the published model on the same held-out runs."""
     lines = [f"## {real.title}", "", real.known, ""]
     for fold in folds:
         low, high = fold.diagnosis.gap.closed_held_out.interval90
@@ -282,7 +282,7 @@ def section(real: RealRig, folds: list[Fold]) -> str:
 
 
 def summary(diagnoses: list[tuple[RealRig, list[Fold]]]) -> str:
-    """Table with a row for every held-out recording, then the median and the worst of all."""
+    """Write a table with a row for every held-out recording, then the median and the worst of all."""
     rows = [
         [
             real.title,
@@ -307,7 +307,7 @@ def summary(diagnoses: list[tuple[RealRig, list[Fold]]]) -> str:
 
 
 def _compared(real: RealRig, fold: Fold, published: Published) -> tuple[list[str], list[str]]:
-    """Table of ratios and table of free runs on held-out recordings, with the published model in one column."""
+    """Write tables of ratios and of free runs on held-out recordings, with the published model in one column."""
     _, unseen, _ = in_pieces(fold.fitted, fold.unseen)
     base = base_parameters([published.Z[name] for name in PARAMETERS], real.rig.L1, real.rig.g)
     diagnosis = fold.diagnosis

@@ -2,11 +2,11 @@
 
     python benchmarks/simulator_models.py [--trials 40] [--first 0] [--quick] [--json]
 
-Each trial gives two results: whether the first cause is the planted one, and the error of free runs of the corrected
-file from poses that were not recorded. The number of a trial determines the kind, size and format of its error; the
+Each trial has two results: whether the first cause is the planted error, and the error of free runs of the corrected
+file from poses that were not recorded. The number of a trial determines kind, size and format of its error; the
 diagnosis sees only the file and the recordings. MJCF and URDF models run in MuJoCo, SDFormat models in Drake, which has
-no Coulomb friction. A gear is visible only in driven rods. In its trials the motors follow known inputs, and the
-torques of the recordings are computed with the gears of the file.
+no Coulomb friction. A wrong gear is visible only in driven rods. In these trials, the motors follow known inputs, and
+the torques of the recordings are computed with the gears of the file.
 """
 
 import sys
@@ -158,7 +158,7 @@ class Result:
     after_mrad: float
     changed: str
     outside: tuple[str, ...]
-    """Differences of the XML trees other than the change of the planted error."""
+    """Differences of the XML trees, without the correction of the planted error."""
 
     @property
     def reduction(self) -> float:
@@ -167,9 +167,10 @@ class Result:
 
 
 def differences(before: str, after: str) -> list[str]:
-    """Tag and attribute, or tag of a text or comment, of each difference between two XML trees.
+    """List the differences between two XML trees: tag and attribute, or tag of a text or comment.
 
-    Everything if elements differ.
+    Raises:
+        ValueError: the trees have different numbers of elements.
     """
     trees = [fromstring(text, XMLParser(target=TreeBuilder(insert_comments=True))) for text in (before, after)]
     pairs = list(zip(*(tree.iter() for tree in trees), strict=True))
@@ -185,7 +186,7 @@ def differences(before: str, after: str) -> list[str]:
 
 
 def trial(number: int) -> Result:
-    """Plant, record, diagnose, correct, and simulate freely."""
+    """Plant an error, record, diagnose and correct the model, and simulate free runs."""
     rng = np.random.default_rng([29, number])
     form = ("xml", "xml", "urdf", "sdf")[number % 4]
     kind = str(rng.choice(KINDS[form]))
@@ -227,7 +228,7 @@ def trial(number: int) -> Result:
 
 
 def main() -> None:
-    """Print a table of all trials, then the bars."""
+    """Print a table of all trials, then the results."""
     parser = options(__doc__)
     parser.add_argument("--trials", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)

@@ -1,4 +1,4 @@
-"""Long recordings in real time: lost samples, growth of memory, and use of a core.
+"""Long recordings in real time: lost samples, growth of memory, and CPU load.
 
     python benchmarks/soak.py [--jobs serial can serial-4khz] [--minutes M] [--quick] [--json]
 
@@ -47,7 +47,7 @@ def resident_mb() -> float:
 
 
 def record(name: str, seconds: float, folder: str) -> dict[str, float]:
-    """Losses and costs of one capture."""
+    """Record one capture, and return its losses, memory and CPU load."""
     from dpr_lab.acquisition.capture import CaptureOptions, Progress, SwingReading, capture
     from dpr_lab.acquisition.device import Device
     from dpr_lab.acquisition.settings import CAPTURE_SETTINGS
@@ -110,9 +110,9 @@ def _bars(name: str, minutes: float, found: dict[str, float]) -> list[Bar]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run all jobs and print the results."""
     parser = options(__doc__)
-    parser.add_argument("--minutes", type=float, help="how long each job records")
+    parser.add_argument("--minutes", type=float, help="duration of each job, minutes")
     parser.add_argument("--jobs", nargs="+", choices=JOBS, default=list(JOBS))
     chosen = parser.parse_args()
     minutes = {name: 1.0 if chosen.quick else chosen.minutes or JOBS[name].minutes for name in chosen.jobs}

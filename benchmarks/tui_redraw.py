@@ -1,9 +1,9 @@
-"""The bench screen, idle and during a recording at 1 kHz: frames drawn, use of a core, and lost samples.
+"""Terminal user interface, idle and during a recording at 1 kHz: number of frames, CPU load, and lost samples.
 
     python benchmarks/tui_redraw.py [--seconds 30] [--width 160] [--height 48] [--quick] [--json]
 
-The real application runs in a separate process on a pseudo terminal, which is read as by a terminal. Its recorder and a
-simulated device run in real time.
+The application runs in a separate process on a pseudo-terminal. This program reads its output like a terminal. The
+recorder and a simulated device run in real time.
 """
 
 import fcntl
@@ -37,9 +37,9 @@ seen."""
 
 
 def operate(folder: str, seconds: float) -> None:
-    """Run the application on the pseudo terminal.
+    """Run the application on the pseudo-terminal.
 
-    A pilot releases once and writes its observations to a file.
+    An automatic operator releases the rods once, and writes the measurements to a file.
     """
     import asyncio
     import time
@@ -102,7 +102,7 @@ def watch(folder: str, seconds: float, width: int, height: int) -> dict[str, flo
     """Run the application on a terminal of a given size.
 
     Returns:
-        Its observations, and the number of bytes that it drew.
+        Measurements of the automatic operator, and the number of bytes that the application wrote.
     """
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", height, width, 0, 0))
@@ -129,12 +129,12 @@ def watch(folder: str, seconds: float, width: int, height: int) -> dict[str, flo
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the application and print the results."""
     parser = options(__doc__)
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--width", type=int, default=160, help="columns")
     parser.add_argument("--height", type=int, default=48, help="rows")
-    parser.add_argument("--operate", metavar="FOLDER", help="be the app; for this program's own use")
+    parser.add_argument("--operate", metavar="FOLDER", help="run the application; only for use by this program")
     chosen = parser.parse_args()
     if chosen.operate:
         operate(chosen.operate, chosen.seconds)

@@ -2,9 +2,9 @@
 
     python benchmarks/uncertainty.py [--rigs 200] [--rates 200 1000] [--processes N] [--quick] [--json]
 
-The rigs are random within 15 % of the rig `paper`. Each has three poses of 10 s, 14 bits, a noise of half a count, and
-rods placed by hand. The true swing is integrated in steps of a quarter of a millisecond. The local solver starts within
-2 % of the true parameters; benchmarks/identify.py tests whether the search comes this close.
+The rigs are random within 15 % of the rig `paper`. Each rig is recorded from three poses for 10 s, with 14-bit
+encoders, a noise of half a count, and rods placed by hand. The true swing is integrated in steps of 0.25 ms. The local
+solver starts within 2 % of the true parameters; benchmarks/identify.py tests whether a search comes this close.
 """
 
 import os
@@ -23,11 +23,11 @@ START_WITHIN = 0.02
 
 
 def one(job: tuple[int, int]) -> tuple[list[float], list[float], list[bool], float, int]:
-    """Result of one rig.
+    """Record and identify one rig.
 
     Returns:
-        Errors over the Cramer-Rao bound and over the stated standard deviation, hits of the 90 % intervals, chi-square,
-        and number of segments.
+        Errors divided by the Cramer-Rao bound and by the stated standard deviation, whether each 90 % interval contains
+        the true value, chi-square, and number of segments.
     """
     seed, rate_hz = job
     trial = draw(seed, rate_hz)
@@ -47,7 +47,7 @@ def _single_thread() -> None:
 
 
 def bars_at(rate_hz: int, rigs: int, processes: int) -> list[Bar]:
-    """Bars at one sample rate."""
+    """Results at one sample rate."""
     with get_context("spawn").Pool(processes, _single_thread) as pool:
         results = pool.map(one, [(seed, rate_hz) for seed in range(rigs)], chunksize=1)
     over_bound, over_std, inside = (np.array([result[k] for result in results]) for k in range(3))
@@ -66,7 +66,7 @@ def bars_at(rate_hz: int, rigs: int, processes: int) -> list[Bar]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Identify all rigs and print the results."""
     parser = options(__doc__)
     parser.add_argument("--rigs", type=int, default=200)
     parser.add_argument("--rates", type=int, nargs="+", default=[200, 1000], help="Hz")

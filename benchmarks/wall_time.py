@@ -1,12 +1,12 @@
-"""Waiting time of a user: seconds of `identify` on three recordings, and of the published search.
+"""Wall time of `identify` on three recordings, and of the published search.
 
     python benchmarks/wall_time.py [--quick] [--json]
 
 `identify` consists of the improved genetic algorithm, the local solver and the intervals. It uses three poses of 10 s
 at 200 Hz; the figure is the median over several seeds, with all code compiled before. The published search
 (docs/theory.md) has M = 200, 1000 generations, and E(Z) over 10 s from three poses. With --quick it ends after 50
-generations, and its seconds are scaled. Both figures are wall seconds on all cores. Other load on the machine lengthens
-them, so that the load and the figures on one thread are also printed.
+generations, and its time is scaled. Both results are wall times on all cores. They increase with other load on the
+machine, so the load and the times on one thread are also printed.
 """
 
 import os
@@ -30,7 +30,7 @@ FEW = 50
 
 
 def identified(runs: list[Run], seeds: int) -> float:
-    """Median seconds of `identify` over seeds."""
+    """Median wall time of `identify` over seeds, s."""
     rig, taken = load_rig("paper"), []
     for seed in range(seeds):
         began = time.perf_counter()
@@ -40,7 +40,7 @@ def identified(runs: list[Run], seeds: int) -> float:
 
 
 def searched(generations: int) -> tuple[float, int]:
-    """Seconds of the published search, scaled to all generations, and its number of evaluations."""
+    """Wall time of the published search, s, scaled to all generations, and its number of evaluations."""
     rig, settings = load_rig("paper"), load_search("paper")
     assert isinstance(settings, IgaSettings)
     found = run_search(SearchCase("sum", "off", 0), rig, settings.model_copy(update={"generations": generations}))
@@ -48,7 +48,7 @@ def searched(generations: int) -> tuple[float, int]:
 
 
 def on(threads: int, measure: Callable[[], float]) -> float:
-    """Result of `measure` on a given number of threads."""
+    """Call `measure` on a given number of threads and return its result."""
     before = numba.get_num_threads()
     numba.set_num_threads(threads)
     try:
@@ -58,7 +58,7 @@ def on(threads: int, measure: Callable[[], float]) -> float:
 
 
 def measure(quick: bool) -> list[Bar]:
-    """All bars of the table."""
+    """Measure all results of the table."""
     threads = numba.get_num_threads()
     runs, seeds = [item.run for item in draw(0).runs], 3 if quick else 7
     identified(runs, 1)
@@ -74,7 +74,7 @@ def measure(quick: bool) -> list[Bar]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure all results and print them."""
     chosen = options(__doc__).parse_args()
     load = os.getloadavg()[0]
     bars = measure(chosen.quick)
