@@ -46,7 +46,7 @@ class Bounds:
     duration_s: float = 10.0
     """Duration of the menu's releases, s."""
     longest_s: float = 30.0
-    """Maximum duration of a release in a plan by default, s."""
+    """Default of the maximum duration of a planned release, s."""
     releases: int = 3
     grid: int = 36
     """Number of angles of each rod in the grid for the ratios."""

@@ -24,7 +24,7 @@ class Batch:
     rows: tuple[AnyRow, ...]
     """Samples with unwrapped ticks and positions, and with their torques if the device has drives."""
     messages: tuple[Message, ...]
-    """All other messages."""
+    """All messages except samples and torques."""
     lost_before: Mapping[str, int] = field(default_factory=dict)
     """Losses of the device before this batch, by cause (`dpr_lab.run.LOSS_CAUSES`)."""
 

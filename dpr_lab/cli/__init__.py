@@ -130,8 +130,7 @@ def _say_skipped_plugins() -> None:
 def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
     """Return the interrupt that caused an exception, or None if no interrupt caused it.
 
-    The interrupt is searched in the chain of the exception. If a library suppressed the interrupt, a new `Interrupt` is
-    returned.
+    The interrupt is taken from the chain of the exception. If a library suppressed it, a new `Interrupt` is returned.
     """
     cause: BaseException | None = error
     while cause is not None:

@@ -141,7 +141,7 @@ class Gathered:
 
 
 def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
-    """Stack of k columns as (n, k); None if the columns are missing."""
+    """Stack k columns to an array (n, k); None if the columns are missing."""
     present = [column for column in columns if column is not None]
     return np.column_stack(present) if present else None
 

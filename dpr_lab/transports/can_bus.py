@@ -57,9 +57,9 @@ _NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)
 def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a CAN bus.
 
-    Options: `bitrate`; for slcan adapters also `tty_baud` (if they are behind a real UART) and `settle_s`. With `uid`,
-    the UID of a device or its last digits, the device is searched on all channels that the backend finds. With a `*` in
-    the name of the channel, only matching channels are searched, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
+    Options: `bitrate`; for slcan adapters also `tty_baud` (if they are behind a real UART) and `settle_s`. The option
+    `uid` selects a device by its UID, or by its last digits, on any channel that the backend finds. With a `*` in the
+    name of the channel, only matching channels are tried, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
 
     Raises:
         LinkUrlError: unknown backend or option, or no channel.

@@ -40,8 +40,8 @@ _GONE = (serial.SerialException, OSError, TypeError)
 def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a serial port for exclusive use by this process.
 
-    With the option `uid`, the UID of a device or its last digits, the device is searched on all ports. With a `*` in
-    the name of the port, only matching ports are searched, as in `serial:///dev/ttyACM*?uid=51d000000001`.
+    The option `uid` selects a device by its UID, or by its last digits, on any port. With a `*` in the name of the
+    port, only matching ports are tried, as in `serial:///dev/ttyACM*?uid=51d000000001`.
 
     Raises:
         LinkUrlError: no port is given, or an option is not valid.

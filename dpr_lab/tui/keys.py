@@ -1,4 +1,6 @@
-"""Key bindings: defaults are defined with the actions, and a file of the operator can replace them.
+"""Key bindings of the screen. A file of the operator can replace the default keys.
+
+Example of such a file:
 
 [capture]
 release = "space"

@@ -47,7 +47,7 @@ class FrameCodec(Protocol):
 
 
 Framing: TypeAlias = Callable[[], FrameCodec]
-"""Function that creates a codec; each host that connects gets its own."""
+"""Function that creates a codec. It is called for each host that connects."""
 
 
 class SerialCodec:

@@ -99,8 +99,8 @@ class ImportOptions:
         Literal["measured", "commanded", "none"] | None,
         Typed("Torques to use if the table contains both kinds; none: treat the recording as a free swing."),
     ] = None
-    """Kind of torques to use, which is also assumed for columns that do not state their kind. `none`: no torques. None:
-    all torques of the table."""
+    """Kind of torques to use. Columns that do not state their kind are assumed to be of this kind. `none`: no torques.
+    None: all torques of the table."""
     input_delay_s: Annotated[
         float,
         Typed(
