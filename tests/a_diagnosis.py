@@ -1,4 +1,4 @@
-"""A diagnosis made by hand, for tests of what reads one."""
+"""Diagnosis constructed by hand, for tests of functions that read a diagnosis."""
 
 from typing import Any
 

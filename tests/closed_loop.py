@@ -1,4 +1,4 @@
-"""Closed loops by scipy, for tests: rods under PD control on encoder counts; shares no code with what it tests."""
+"""Rods under PD control on encoder counts, simulated by SciPy without code of dpr-lab, for tests."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

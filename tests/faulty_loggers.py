@@ -1,4 +1,4 @@
-"""Loggers that stamp or repeat readings wrongly: when readings are taken, what stamp they get, which one is sent."""
+"""Simulated loggers with wrong time stamps or repeated readings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

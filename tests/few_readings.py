@@ -1,4 +1,4 @@
-"""Fewer interpretations of a recording than there are: `make test` need not fit forty in every test."""
+"""Reduced set of interpretations of a recording, to make fast tests faster."""
 
 import re
 

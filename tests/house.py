@@ -1,4 +1,4 @@
-"""The shape of the code in numbers: import chains and circles, names with two meanings, numeric constants, folders.
+"""Structure of the code in numbers: import chains and cycles, ambiguous names, numeric constants, folders.
 
 python tests/house.py            a table of all figures
 python tests/house.py --list     and what they are made of

@@ -1,4 +1,4 @@
-"""Import dpr-lab and all that Numba imports before the first kernel, for processes that are forked afterwards.
+"""Import dpr-lab and all libraries that Numba imports before the first kernel, for processes that are forked later.
 
 The screen is not imported: a process that draws starts by itself. The simulated device that such a process starts is
 forked from it.

@@ -1,4 +1,4 @@
-"""A logger that sends a row whenever an encoder counts, over a serial link that carries fewer rows, for tests.
+"""Simulated logger that sends a row at each encoder count, over a serial link with too little capacity, for tests.
 
 The bytes of a row wait in a queue of limited size. The logger waits while the row does not fit, and reads the encoder
 again afterwards. A row is stamped when its last byte arrives, or when the encoder was read.

@@ -1,4 +1,4 @@
-"""The published schemas, for tests of what is printed."""
+"""Published schemas, for tests of printed results."""
 
 import json
 from functools import cache

@@ -1,4 +1,4 @@
-"""What `import dpr_lab as dpr` offers, and how results show themselves."""
+"""Public names of `import dpr_lab as dpr`, and the display of results."""
 
 import dataclasses
 import pydoc

@@ -1,4 +1,4 @@
-"""Children are talked to, end within a bounded time, and never outlive the process that started them."""
+"""Child processes: communication, limited time to end, and no survival of the parent process."""
 
 import os
 import signal

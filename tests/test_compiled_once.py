@@ -1,4 +1,4 @@
-"""Workers wait for what the first of them compiles."""
+"""Worker processes wait for the files that the first worker compiles."""
 
 import threading
 import time

@@ -1,4 +1,4 @@
-"""What README and pages state exists: files, links, equations, tests; the site builds."""
+"""Statements in the README and the pages are true: files, links, equations, tests; the site builds."""
 
 import ast
 import re

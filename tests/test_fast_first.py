@@ -1,4 +1,4 @@
-"""One run of all tests gives the fast tests to the workers first."""
+"""A run of all tests gives the fast tests to the workers first."""
 
 import pytest
 

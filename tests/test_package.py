@@ -1,4 +1,4 @@
-"""What is installed from a wheel or a source archive is all there, and works away from the sources."""
+"""A wheel or a source archive installs all files, and works without the sources."""
 
 import json
 import os

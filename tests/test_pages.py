@@ -1,4 +1,4 @@
-"""Every block of every page is run, read by its own tool, or plainly no command."""
+"""Every code block of every page is run, read by its own tool, or clearly not a command."""
 
 import json
 import re

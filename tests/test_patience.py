@@ -1,4 +1,4 @@
-"""No test depends on how fast the machine is: what waits for another waits a minute, and no duration has a bound above.
+"""No test depends on the speed of the machine: waiting times are at least a minute, and durations have no upper limit.
 
 A hang ends by the time limit of its test. Processor time may have a bound: a busy machine leaves work what it is.
 """

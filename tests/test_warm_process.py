@@ -1,4 +1,4 @@
-"""A process that is forked from one with the libraries loaded is as one that was started."""
+"""A process that is forked from one with the libraries loaded behaves like a new process."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Commands on a system without the POSIX parts of Python, as Windows is: modules and functions are taken away."""
+"""Commands on a system without the POSIX modules of Python, such as Windows."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Tables of cases and libraries of effects too long for every day."""
+"""Reduced tables of cases and libraries of effects, for fast tests."""
 
 import os
 from collections.abc import Collection, Iterable

@@ -1,4 +1,4 @@
-"""A rig with a moving arm in MuJoCo, which shares no code with the package: three hinges, slender rods, one motor."""
+"""Rig with a moving arm in MuJoCo, without code of the package: three hinges, slender rods, one motor."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Importing this validates every result that dpr-lab writes as JSON against its published schema, in any test.
+"""Validate every result that dpr-lab writes as JSON against its published schema, in any test that imports this module.
 
 What tests themselves write, such as damaged files, is not validated.
 """

@@ -1,4 +1,4 @@
-"""Processes that are forked from one with the libraries loaded: one for all processes that run tests.
+"""Server that forks processes from a process with the libraries loaded, shared by all test processes.
 
     python tests/warm.py SOCKET
 

@@ -1,4 +1,4 @@
-"""Swings of the whole rig with its arm, and the energy of the rods, for comparison."""
+"""Swings of the rig with its arm, and the energy of the rods, for comparison."""
 
 import math
 

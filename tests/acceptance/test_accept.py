@@ -1,4 +1,4 @@
-"""Limits on simulated recordings of a known effect."""
+"""Test limits on simulated recordings of a known effect."""
 
 from collections.abc import Callable
 from pathlib import Path

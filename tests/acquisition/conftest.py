@@ -1,4 +1,4 @@
-"""A simulated device to capture from."""
+"""Fixtures of a simulated device for captures."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""An arm that can move must be at rest, and inside its limits, before the rods are released."""
+"""A movable arm must be at rest and inside its limits before the rods are released."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A capture that is broken off keeps what it has, and stops the device where it can."""
+"""An interrupted capture keeps the recorded data and stops the device if possible."""
 
 import os
 import resource

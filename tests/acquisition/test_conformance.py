@@ -1,4 +1,4 @@
-"""A device that conforms to the protocol passes over its own port; each deviation of another one is named."""
+"""A conforming device passes the conformance test over its port; each deviation of another device is reported."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A Furuta pendulum with a driven arm over the wire: samples with the motor's voltage, and identification."""
+"""Capture and identification of a Furuta pendulum with a driven arm, including the motor's voltage."""
 
 from dataclasses import replace
 from pathlib import Path

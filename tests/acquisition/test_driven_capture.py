@@ -1,4 +1,4 @@
-"""A driven swing over the wire: every sample with its torques, or counted; and absolute numbers from it."""
+"""Capture of a driven swing: each sample has its torques or is counted as lost, and absolute values are identified."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Quality gate of a finished capture: losses, a stuck encoder, the hanging rest, the end at rest."""
+"""Quality gate of a finished capture: lost samples, a stuck encoder, the hanging position, the rest at the end."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A device that reports impossible values: no RELEASE is sent, and no such sample enters a good run."""
+"""A device that reports impossible values: RELEASE is not sent, and the samples do not enter a good run."""
 
 import time
 from collections.abc import Callable, Iterator

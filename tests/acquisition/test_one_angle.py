@@ -1,4 +1,4 @@
-"""Captures of a single rod, and of rods with a clamped elbow: only theta1 is set by the operator."""
+"""Captures of a single rod, and of rods with a clamped elbow: the operator sets only theta1."""
 
 from pathlib import Path
 

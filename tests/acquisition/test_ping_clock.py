@@ -1,4 +1,4 @@
-"""Clock of the device from pings: which answers belong to the ticks of a stream."""
+"""Clock fit from PING and PONG: answers that belong to the ticks of a stream."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Rods that are not at their pose, not at rest, or not ordered to go stay held."""
+"""Rods that are not at their pose, not at rest, or without a release command stay held."""
 
 import time
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""From the pose to a run file: over every link, again and again, and nothing that does not fit the rig."""
+"""Complete captures over every link, from the pose to the run file; a device that does not match the rig is refused."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Devices whose clock is wrong, or that do not let it be checked, over real links: never a good recording."""
+"""Devices with a wrong or unverifiable clock, over real links: no recording is rated as good."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A certified diagnosis holds on a copied folder, and does not once a reading of it is another."""
+"""A certified diagnosis is confirmed in a copied folder, and refuted if a reading was changed."""
 
 import json
 import shutil

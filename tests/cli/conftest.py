@@ -1,4 +1,4 @@
-"""Runs of the command line as a user runs it: another process, its output and its exit code."""
+"""Fixtures that run the command line in another process and return its output and exit code."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Bad input: a sentence that states place and remedy, and the exit code of the help."""
+"""Bad input gives a message with place and remedy, and the documented exit code."""
 
 import os
 import pty

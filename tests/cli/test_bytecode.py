@@ -1,4 +1,4 @@
-"""Bytecode of libraries that were installed as source alone, where the environment forbids to write it next to them."""
+"""Bytecode of libraries installed without it, in an environment that forbids writing it next to the source."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""`dpr-lab check`: units, refusals, the table before and after, and advice that can be pasted."""
+"""`dpr-lab check`: units, refusals, the table of probabilities before and after, and commands that can be copied."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`dpr-lab diagnose` end to end: a worn rig, recorded through the protocol, with its report."""
+"""Complete `dpr-lab diagnose` of a rig with additional friction, recorded through the protocol, with its report."""
 
 import json
 import os

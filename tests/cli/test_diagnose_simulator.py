@@ -1,4 +1,4 @@
-"""`dpr-lab diagnose --simulator`: recordings of MuJoCo, the model that misses a term, and what to change in it."""
+"""`dpr-lab diagnose --simulator` with recordings of MuJoCo, a model that lacks a term, and the recommended changes."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The printed diagnosis: the main results on a screen and a half, all tables with --verbose."""
+"""Printed diagnosis: short output with the main results, and all tables with --verbose."""
 
 from pathlib import Path
 

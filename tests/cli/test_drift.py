@@ -1,4 +1,4 @@
-"""`dpr-lab drift` on whole recordings of two days."""
+"""`dpr-lab drift` with recordings of two days."""
 
 import json
 from datetime import UTC, datetime, timedelta

@@ -1,4 +1,4 @@
-"""What a newcomer does: a rig without poses, a rate that cannot be, a name that is wrong, a narrow terminal."""
+"""Typical errors of new users: a rig without poses, an impossible rate, a wrong name, a narrow terminal."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""`dpr-lab identifiability` as a user runs it."""
+"""`dpr-lab identifiability` on the command line."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""From cable to curve, as a user walks it."""
+"""Complete workflow on the command line: capture, identify and compare."""
 
 import json
 import re

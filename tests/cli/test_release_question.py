@@ -1,4 +1,4 @@
-"""Release command of `capture` on a terminal: an empty line after the question, and nothing else."""
+"""Release command of `capture` on a terminal: only an empty line after the question releases the rods."""
 
 import os
 import pty

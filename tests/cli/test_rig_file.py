@@ -1,4 +1,4 @@
-"""A rig file made from a ruler and a balance, by flags or by questions, and looked through before it is used."""
+"""Creation of a rig file from lengths and masses, by options or prompts, and its check."""
 
 import os
 import pty

@@ -1,4 +1,4 @@
-"""The sample tables: what `demo --table` writes, and that they are what the simulated bench records."""
+"""Sample tables of `demo --table`: their content equals recordings of the simulated device."""
 
 import runpy
 import tomllib

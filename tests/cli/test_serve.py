@@ -1,4 +1,4 @@
-"""`dpr-lab serve --stdio` as another program uses it: a process, requests on lines, responses in any order."""
+"""`dpr-lab serve --stdio` from another program: requests on lines, and responses in any order."""
 
 import json
 import os

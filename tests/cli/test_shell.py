@@ -1,4 +1,4 @@
-"""The shell itself: help, import hygiene, doctor, export, interruption."""
+"""Command line: help, imports, doctor, export, interruption."""
 
 import os
 import pty

@@ -1,4 +1,4 @@
-"""What a command may import: each library that it does not use costs every start of it."""
+"""Modules that a command may import. Each unnecessary library delays every start."""
 
 import subprocess
 import sys

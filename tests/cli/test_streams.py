@@ -1,4 +1,4 @@
-"""What the commands print cannot steer a terminal; a full, closed or differently coded output is a sentence."""
+"""Output cannot control a terminal. A full, closed or differently encoded output gives a message."""
 
 import ast
 import json

@@ -1,4 +1,4 @@
-"""Of runs that hold measured and commanded torques either kind can be taken, by every job that reads runs."""
+"""All jobs can use measured or commanded torques of runs that contain both."""
 
 from pathlib import Path
 

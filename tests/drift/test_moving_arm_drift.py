@@ -1,4 +1,4 @@
-"""Drift of a rig with a driven arm: the arm's friction that rises between two groups is named, and nothing else."""
+"""Drift of a rig with a driven arm: only the increased friction of the arm is reported."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What only drives do, against a Lagrangian in matrices that scipy integrates from one logged instant to the next."""
+"""Effects of drives, compared with a Lagrangian in matrices that SciPy integrates between logged instants."""
 
 from itertools import pairwise
 

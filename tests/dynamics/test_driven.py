@@ -1,4 +1,4 @@
-"""Known torques, each held until the next logged instant, in both output models; the scale that they make visible."""
+"""Known torques, held until the next logged instant, in both output models, and the scale that they determine."""
 
 import numpy as np
 import pytest

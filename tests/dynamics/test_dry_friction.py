@@ -1,4 +1,4 @@
-"""Joints that stick: against event location by scipy, MuJoCo, closed forms and the balance of energy."""
+"""Joints with stiction, compared with SciPy's event location, MuJoCo, closed forms and the energy balance."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The equations of motion against a Lagrangian that sympy derives from positions."""
+"""Equations of motion, compared with a Lagrangian that SymPy derives from positions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The lanes against the scalar steps of the simulator: every effect alone and in pairs."""
+"""Batch simulation compared with the scalar steps of the simulator: every effect alone and in pairs."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""What hangs on the rig: equations from a Lagrangian that shares no code with the package, in both output models."""
+"""Mounted rods and masses in both output models, compared with a Lagrangian that shares no code with the package."""
 
 import numpy as np
 import pytest

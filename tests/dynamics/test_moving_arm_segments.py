@@ -1,4 +1,4 @@
-"""Segments with a moving arm: against the other integrator, by energy, and against MuJoCo."""
+"""Segments with a moving arm, compared with the other integrator, the energy balance and MuJoCo."""
 
 import mujoco
 import numpy as np

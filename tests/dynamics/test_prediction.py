@@ -1,4 +1,4 @@
-"""What encoders read along segments, against the simulator, brute force and closed forms."""
+"""Predicted encoder readings along segments, compared with the simulator, brute force and closed forms."""
 
 import numpy as np
 import pytest

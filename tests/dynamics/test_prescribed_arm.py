@@ -1,4 +1,4 @@
-"""An arm that moves as it is known to, against Lagrange's equations of point masses by sympy."""
+"""Arm with prescribed motion, compared with Lagrange's equations of point masses by SymPy."""
 
 from functools import cache
 

@@ -1,4 +1,4 @@
-"""The interval of a known torque at an instant, which every step of every lane looks up."""
+"""Lookup of the interval of a known torque at an instant."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What every effect at a free or driven arm keeps to, and what the lanes make of an arm."""
+"""Contract of all effects at a free or driven arm, and their batch simulation."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Effects against forms that share no code with them: Lagrange by sympy, quadrature, DOP853, closed forms."""
+"""Effects compared with independent forms: Lagrange by SymPy, quadrature, DOP853, closed forms."""
 
 import numpy as np
 import pytest

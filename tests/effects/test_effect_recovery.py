@@ -1,4 +1,4 @@
-"""Every effect found again in the counts of a plant that has it, with base parameters and start states unknown."""
+"""Recovery of every effect from the counts of a plant, with unknown base parameters and initial states."""
 
 from functools import cache
 

@@ -1,4 +1,4 @@
-"""Contract of every effect of the table."""
+"""Contract of every effect in the table."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Branchless elementary functions against mpmath."""
+"""Branchless elementary functions compared with mpmath."""
 
 import mpmath
 import numpy as np

@@ -1,4 +1,4 @@
-"""Rods that are held are found by their stillness, and free rods are never taken for held ones."""
+"""Held rods are detected by their rest, and free rods never count as held."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A run without enough samples, duration or motion is refused, with what is missing and the option that mends it."""
+"""A run without enough samples, duration or motion is refused; the message states the reason and the option to use."""
 
 from collections.abc import Callable
 from dataclasses import replace

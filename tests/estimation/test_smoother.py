@@ -1,4 +1,4 @@
-"""The compiled smoother against filterpy's, and against what needs no filter."""
+"""Compiled smoother compared with filterpy and with methods without a filter."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Models to export, and what the lab itself says of them."""
+"""Models for export tests, and the simulation of dpr-lab for comparison."""
 
 import runpy
 from collections.abc import Mapping, Sequence

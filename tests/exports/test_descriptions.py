@@ -1,4 +1,4 @@
-"""The corrected model as URDF and SDFormat: read by the formats' own parsers, swung by engines that read them."""
+"""Corrected model as URDF and SDFormat: read by the parsers of the formats, and simulated by engines that read them."""
 
 import json
 from pathlib import Path

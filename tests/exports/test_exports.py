@@ -1,4 +1,4 @@
-"""The corrected model for other programs: agreement with dpr-lab, and text from files stays data."""
+"""Corrected model for other programs: agreement with dpr-lab, and safe handling of text from files."""
 
 import ast
 from itertools import product

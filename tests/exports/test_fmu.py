@@ -1,4 +1,4 @@
-"""The corrected model as an FMU, run by FMPy as another program would."""
+"""Corrected model as an FMU, run by FMPy."""
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context

@@ -1,4 +1,4 @@
-"""The corrected model written into the user's own URDF or SDFormat file: nothing but its numbers changes."""
+"""Corrected model in the user's own URDF or SDFormat file: only its numbers change."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A planted error in a MJCF model is the first cause; the corrected file swings as the truth; nothing else changes."""
+"""A planted error in an MJCF model is the first cause, and the corrected file agrees with the true model."""
 
 from importlib import import_module
 from pathlib import Path

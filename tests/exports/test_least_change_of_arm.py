@@ -1,4 +1,4 @@
-"""A planted error in a MJCF model with a driven arm is the first cause, and nothing else in the file changes."""
+"""A planted error in an MJCF model with a driven arm is the first cause, and nothing else in the file changes."""
 
 from itertools import product
 from pathlib import Path

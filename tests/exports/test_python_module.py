@@ -1,4 +1,4 @@
-"""The corrected model as a Python module: numbers of dpr-lab without dpr-lab."""
+"""Corrected model as a Python module: results of dpr-lab without dpr-lab."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""A copy of the packages, to be extended and run."""
+"""Copy of the packages that tests extend and run."""
 
 import ast
 import os

@@ -1,4 +1,4 @@
-"""An effect: a file and a row of its table; its kernel is compiled."""
+"""A new effect requires one file and one table entry; its kernel is compiled."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A transport, a search algorithm, a command or a screen: a file and a row of its table."""
+"""A new transport, search algorithm, command or screen requires one file and one table entry."""
 
 import pytest
 

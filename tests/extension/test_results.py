@@ -1,4 +1,4 @@
-"""An export format, a kind of check or a kind of file to import: a file and a row of its table."""
+"""A new export format, kind of check or kind of table requires one file and one table entry."""
 
 import json
 

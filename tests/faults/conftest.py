@@ -1,4 +1,4 @@
-"""A bench for things that go wrong: simulated devices, the command line as the operator uses it, and the truth."""
+"""Fixtures for fault tests: simulated devices, the command line, and the true counts."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""The device's clock: its drift and offset with their uncertainty in every run, and nothing that bends its time."""
+"""Clock of the device: drift and offset with their uncertainty in every run, and no change of the recorded times."""
 
 import time
 from datetime import datetime, timedelta, tzinfo

@@ -1,4 +1,4 @@
-"""Faults over a serial line and over CAN: no wrong sample is taken for right, and each fault has a helpful message.
+"""Faults over a serial line and over CAN: no wrong sample counts as correct, and each fault has a helpful message.
 
 With DPR_LAB_WRITE_DOCS=1 (and without -n) the rows of docs/reliability.md are written from what is seen here.
 """

@@ -1,4 +1,4 @@
-"""What happens to the computer and its operator: signals, full disks, a busy machine. Every capture is a process."""
+"""Faults of the computer during captures in separate processes: signals, full disks, high load."""
 
 import os
 import resource

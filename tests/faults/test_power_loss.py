@@ -1,4 +1,4 @@
-"""Power lost while a run is written: the file ends anywhere, and what is in it is true."""
+"""Power loss during the writing of a run: the file may end anywhere, and its readable content is correct."""
 
 import os
 from pathlib import Path

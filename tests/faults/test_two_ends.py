@@ -1,4 +1,4 @@
-"""Ports, buses and who is at their other end."""
+"""Ports and buses with different programs at the other end."""
 
 from pathlib import Path
 

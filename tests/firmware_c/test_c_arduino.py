@@ -1,4 +1,4 @@
-"""The sketch in C++: it compiles without a warning, links with the core in C, and keeps to the protocol over a port."""
+"""Arduino sketch in C++: it compiles without a warning, links with the C core, and conforms to the protocol."""
 
 import os
 import pty

@@ -1,4 +1,4 @@
-"""The C core on a Cortex-M in QEMU, with the real driver at the other end of a pseudo terminal."""
+"""C core on a Cortex-M in QEMU, with the real driver at the other end of a pseudo-terminal."""
 
 import ctypes
 import shutil

@@ -1,4 +1,4 @@
-"""The same exchanges with every implementation."""
+"""The same exchanges with every implementation of the protocol."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Frames and messages of the C core: golden ones, and the same as the Python's for any bytes."""
+"""Frames and messages of the C core equal golden frames, and those of the Python implementation for any bytes."""
 
 import ctypes
 import json

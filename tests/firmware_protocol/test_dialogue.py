@@ -1,4 +1,4 @@
-"""Both roles against each other, over links that lose, double and reorder."""
+"""Host and device session connected by links that lose, duplicate and reorder frames."""
 
 import random
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Torques and samples of one tick find each other; what never came is counted."""
+"""Torques are assigned to the samples of the same tick; missing torques are counted."""
 
 from collections.abc import Iterable
 from dataclasses import replace

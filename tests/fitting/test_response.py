@@ -1,4 +1,4 @@
-"""Torques along a known trajectory against the whole rig's own equations."""
+"""Torques along a known trajectory, compared with the equations of motion of the whole rig."""
 
 from dataclasses import replace
 

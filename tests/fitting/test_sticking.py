@@ -1,4 +1,4 @@
-"""Gauss-Newton across stick and slip: joints that rest for most of a recording, starts that are known badly."""
+"""Gauss-Newton with stick-slip motion: joints that rest for most of a recording, and poorly known initial states."""
 
 import numpy as np
 import pytest

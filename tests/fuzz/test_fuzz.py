@@ -1,4 +1,4 @@
-"""The targets of `make fuzz`, a little of each in every test run: the corpus as it is, mutated, and plain noise."""
+"""Short run of all fuzz targets: the corpus, mutations of the corpus, and random bytes."""
 
 import runpy
 from pathlib import Path

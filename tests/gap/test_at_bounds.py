@@ -1,4 +1,4 @@
-"""A value at its bound is uncertain, and so are the others that share its readings."""
+"""A value at its bound is uncertain, and so are correlated values."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Advised checks have ids; their results move the probabilities of the diagnosis that advised them, and of no other."""
+"""Recommended checks have ids; their results update the probabilities of the diagnosis that recommended them."""
 
 import json
 from pathlib import Path

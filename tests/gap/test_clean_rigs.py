@@ -1,4 +1,4 @@
-"""Clean rigs, simulated by scipy from independent equations, have no gap: fast rods, bad loggers."""
+"""Rigs without effects, simulated by SciPy, have no gap: fast rods, faulty loggers."""
 
 import re
 import sys

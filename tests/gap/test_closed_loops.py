@@ -1,4 +1,4 @@
-"""Diagnoses of rods under PD control on encoder counts, whose torques are rough: swings by scipy."""
+"""Diagnosis of rods under PD control on encoder counts, with rough torques, simulated by SciPy."""
 
 import pytest
 

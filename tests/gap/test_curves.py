@@ -1,4 +1,4 @@
-"""A curve of many amplitudes is not named in place of the simple effect that it follows on a small arc."""
+"""A curve with many amplitudes is not named instead of the simple effect that it imitates over a small arc."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A verdict carries hints to a wrong description, claims no gap only where one would show, and orders twins by size."""
+"""Verdicts: hints of a wrong description, "no gap" only if a gap would be visible, order of equivalent effects."""
 
 from collections.abc import Callable
 from dataclasses import replace

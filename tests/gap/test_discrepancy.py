@@ -1,4 +1,4 @@
-"""The discrepancy term: it has the size of what is left, and widens the intervals of what is named."""
+"""Model discrepancy term: it has the size of the remainder, and widens the intervals of the named effects."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What an effect explains by itself, and what another form of the rest would explain as well."""
+"""Unique contribution of an effect, and the part that another form of the other effects would explain."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A model that runs free from the first readings of a recording, few as they may be."""
+"""Free run of a model from the first readings of a recording, even if there are few."""
 
 from dataclasses import replace
 

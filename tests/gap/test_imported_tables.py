@@ -1,4 +1,4 @@
-"""The table of a captured run leads to the verdict of the run itself, rest and all."""
+"""The imported table of a captured run gives the same verdict as the run, including its rest."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Jittered stamps and late readings are found where they are known to be, and nowhere else."""
+"""Jittered time stamps and late readings are detected where they occur, and not elsewhere."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a rig file truly states never makes the prediction of held-out recordings worse: random geared plants."""
+"""True statements in a rig file never make the prediction of held-out recordings worse: random geared plants."""
 
 from dataclasses import replace
 from itertools import product

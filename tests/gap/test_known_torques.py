@@ -1,4 +1,4 @@
-"""Torques that change between rows act before their rows, and are not called early."""
+"""Torques that change between rows act before their rows; the diagnosis does not report an early torque."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Kicks, steps of readings and touches at rest are found at their instants, named as what they are, and left out."""
+"""Kicks, steps of readings and touches at rest are detected at their instants, identified by kind, and excluded."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A remainder in one recording only: it is named, and no effect is sure."""
+"""A remainder in only one recording is reported, and no effect has a high probability."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A measured value under each candidate cause and under none of them: probabilities, questions and refusals."""
+"""A measured value under each candidate cause, and under none of them: probabilities, questions and refusals."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""A gap just above the noise: its cause is named as it is just below, and a share of it is measured poorly."""
+"""A gap just above the noise has the same cause as just below it, and its reduction is uncertain."""
 
 from types import SimpleNamespace
 from typing import Any, cast

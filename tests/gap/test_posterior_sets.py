@@ -1,4 +1,4 @@
-"""The posterior over sets of effects: its weights follow the costs, and no set is more probable than the selected."""
+"""Posterior of sets of effects: weights follow the costs, and no set is more probable than the selected set."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Probability of a cause outside the library: by the remaining share, its size, and the share of the effect."""
+"""Probability of a cause outside the library, from the remaining share, its size, and the share of the effect."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The share of the gap that is reproducible, on rigs where the truth is known: scipy simulates them."""
+"""Reproducible share of the gap on rigs with known truth, simulated by SciPy."""
 
 import re
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Encoders that are set to zero before each recording: swings by scipy, each read with zeros of its own."""
+"""Encoders that are zeroed before each recording: swings by SciPy, each with other zeros."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A rolling shutter reads each point at another instant: it is named, corrected, and the cause behind it is found."""
+"""A rolling shutter reads each point at another instant. It is named and corrected, and further causes are found."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Scatter between recordings: none by noise alone, the drawn one where the values really differ."""
+"""Scatter between recordings: zero for noise alone, and the drawn scatter if the values differ."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The search for the set of effects: its answer depends on the recordings, not on any order, and its trace is whole."""
+"""Search for the set of effects: the result depends only on the recordings, and the trace is complete."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A spring of one rod that softens as a scale error of its encoder does is not named."""
+"""A spring of one rod that softens like a scale error of its encoder is not named."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace as Fake

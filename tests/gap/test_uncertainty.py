@@ -1,4 +1,4 @@
-"""Intervals hold what the fit takes for known, and steps that a play makes are no sensor's fault."""
+"""Intervals include quantities that the fit assumes as known, and steps due to backlash are not sensor faults."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Recordings that determine little: the rig file's nominal values and bounds fill in, with intervals as wide."""
+"""Recordings that determine little: the fit uses nominal values and bounds of the rig file, with wide intervals."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The plants, rigs and runs whose answers are frozen in this folder, and how an answer is written down.
+"""Plants, rigs and runs whose results are stored in this folder, and the format of these results.
 
 Run as a program it freezes the answers of the code at hand: `python tests/golden/cases.py diagnose identify real`.
 """

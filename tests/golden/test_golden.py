@@ -1,4 +1,4 @@
-"""Answers that were frozen before the heart of the program was rebuilt, and are to stay as they are.
+"""Comparison with stored results of earlier versions.
 
 Names and verdicts are equal, probabilities within 0.02, sizes within a tenth of their own standard deviation. Where an
 answer changed for a reason, `docs/decisions/` says which and why, and the new one is frozen.

@@ -1,4 +1,4 @@
-"""The public functions take recordings and models of a clamped and of a moving arm alike."""
+"""Public functions accept recordings and models of a clamped and of a moving arm."""
 
 import numpy as np
 import pytest

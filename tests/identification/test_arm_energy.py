@@ -1,4 +1,4 @@
-"""An arm that is described as free, but receives energy."""
+"""Recordings of an arm that is described as free but receives energy."""
 
 from dataclasses import replace
 from types import SimpleNamespace

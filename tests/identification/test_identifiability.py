@@ -1,4 +1,4 @@
-"""Identifiability against scipy's DOP853, finite differences and plain matrix inversion."""
+"""Identifiability compared with SciPy's DOP853, finite differences and matrix inversion."""
 
 import itertools
 import json

@@ -1,4 +1,4 @@
-"""Recordings that are read wrongly are refused, with the cause; what is right, or real and rough, is not."""
+"""Recordings with a wrong interpretation are refused with the cause; correct but noisy recordings are accepted."""
 
 import re
 from collections.abc import Callable

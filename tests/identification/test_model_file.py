@@ -1,4 +1,4 @@
-"""A model file is read by names: an order of keys changes nothing, and what is missing or unknown is refused."""
+"""A model file is read by names: the order of keys has no effect, and missing or unknown keys are refused."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A sealed rig whose arm swings along: `identify` and `compare` take its encoder for the arm's motion."""
+"""Sealed rig whose arm moves: `identify` and `compare` use its encoder as the prescribed motion of the arm."""
 
 from dataclasses import replace
 

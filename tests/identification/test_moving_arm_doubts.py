@@ -1,4 +1,4 @@
-"""Recordings of a moving arm that are described wrongly, or that its stop spoils: each gets its sentence."""
+"""Recordings of a moving arm with a wrong description, or with contact at a stop: each gives a message."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Identifiability with a moving arm against the numerical null space of MuJoCo's accelerations."""
+"""Identifiability with a moving arm, compared with the numerical null space of MuJoCo's accelerations."""
 
 from dataclasses import replace
 

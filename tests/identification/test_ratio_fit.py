@@ -1,4 +1,4 @@
-"""The polish against swings from scipy's DOP853, an integrator that shares no code with it."""
+"""Local fit of the ratios, compared with swings of SciPy's DOP853, which shares no code with it."""
 
 import os
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Encoders that are set to zero before each recording: identified and compared with zeros of each run's own."""
+"""Encoders that are zeroed before each recording: identification and comparison with zeros of each run."""
 
 from dataclasses import replace
 

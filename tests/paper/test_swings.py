@@ -1,4 +1,4 @@
-"""E(Z) against scipy's DOP853 and docs/theory.md equation (1), written out again from its masses."""
+"""E(Z) compared with SciPy's DOP853 and with docs/theory.md equation (1), implemented separately."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Planned releases with a free or driven arm: against MuJoCo, within limits, and as files for capture and device."""
+"""Planned releases with a free or driven arm: comparison with MuJoCo, limits, and files for capture and device."""
 
 from pathlib import Path
 

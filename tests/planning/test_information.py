@@ -1,4 +1,4 @@
-"""Information of planned releases against other code: exact sensitivities, dense least squares, nonlinear fits."""
+"""Information of planned releases, compared with exact sensitivities, dense least squares and nonlinear fits."""
 
 from dataclasses import replace
 

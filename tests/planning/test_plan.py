@@ -1,4 +1,4 @@
-"""Plans: within limits and budget, the same for the same seed, and of use on simulated rigs."""
+"""Plans: within limits and budget, reproducible by their seed, and useful on simulated rigs."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Stopping rule: what one release decides, what needs a second one, and what a bench check must decide."""
+"""Stopping rule: causes decided by one release, by a second release, or only by a bench check."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Texts and pages that new users misread before."""
+"""Texts and pages that new users misunderstood in earlier versions."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""JSON Schemas of the results: those of the docs are generated from the types, and hold for what is written."""
+"""JSON Schemas of the results: the published files are generated from the types, and written results are valid."""
 
 import copy
 import json

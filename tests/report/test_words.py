@@ -1,4 +1,4 @@
-"""Words before identifiers, and sizes in practical units."""
+"""Descriptions before identifiers, and sizes in practical units."""
 
 import pytest
 

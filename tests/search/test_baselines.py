@@ -1,4 +1,4 @@
-"""The baseline searches on Rosenbrock's valley and against scipy's own loop."""
+"""Baseline searches on Rosenbrock's valley, compared with SciPy's own loop."""
 
 from itertools import islice, pairwise
 

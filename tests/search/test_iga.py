@@ -1,4 +1,4 @@
-"""The steps of the IGA together: budget, gate, settings files."""
+"""Complete IGA: budget, acceptance, settings files."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the board does, in made-up wall time and without a link."""
+"""Behaviour of the simulated board with artificial wall time and without a link."""
 
 import numpy as np
 import pytest

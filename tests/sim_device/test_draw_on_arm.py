@@ -1,4 +1,4 @@
-"""Drawn plants with a free or driven arm: what is hidden shows, and nothing else."""
+"""Drawn plants with a free or driven arm: only the hidden effect is visible."""
 
 import numpy as np
 import pytest

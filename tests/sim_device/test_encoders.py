@@ -1,4 +1,4 @@
-"""Simulated counts: white noise of the stated size that depends on the seed only; the simulated operator."""
+"""Simulated counts: white noise of the stated size that depends only on the seed; the simulated operator."""
 
 import numpy as np
 import pytest

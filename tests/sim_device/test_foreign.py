@@ -1,4 +1,4 @@
-"""OutOfLibraryEffect effects: off at zero size, honest about energy, read the same however they are asked for."""
+"""Out-of-library effects: no effect at zero size, consistent energy, and readings independent of the block size."""
 
 import math
 

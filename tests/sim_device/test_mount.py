@@ -1,4 +1,4 @@
-"""A mount that yields and rings, against an engine that integrates rods and mount together."""
+"""Compliant mount, compared with an engine that integrates rods and mount together."""
 
 import math
 

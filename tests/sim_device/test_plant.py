@@ -1,4 +1,4 @@
-"""The hidden truth against an integrator and an equation of motion that share no code with it."""
+"""True motion of the plant, compared with an independent integrator and equation of motion."""
 
 import numpy as np
 import pytest

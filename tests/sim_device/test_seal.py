@@ -1,4 +1,4 @@
-"""Sealed plants: determined by the seal, not guessable from the seed, kept by the device until they are opened."""
+"""Sealed plants: determined by the seal, not guessable from the seed, kept by the device until they are revealed."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The device at the other end of every link."""
+"""Simulated device at the other end of every link."""
 
 import os
 import time

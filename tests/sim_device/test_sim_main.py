@@ -1,4 +1,4 @@
-"""The program: `python -m sim_device`."""
+"""The program `python -m sim_device`."""
 
 import json
 import os

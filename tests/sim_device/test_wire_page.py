@@ -1,4 +1,4 @@
-"""A stranger who has docs/wire.md and the DBC, and not one line of our code, talks to the device."""
+"""A program written only from docs/wire.md and the DBC communicates with the device."""
 
 import hashlib
 import re

@@ -1,4 +1,4 @@
-"""Numbers in MJCF, URDF and SDFormat: what is none is refused by file, element and attribute; joints are read."""
+"""Numbers in MJCF, URDF and SDFormat: an invalid number is refused with file, element and attribute."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A rig file from the model of a simulator: the numbers of the model, and sentences for what is no double pendulum."""
+"""Rig file from a simulator model: values of the model, and messages for models that are not a double pendulum."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Models in the styles of public repositories, written here: each is read, or refused with the exact reason."""
+"""Models in the styles of public repositories: each is read, or refused with the exact reason."""
 
 import math
 import re

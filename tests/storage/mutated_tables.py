@@ -1,4 +1,4 @@
-"""Tables of a rig without any effect, each with one mistake that loggers and their users make.
+"""Tables of a rig without effects, each with one typical mistake of loggers or users.
 
 Every table stems from a simulated rig that differs from its model by nothing: what a command names on one of them is a
 mistake in the table, never an effect of the rig. `mutated_tables` is deterministic.

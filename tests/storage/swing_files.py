@@ -1,4 +1,4 @@
-"""One swing as files of many kinds."""
+"""One swing as files of many formats."""
 
 import json
 import sqlite3

@@ -1,4 +1,4 @@
-"""Bags of ROS 2: joint states as a recording, and a run as joint states."""
+"""ROS 2 bags: joint states as a recording, and a run as joint states."""
 
 import sys
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
     assert is_the_swing(read(two, take=("/a",)))
     for topics, said in (
         ([], "contains no sensor_msgs/JointState"),
-        ([("/a", ("theta1", "theta1"), ROWS)], "two joints with the same name in a JointState: theta1, theta1"),
+        ([("/a", ("theta1", "theta1"), ROWS)], "two joints of a JointState have the same name: theta1, theta1"),
         ([("/a", ("theta1", "theta2", "tip"), ROWS)], "a JointState with 3 names but 2 positions"),
     ):
         with pytest.raises(RunError, match=said):

@@ -1,4 +1,4 @@
-"""Killed, cut, flipped and foreign files: nothing but RunError is raised and no wrong sample is ever read."""
+"""Truncated, corrupted and foreign files: only RunError is raised, and no wrong sample is read."""
 
 # pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
 

@@ -1,4 +1,4 @@
-"""Counters in tables: times that wrap, and angles in counts known by their columns' names."""
+"""Wrapping counters in tables, and angles in counts recognised by the names of their columns."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tables of many kinds become the same run; what cannot be understood is refused with its place."""
+"""Tables in many forms give the same run; a table that cannot be interpreted is refused with the place."""
 
 import json
 

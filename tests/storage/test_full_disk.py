@@ -1,4 +1,4 @@
-"""A disk that fills up: nothing half under a final name, no crash of a library, and a sentence."""
+"""Full disk: no incomplete file under a final name, no crash of a library, and a message."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""Tables are read in blocks: the fast path gives what the exact one gives, and packed text is text."""
+"""Tables are read in blocks: fast and exact path give the same result, and compressed text is read as text."""
 
 import gzip
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Rows that a camera or a logger lost: the others keep their times, and a table with too many names its good part."""
+"""Rows lost by a camera or logger: the other rows keep their times."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Reading takes the memory of the numbers, not of their text; what is no table is refused before memory is full."""
+"""Memory use while reading is that of the numbers, not of their text; files that are not tables are refused early."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""A table with a mistake is imported or refused in a sentence; no mistake ends in another exception."""
+"""A table with a mistake is imported or refused with a message, without any other exception."""
 
 from pathlib import Path
 

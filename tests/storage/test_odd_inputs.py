@@ -1,4 +1,4 @@
-"""Inputs that are no files, or unpack to far more than a recording: refused at once, in a sentence."""
+"""Inputs that are not files, or unpack to more data than a recording, are refused at once with a message."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""Tables and identification of an inner rod that a strong motor moves: no test of a passive rig applies to it."""
+"""Tables and identification of an inner rod that a strong motor moves; tests for passive rigs are not applied."""
 
 import numpy as np
 import pytest

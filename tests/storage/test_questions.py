@@ -1,4 +1,4 @@
-"""Each mistake in a table is refused or questioned with the option that mends it; a right table is not."""
+"""Each mistake in a table is refused, or gives a warning with the option that corrects it."""
 
 import re
 from itertools import product

@@ -1,4 +1,4 @@
-"""What the reader makes of a file: time from the release, turns removed, the rig compared."""
+"""Reading of run files: time from the release, removed turns, compared rig."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Recordings of many kinds of file become the same run; what cannot be one is refused in a sentence."""
+"""Recordings in many file formats give the same run; other files are refused with a message."""
 
 import json
 import zipfile

@@ -1,4 +1,4 @@
-"""One rod alone through rig file, import and run file."""
+"""A single rod through rig file, import and run file."""
 
 import re
 from pathlib import Path

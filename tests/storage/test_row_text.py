@@ -1,4 +1,4 @@
-"""Samples written many at once: any reader of JSON reads them, and not a bit of a number changes."""
+"""Samples written in blocks: any JSON reader reads them, and all numbers are exact."""
 
 import json
 from pathlib import Path

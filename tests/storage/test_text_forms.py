@@ -1,4 +1,4 @@
-"""Forms of text tables that real loggers write: one swing, read with the same angles from each."""
+"""Forms of text tables of real loggers: the same swing is read with the same angles from each."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Stamps of a logger that pauses or writes few digits, and headers of other separators."""
+"""Time stamps of a logger that pauses or writes few digits, and headers with other separators."""
 
 from functools import cache
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Layouts of viewers: each curve that they name is in a run file, and the files are what the viewers read."""
+"""Layouts of viewers: each curve exists in a run file, and the viewers can read the files."""
 
 import json
 import re

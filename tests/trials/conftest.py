@@ -1,4 +1,4 @@
-"""One real trial of a plant without any effect, diagnosed; tests work on copies of its folder."""
+"""Fixture of a diagnosed blind trial of a plant without effects; tests work on copies of its folder."""
 
 import shutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Campaigns: resumed where they were killed, the same on one machine and on a cluster, one page in the end."""
+"""Campaigns: continued after an interruption, identical on one machine and on a cluster, with one page at the end."""
 
 import json
 import os

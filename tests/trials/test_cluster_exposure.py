@@ -1,4 +1,4 @@
-"""The ports of a cluster run code of any peer: the recipe opens none to the network, and open ones cause a warning."""
+"""Ports of a cluster execute code of any peer: the recipe opens none to the network, and open ones cause a warning."""
 
 import os
 import re

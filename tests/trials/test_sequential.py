@@ -1,4 +1,4 @@
-"""Sequential trials: releases that are asked for one by one, strategies, and their summary."""
+"""Sequential trials: releases requested one by one, strategies, and their summary."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""One trial in its folder: sealed before it is recorded, opened after it is diagnosed, never the other way round."""
+"""Order of steps of a trial: sealed before it is recorded, revealed after it is diagnosed."""
 
 import json
 import os

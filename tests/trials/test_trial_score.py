@@ -1,4 +1,4 @@
-"""Scores of made-up diagnoses of known plants."""
+"""Scores of constructed diagnoses of known plants."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The bench screen as the operator sees it: real runs on disk, a Pilot at the keys, pictures to compare."""
+"""Fixtures of the screen: runs on disk, simulated key presses, and snapshots for comparison."""
 
 import asyncio
 import inspect

@@ -1,4 +1,4 @@
-"""A terminal at the other end of a pty: reads as fast as its line carries, draws, and answers where its cursor is."""
+"""Emulated terminal at the other end of a pseudo-terminal, with limited speed and cursor position reports."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""The frame around the steps: moving, help, quitting, errors, themes."""
+"""App around the steps: navigation, help, quitting, errors, themes."""
 
 import os
 import re

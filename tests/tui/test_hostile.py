@@ -1,4 +1,4 @@
-"""What lies: names, notes and words of devices that would steer the terminal, and a state folder that is none."""
+"""Texts of files and devices that would control the terminal, and a state folder that is not a folder."""
 
 import re
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""A page that may only be looked at: every action that does more answers with one sentence, and does nothing."""
+"""Read-only page: every action with an effect is refused with a message."""
 
 import subprocess
 import sys

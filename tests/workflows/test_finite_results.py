@@ -1,4 +1,4 @@
-"""No result contains a number that is not finite, for any mounting of the rods and any fault of the logger.
+"""No result contains a non-finite number, for any mounting of the rods and any fault of the logger.
 
 `tests/workflows/test_mutated_tables.py` does the same for tables of both rods that are described wrongly.
 """

@@ -1,4 +1,4 @@
-"""Analyses of mutated tables: a sentence or a finite result, and never a cause that is sure and wrong.
+"""Analyses of mutated tables give a message or a finite result, and never an incorrect cause with a high probability.
 
 The tables are of a rig without any effect, so that every cause that is named of them is wrong.
 """

@@ -1,4 +1,4 @@
-"""Work in its own process: what it reports, pausing, stopping, cancelling, and its end by any cause."""
+"""Jobs in separate processes: reports, pausing, stopping, cancelling, and every kind of end."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Remaining time of staged work: from typical times and the pace so far, without the time of compilation."""
+"""Remaining time of a job with stages, from typical and measured durations, without compilation."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Messages stay: errors on the screen until they are taken away, all of them in a list and in a file."""
+"""Messages stay: errors on the screen until they are dismissed, all messages in a list and in a file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The process that owns the device: its reaction to orders, and its end without an owner."""
+"""Recorder process: its reaction to commands, and its end if the screen is lost."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""The guided release with a Pilot at the keys and a simulated device at the end of a real link."""
+"""Guided release with simulated key presses and a simulated device on a real link."""
 
 # pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
 

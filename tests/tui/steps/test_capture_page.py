@@ -1,4 +1,4 @@
-"""The page of the step Capture without a device: texts on rods, latch and recordings."""
+"""Page of the step Capture without a device: texts on rods, latch and recordings."""
 
 # pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
 

@@ -1,4 +1,4 @@
-"""Step 6: the verdict first, then which, where, how far, and what next; saved as the command saves it."""
+"""Step 6: verdict, causes, location, gap reduction and next steps; saved as by the command."""
 
 # pyright: reportOptionalMemberAccess=false, reportOptionalSubscript=false
 

@@ -1,4 +1,4 @@
-"""What steps 1 to 3 look like, from fixed data; `tests/tui/test_themes.py` checks the colours of the other themes."""
+"""Snapshots of steps from fixed data; `tests/tui/test_themes.py` checks the colours of the other themes."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The capture of a rig whose arm is driven: the arm from above, its angle, and the input below the angles."""
+"""Capture of a rig whose arm is driven: the arm from above, its angle, and its input."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A recording of another logger: its own entry, the command's options, and a question where the preview warns."""
+"""Import of a recording of another logger: options, preview, and confirmation of warnings."""
 
 from dataclasses import fields
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The command itself on a terminal of our own, and the real process of a simulated device."""
+"""Fixtures that run the command on a pseudo-terminal with a simulated device."""
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The screen in a browser: the real command under Textual's web driver, spoken to as `textual serve` speaks."""
+"""The screen in a browser: the real command under Textual's web driver."""
 
 import asyncio
 import os

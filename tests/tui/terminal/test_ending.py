@@ -1,4 +1,4 @@
-"""The end by a signal: within a bounded time, terminal restored, recording closed."""
+"""End by a signal: within a limited time, with a restored terminal and a closed recording."""
 
 import signal
 

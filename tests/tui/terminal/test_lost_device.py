@@ -1,4 +1,4 @@
-"""A device that dies or is stopped: what is shown then is what is known, and no more."""
+"""A device that is lost or stopped: only values that are still known are displayed."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""No rod is let go before the terminal has confirmed that it drew the countdown: real ptys, slow and silent ones."""
+"""No rod is released before the terminal has confirmed the countdown: real, slow and silent pseudo-terminals."""
 
 import re
 import time

@@ -1,4 +1,4 @@
-"""The line chart: what it draws, zooming, panning, and calls before it is there and after it is gone."""
+"""Line chart: drawing, zooming, panning, and calls before and after its existence."""
 
 from itertools import count
 

@@ -1,4 +1,4 @@
-"""The row on every screen: a recording and long work with their time so far and the time that is left."""
+"""Status line: recording and running jobs with elapsed and remaining time."""
 
 import math
 from pathlib import Path
