@@ -120,7 +120,7 @@ def main() -> None:
     """Draw, record and diagnose plants, test their limits, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first plant")
     parser.add_argument("--level", default="subtle", help="visibility of the effect: clear, subtle or faint")
     args = parser.parse_args()
     counts: dict[str, Counter[Answer]] = {}

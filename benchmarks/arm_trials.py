@@ -30,11 +30,13 @@ def bars(outcomes: list[TrialOutcome], failures: int) -> list[Bar]:
     hidden, clean = ([one for one in outcomes if bool(one.truth) is wanted] for wanted in (True, False))
     sizes = [size for one in hidden for size in one.sizes if size.leads]
     return [
-        at_least(f"first name right, of {len(hidden)}", sum(one.first for one in hidden), round(0.95 * len(hidden))),
-        at_most("trials with a sure wrong name", sum(one.wrong_name for one in hidden), 1),
+        at_least(f"first cause correct, of {len(hidden)}", sum(one.first for one in hidden), round(0.95 * len(hidden))),
+        at_most(
+            "trials with an incorrect cause with a probability above 0.5", sum(one.wrong_name for one in hidden), 1
+        ),
         at_most(f"false alarms, of {len(clean)}", sum(not one.silent for one in clean), 0),
         Bar("error of the leading size, median", "-", statistics.median(size.relative for size in sizes), None),
-        Bar("90 % intervals that cover it", "0.86 .. 0.94", sum(s.covered for s in sizes) / len(sizes), None),
+        Bar("90 % intervals that contain it", "0.86 .. 0.94", sum(s.covered for s in sizes) / len(sizes), None),
         Bar("CPU seconds of a diagnosis, median", "-", statistics.median(one.seconds for one in outcomes), None),
         at_most("trials that ended with an error", failures, 0),
     ]
@@ -44,7 +46,7 @@ def main() -> None:
     """Run the missing trials, and print the scores of all trials."""
     parser = options(__doc__)
     parser.add_argument("--each", type=int, default=10, help="trials of each campaign (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=91000, help="of the first trial (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=91000, help="seed of the first trial (default: %(default)s)")
     parser.add_argument("--folder", type=Path, help="where finished trials are kept")
     args = parser.parse_args()
     outcomes, failures = [], 0

@@ -216,15 +216,19 @@ def bars(done: list[Case]) -> list[Bar]:
     return [
         at_least(f"dominant effect first (of {len(done)})", float(np.mean([case.first_right for case in done])), 0.93),
         at_least("effect of the largest gap first", float(np.mean([c.first_is(c.largest) for c in done])), 0.93),
-        at_most("sure wrong names, per case", float(np.mean([case.sure_wrong for case in done])), 0.02),
-        at_least(f"of {len(sure)} names above 0.9: right", float(np.mean(sure)) if sure else 1.0, 0.95),
-        at_most(f"calibration error, of {len(claims)} names", calibration_error(claims), 0.05),
+        at_most(
+            "incorrect causes with a probability above 0.9, per case",
+            float(np.mean([case.sure_wrong for case in done])),
+            0.02,
+        ),
+        at_least(f"of {len(sure)} causes above 0.9: correct", float(np.mean(sure)) if sure else 1.0, 0.95),
+        at_most(f"calibration error, of {len(claims)} causes", calibration_error(claims), 0.05),
         Bar("calibration error of an exact forecast", "-", error_if_exact(claims), None),
         Bar(f"small effects above the noise (of {len(seen)}): named", "-", _mean(seen), None),
-        Bar(f"small effects below it (of {len(unseen)}): named", "-", _mean(unseen), None),
+        Bar(f"small effects below the noise (of {len(unseen)}): named", "-", _mean(unseen), None),
         Bar("verdict unexplained, share", "-", float(np.mean([case.verdict == "unexplained" for case in done])), None),
         Bar("size within 90 % interval, share", "-", float(np.mean(np.abs(offs) < 1)) if offs else None, None),
-        Bar("seconds a case, median", "-", float(np.median([case.seconds for case in done])), None),
+        Bar("CPU seconds per case, median", "-", float(np.median([case.seconds for case in done])), None),
     ]
 
 
@@ -238,7 +242,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=40, help="(default: %(default)s)")
     parser.add_argument("--judge", action="store_true", help="odd seeds, which are reserved for evaluation")
     parser.add_argument("--first", type=int, default=0, help="first seed, even; with --judge the next odd one")
-    parser.add_argument("--clean", action="store_true", help="no wrong instants, no wrong values of the rig file")
+    parser.add_argument("--clean", action="store_true", help="no sampling faults, no wrong values in the rig file")
     parser.add_argument("--workers", type=int, default=None, help="processes (default: all cores)")
     args = parser.parse_args()
     seeds = [args.first + 2 * i + args.judge for i in range(4 if args.quick else args.cases)]

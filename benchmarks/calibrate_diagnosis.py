@@ -112,7 +112,7 @@ def main() -> None:
     """Draw and diagnose the trials, fit the constants, and print them."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=30, help="trials of each kind (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the first trial (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first trial (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: all cores)")
     chosen = parser.parse_args()
     cases = trials_of(TUNING, 1 if chosen.quick else chosen.cases, chosen.seed)

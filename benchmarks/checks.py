@@ -100,7 +100,7 @@ def main() -> None:
     """Print the number of checks needed, with recommended and with random checks."""
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=120, help="blind trials (default: 120)")
-    parser.add_argument("--seed", type=int, default=400_000, help="of the first trial")
+    parser.add_argument("--seed", type=int, default=400_000, help="seed of the first trial")
     told = parser.parse_args()
     counts: dict[str, list[int]] = {"advised": [], "random": []}
     ended, before, after, trials = 0, 0, 0, 0
@@ -123,14 +123,14 @@ def main() -> None:
         print(f"{case.draw} {case.seed}: {counts['advised'][-1]} {counts['random'][-1]}", flush=True)
     opened_ones = max(len(counts["advised"]), 1)
     bars = [
-        Bar("trials that leave more than one cause open", "-", float(len(counts["advised"])), None),
-        at_most("checks until one is left, advised: median", float(np.median(counts["advised"] or [0])), 1),
-        Bar("the same, mean", "-", float(np.mean(counts["advised"] or [0])), None),
-        Bar("by chance: median", "-", float(np.median(counts["random"] or [0])), None),
-        Bar("by chance: mean", "-", float(np.mean(counts["random"] or [0])), None),
+        Bar("trials with more than one possible cause", "-", float(len(counts["advised"])), None),
+        at_most("recommended checks until one cause is left, median", float(np.median(counts["advised"] or [0])), 1),
+        Bar("recommended checks until one cause is left, mean", "-", float(np.mean(counts["advised"] or [0])), None),
+        Bar("random checks, median", "-", float(np.median(counts["random"] or [0])), None),
+        Bar("random checks, mean", "-", float(np.mean(counts["random"] or [0])), None),
         at_least("one cause left in the end", ended / opened_ones, 0.9),
-        Bar("likeliest causes right before any check", "-", before / opened_ones, None),
-        at_least("and after them", after / opened_ones, 0.9),
+        Bar("most probable causes correct before the checks", "-", before / opened_ones, None),
+        at_least("most probable causes correct after the checks", after / opened_ones, 0.9),
     ]
     show(f"Checks, {trials} trials", bars, told.json)
 

@@ -166,7 +166,7 @@ def main() -> None:
     """Diagnose `count` rigs of each kind."""
     parser = options(__doc__)
     parser.add_argument("--count", type=int, default=100, help="rigs of each kind")
-    parser.add_argument("--seed", type=int, default=0, help="of the first")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first rig")
     args = parser.parse_args()
     count, alarms, began = 10 if args.quick else args.count, {}, time.process_time()
     inconclusive = dict.fromkeys(KINDS, 0)

@@ -96,20 +96,23 @@ def bars(done: Sequence[Scored]) -> list[Bar]:
     dirty_clean, dirty_single = (_there(groups["dirty"], effect) for effect in (False, True))
     right, all_of_them, alarm = (lambda o: o.first), (lambda o: o.exact), (lambda o: not o.silent)
     return [
-        *often("single, gap >= 2 x noise: first right", groups["single"], right, 0.99),
+        *often("single, gap >= 2 x noise: first cause correct", groups["single"], right, 0.99),
         *often("single: among the first three", groups["single"], lambda o: o.top3, 0.995),
-        *often("single, gap 0.5-1.5 x noise: first right", groups["subtle"], right, 0.95),
-        *often("pair 1 : 0.2: exactly both", groups["pair"], all_of_them, 0.90),
-        *often("pair: first right", groups["pair"], right, 0.98),
-        *often("triple: first right", groups["triple"], right, 0.98),
-        *often("triple: exactly all three", groups["triple"], all_of_them, 0.80),
+        *often("single, gap 0.5-1.5 x noise: first cause correct", groups["subtle"], right, 0.95),
+        *often("pair 1 : 0.2: exactly both named", groups["pair"], all_of_them, 0.90),
+        *often("pair: first cause correct", groups["pair"], right, 0.98),
+        *often("triple: first cause correct", groups["triple"], right, 0.98),
+        *often("triple: exactly all three named", groups["triple"], all_of_them, 0.80),
         *seldom("clean: false alarms", groups["clean"], alarm, 0.02),
         *seldom("dirty encoders, clean rig: false alarms", dirty_clean, alarm, 0.02),
-        *seldom("dirty encoders: a fault not named", groups["dirty"], lambda o: bool(o.faults_missed), 0.02),
-        *often("dirty encoders, single: first right", dirty_single, right, 0.96),
-        *often("one effect among small ones: first right", groups["background"], right, 0.93),
+        *seldom("dirty encoders: a fault not reported", groups["dirty"], lambda o: bool(o.faults_missed), 0.02),
+        *often("dirty encoders, single: first cause correct", dirty_single, right, 0.96),
+        *often("one dominant and several small effects: first cause correct", groups["background"], right, 0.93),
         *seldom(
-            "one effect among small ones: wrong name above 0.5", groups["background"], lambda o: o.wrong_name, 0.02
+            "one dominant and several small effects: incorrect cause with a probability above 0.5",
+            groups["background"],
+            lambda o: o.wrong_name,
+            0.02,
         ),
         *(bar for name in ("form", "form, held back") for bar in form_bars(name, groups[name])),
         *(bar for name in ("outside", "outside, held back") for bar in outside_bars(name, groups[name])),
@@ -120,16 +123,16 @@ def bars(done: Sequence[Scored]) -> list[Bar]:
 def form_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
     """Results for effects of the library in another functional form."""
     return [
-        *often(f"{name}: right family first", outcomes, lambda o: o.first, 0.95),
-        *often(f"{name}: nothing invented", outcomes, lambda o: not o.invented, 0.85),
+        *often(f"{name}: correct family first", outcomes, lambda o: o.first, 0.95),
+        *often(f"{name}: no absent cause named", outcomes, lambda o: not o.invented, 0.85),
     ]
 
 
 def outside_bars(name: str, outcomes: Sequence[TrialOutcome]) -> list[Bar]:
     """Results for effects that the library does not contain."""
     return [
-        *seldom(f"{name}: wrong name above 0.5", outcomes, lambda o: o.wrong_name, 0.03),
-        *often(f"{name}: admitted", outcomes, lambda o: o.admitted, 0.95),
+        *seldom(f"{name}: incorrect cause with a probability above 0.5", outcomes, lambda o: o.wrong_name, 0.03),
+        *often(f"{name}: unknown cause reported", outcomes, lambda o: o.admitted, 0.95),
     ]
 
 
@@ -143,10 +146,10 @@ def measure_bars(outcomes: Sequence[TrialOutcome]) -> list[Bar]:
     return [
         at_most("expected calibration error", summary(outcomes)["calibration_error"], 0.05),
         at_most("effect size, median error", known["size_error"], 0.01),
-        Bar("90 % intervals that hold the truth", "0.84 .. 0.95", coverage, 0.84 <= coverage <= 0.95),
-        at_least("held-out gap closed, median of named", known["gap_closed"], 0.9),
-        at_most("seconds a case on one core, median", known["seconds"], 10),
-        at_most("seconds a case on one core, longest", known["seconds_max"], 30),
+        Bar("90 % intervals that contain the true value", "0.84 .. 0.95", coverage, 0.84 <= coverage <= 0.95),
+        at_least("gap reduction on held-out data, median of named", known["gap_closed"], 0.9),
+        at_most("CPU seconds per case, median", known["seconds"], 10),
+        at_most("CPU seconds per case, longest", known["seconds_max"], 30),
     ]
 
 
@@ -159,7 +162,7 @@ def parsed() -> argparse.Namespace:
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=40, help="trials of each group (default: %(default)s)")
     parser.add_argument("--only", action="append", choices=list(GROUPS), help="only this group, repeatable")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first trial (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED, help="seed of the first trial (default: %(default)s)")
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes (default: all cores)")
     parser.add_argument("--real", type=Path, metavar="FOLDER", help="recordings of real rigs to diagnose as well")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="write every trial as a line of JSON")

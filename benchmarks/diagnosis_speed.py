@@ -216,7 +216,7 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--against", required=True, metavar="COMMIT", help="the commit to compare with")
     parser.add_argument("--cases", type=int, default=60, help="blind trials")
-    parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first trial")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED, help="seed of the first trial")
     chosen = parser.parse_args()
     count = min(QUICK, chosen.cases) if chosen.quick else chosen.cases
     cases = [Case("speed", DRAWS[i % len(DRAWS)], chosen.seed + i) for i in range(count)]

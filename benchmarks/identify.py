@@ -199,7 +199,7 @@ def main() -> None:
     parser.add_argument("--rigs", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, metavar="SEED", help="seed of the first rig")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--evaluations", type=int, default=4000, help="of each search")
+    parser.add_argument("--evaluations", type=int, default=4000, help="maximum number of evaluations of each search")
     parser.add_argument(
         "--only", metavar="SEARCH", action="append", default=[], help="compare with the IGA; repeatable"
     )

@@ -175,7 +175,7 @@ def main() -> None:
     """Draw and identify the rigs, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--rigs", type=int, default=100, help="number of rigs (default: %(default)s)")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first rig")
     parser.add_argument("--step", type=int, default=1, help="between seeds; 4: one kind of rig (default: %(default)s)")
     args = parser.parse_args()
     answers = []

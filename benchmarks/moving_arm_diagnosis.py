@@ -59,7 +59,7 @@ def main() -> None:
     parser.add_argument("--clean", type=int, default=5)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--only", nargs="+", help="these faults instead of all")
+    parser.add_argument("--only", nargs="+", help="simulate only these faults")
     options = parser.parse_args()
     right = wrong = false = sure = 0
     for i in range(options.cases + options.clean):
@@ -74,8 +74,10 @@ def main() -> None:
         wrong += not good and bool(fault)
         false += not good and not fault
         sure += claimed
-    print(f"first name right {right} of {right + wrong}; sure wrong names in {sure}; false alarms {false} of"
-          f" {options.clean}")  # fmt: skip
+    print(
+        f"first cause correct in {right} of {right + wrong}; incorrect causes above 0.9 in {sure};"
+        f" false alarms {false} of {options.clean}"
+    )
 
 
 if __name__ == "__main__":

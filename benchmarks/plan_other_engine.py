@@ -216,13 +216,13 @@ def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> l
         ).tolist()
         stopped = sum(looks[-1].is_last for looks, *_ in each)
         made.append(Bar(f"{name}: releases until decided, mean (of {len(each)})", "-", mean[name], None))
-        made.append(at_least(f"{name}: right when stopped (of {stopped})", right, 0.97))
-        made.append(at_least(f"{name}: right, or too small to detect (of {stopped})", true, 0.97))
+        made.append(at_least(f"{name}: correct when stopped (of {stopped})", right, 0.97))
+        made.append(at_least(f"{name}: correct, or too small to detect (of {stopped})", true, 0.97))
         made.append(
             Bar(f"{name}: minutes at the rig, mean", "-", float(np.mean([_minutes(looks) for looks, *_ in each])), None)
         )
         if name != "menu" and "menu" in mean:
-            made.append(at_most(f"{name}: releases over the menu's", mean[name] / mean["menu"], 0.6))
+            made.append(at_most(f"{name}: releases relative to the menu", mean[name] / mean["menu"], 0.6))
         made += _of_plans(name, [looks for looks, *_ in each])
     return made
 
@@ -261,7 +261,7 @@ def main() -> None:
     """Draw the plants, apply each strategy, and print the results."""
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first plant")
     parser.add_argument("--first", type=int, default=0, help="other first releases tried for the minimum of a plant")
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES), choices=list(STRATEGIES))
     args = parser.parse_args()

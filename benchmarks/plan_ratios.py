@@ -101,7 +101,7 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=4)
     parser.add_argument("--repeats", type=int, default=5, help="recordings of each plan")
-    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first plant")
     args = parser.parse_args()
     every = list[dict[str, tuple[float, float]]]()
     for seed in range(args.seed, args.seed + (1 if args.quick else args.plants)):

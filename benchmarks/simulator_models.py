@@ -245,7 +245,7 @@ def main() -> None:
         print(f"| {number} | {r.planted} {r.size:.3g} | {r.form} | {r.first} | {errors} | {r.changed} |", flush=True)
     closed = sum(r.reduction >= 0.9 for r in results)
     bars = [
-        at_least(f"right first cause, of {count}", sum(r.right for r in results), round(0.925 * count)),
+        at_least(f"correct first cause, of {count}", sum(r.right for r in results), round(0.925 * count)),
         at_least(f"held-out error reduced by 90 %, of {count}", closed, count),
         at_least(f"only the planted number changed, of {count}", sum(not r.outside for r in results), count),
     ]

@@ -30,7 +30,7 @@ def measurement(name: str, about: str, k: int) -> dict[str, Any]:
 
 
 def made(**changes: Any) -> Diagnosis:
-    """A diagnosis that cannot distinguish the clock's rate from the length of the inner rod."""
+    """Create a diagnosis that cannot distinguish an error of the clock rate from an error of the inner rod's length."""
     effect = {
         "name": CLOCK,
         "class": [CLOCK, LENGTH],

@@ -13,7 +13,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 
 COUNT = 2 * np.pi / 8192
-"""Step of the simulated encoders, rad; their noise is a third of it."""
+"""Step of the simulated encoders, rad. Their noise is a third of the step."""
 
 MODEL = """
 <mujoco>
@@ -62,32 +62,32 @@ OUTER = """
 
 @dataclass(frozen=True)
 class Plant:
-    """A rig with an arm, SI, and its fault."""
+    """Rig with an arm and its fault, in SI units."""
 
     rods: dict[str, float]
-    """l1, m1, c1, J1, and of two rods l2, m2, mb, c2, J2."""
+    """Parameters l1, m1, c1, J1 and, for two rods, l2, m2, mb, c2, J2."""
     J0: float
     c0: float
     L0: float
     L1: float
     g: float = 9.81
     gain: float = 1.0
-    """Torque over input."""
+    """Ratio of torque to input."""
     fault: str = ""
     size: dict[str, float] = field(default_factory=dict)
     rotor: float = 0.01
-    """Inertia of a motor behind backlash over J0, in addition to J0."""
+    """Ratio of the inertia of a motor behind backlash to J0. It is added to J0."""
     stop: float = 1000.0
     """Largest angle of the arm, where a rigid stop holds it, rad."""
 
     @property
     def both(self) -> bool:
-        """Whether both rods hang there."""
+        """Whether both rods are mounted."""
         return "l2" in self.rods
 
     @property
     def motor_share(self) -> float:
-        """Inertia of a motor behind backlash over that of arm and motor together."""
+        """Share of a motor behind backlash in the inertia of arm and motor."""
         return self.rotor * self.J0 / (self.A + self.rotor * self.J0)
 
     @property
@@ -96,7 +96,7 @@ class Plant:
         return self.J0 + sum(self.rods.get(name, 0.0) for name in ("m1", "m2", "mb")) * self.L0**2
 
     def drive(self, t: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Torque of the drive at the instants t from the logged input u, which is held between samples."""
+        """Torque of the drive at the instants t, from the logged input u, which is held between samples."""
         own, size = self.fault, self.size
         late = size["delay_s"] if own == "input_delay" else 0.0
         torque = self.gain * u[np.clip(np.searchsorted(t, t - late + 1e-9, side="right") - 1, 0, None)]
@@ -111,7 +111,7 @@ class Plant:
         return torque
 
     def extra(self, q: float, speed: float, torque: float) -> float:
-        """Further torque on the arm at its angle q and speed."""
+        """Additional torque on the arm at its angle q and its speed."""
         own, size = self.fault, self.size
         if own == "detent_joint0":
             return size["peak_Nm"] * np.sin(size["order"] * q + 0.7)
@@ -125,7 +125,8 @@ class Plant:
 
 
 def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """(n, 3) theta0 at its encoder, theta1, theta2 at even instants, by MuJoCo; start is angles and speeds, (6,)."""
+    """Simulate encoder angles (n, 3) of theta0, theta1, theta2 at evenly spaced instants with MuJoCo, from a state
+    (6,)."""
     import mujoco
 
     size = plant.size if plant.fault.startswith(("coulomb", "spring")) else {}
@@ -159,7 +160,7 @@ def swing(plant: Plant, start: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.n
 
 
 def drawn_plant(rng: np.random.Generator, both: bool, fault: str, reach: float, largest: float) -> Plant:
-    """A plant with a fault of a size that shows: `largest` is that of the torques, `reach` that of the arm's angle."""
+    """Draw a plant with a fault of visible size."""
     if both:
         rods = {
             "l1": 0.2,
@@ -199,7 +200,7 @@ def drawn_plant(rng: np.random.Generator, both: bool, fault: str, reach: float, 
 
 
 def rig_of(plant: Plant, mode: str) -> Rig:
-    """A rig file with every part measured, within a per cent."""
+    """Rig file in which all parts are measured, with an accuracy of one per cent."""
     parameters = {name: {"nominal": v, "measured": v, "std": 0.01 * v} for name, v in plant.rods.items()}
     return Rig.model_validate(
         {
@@ -215,7 +216,7 @@ def rig_of(plant: Plant, mode: str) -> Rig:
 
 
 def recorded(plant: Plant, rig: Rig, mode: str, rng: np.random.Generator, seconds: float, largest: float) -> list[Run]:
-    """Three runs."""
+    """Record three runs."""
     runs = []
     t = np.arange(0.0, seconds, 0.002)
     for k in range(3):

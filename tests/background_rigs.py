@@ -18,29 +18,29 @@ from dpr_lab.run import Run
 from tests.faulty_loggers import log
 
 SMOOTH = 0.02
-"""Speed below which dry friction of these rods rises, rad/s."""
+"""Speed below which the Coulomb friction of these rods is smoothed, rad/s."""
 TORQUES_NM = (1e-3, 1e-4)
-"""Torque of joint 1 and 2 that moves a reading by about the noise within half a second."""
+"""Torques of joints 1 and 2 that move a reading by about the noise within half a second, N m."""
 READING_RAD = 4e-4
-"""Reading error of about the noise."""
+"""Reading error of about the noise, rad."""
 DOMINANT, SMALL = (3.0, 10.0), (0.1, 0.6)
 """Sizes of the dominant effect and of the others, in those units."""
 
 Torque = Callable[[float, float, float], float]
-"""Of a joint, by time, its angle from hanging and its speed, N m."""
+"""Torque of a joint as a function of time, its angle from hanging and its speed, N m."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """One effect."""
+    """Simulated effect with its size."""
 
     name: str
     joint: int
     size: float
-    """N m, or rad."""
+    """Size of the effect, N m or rad."""
     torque: Torque | None = None
     reading: Callable[[Any, Any], Any] | None = None
-    """Error of an encoder by its angles and speeds, rad."""
+    """Error of an encoder as a function of its angles and speeds, rad."""
 
 
 def _law(name: str, joint: int, size: float, rng: np.random.Generator) -> Law:
@@ -70,34 +70,34 @@ def _law(name: str, joint: int, size: float, rng: np.random.Generator) -> Law:
 
 @dataclass(frozen=True)
 class Mount:
-    """The second mode of what carries the rods: it gives way along the ground, and rings."""
+    """Second vibration mode of the mount: horizontal, lightly damped."""
 
     stiffness: float
-    """N/m"""
+    """Stiffness, N/m."""
     frequency: float
-    """rad/s"""
+    """Natural frequency, rad/s."""
     damping: float
-    """Of critical."""
+    """Damping ratio."""
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> "Mount":
-        """One that moves the rods by less than the noise."""
+        """Draw a mount that moves the rods by less than the noise."""
         stiffness = float(np.exp(rng.uniform(math.log(1e5), math.log(5e5))))
         return cls(stiffness, 2 * math.pi * float(rng.uniform(15.0, 40.0)), float(rng.uniform(0.02, 0.05)))
 
     def acceleration(self, x: float, v: float, force: float) -> float:
-        """By its displacement, its speed and the force of the rods, SI."""
+        """Acceleration of the mount from its displacement, its speed and the force of the rods, SI units."""
         return self.frequency**2 * (force / self.stiffness - x) - 2 * self.damping * self.frequency * v
 
 
 NAMED = ("coulomb", "spring", "detent", "encoder_eccentricity", "encoder_offset", "encoder_scale")
-"""Laws of the library."""
+"""Simulated effects that the library contains."""
 OTHERS = ("power", "third", "one_sided", "wander", "fifth")
-"""Laws that it lacks, or holds in another form."""
+"""Simulated effects that the library does not contain, or contains in another form."""
 
 
 def laws(rng: np.random.Generator, *, rods: int = 2, dominant: bool = True) -> list[Law]:
-    """The dominant effect, then three to six small ones."""
+    """Draw the dominant effect, then three to six small effects."""
     found = [_law(str(rng.choice(NAMED)), int(rng.integers(rods)), float(rng.uniform(*DOMINANT)), rng)] * dominant
     for _ in range(int(rng.integers(3, 7))):
         name = str(rng.choice(NAMED + OTHERS))
@@ -106,12 +106,12 @@ def laws(rng: np.random.Generator, *, rods: int = 2, dominant: bool = True) -> l
 
 
 def law(name: str, joint: int, size: float, seed: int = 0) -> Law:
-    """One law of a size, in multiples of the noise."""
+    """Draw an effect with a size in multiples of the noise."""
     return _law(name, joint, size, np.random.default_rng(seed))
 
 
 def rig_and_base(rng: np.random.Generator, rods: int = 2) -> tuple[Rig, np.ndarray]:
-    """A rig file with weighed masses, its other values off by up to 10 %, and the true base parameters."""
+    """Draw a rig file with measured masses and other values with errors of up to 10 %, and the true base parameters."""
     paper = load_rig("paper")
     true = paper.nominal * rng.uniform(0.9, 1.1, len(PARAMETERS))
     described = paper.model_dump(exclude_none=True)
@@ -125,13 +125,16 @@ def rig_and_base(rng: np.random.Generator, rods: int = 2) -> tuple[Rig, np.ndarr
 def swing(
     base: Any, rig: Rig, acting: Sequence[Law], start: Any, t: Any, rods: int, mount: Mount | None = None
 ) -> np.ndarray:
-    """(n, 4) angles from upright and speeds."""
+    """Simulate angles from upright and speeds (n, 4)."""
     a, b, d, e1, c1, c2 = base
     moments = e1 / rig.g, (d / rig.L1 if rods == 2 else 0.0)
     torques = [(one.joint, one.torque) for one in acting if one.torque]
 
     def on_mount(now: float, x: Any) -> list[float]:
-        """Rods on a mount that their own motion on a rigid one pushes; its acceleration acts back on them."""
+        """Simulate rods on a mount.
+
+        The rods' motion on a rigid mount drives it, and its acceleration acts on the rods.
+        """
         th1, th2, w1, w2, *moved = x.tolist()
         rigid = slope(now, x)
         turned = zip(moments, (th1, th2), (w1, w2), rigid[2:], strict=True)
@@ -171,7 +174,7 @@ def record(
     logger: str = "",
     mount: Mount | None = None,
 ) -> Run:
-    """The counts of a release by hand, by a logger with a fault of `tests.faulty_loggers`, or none."""
+    """Record a release by hand in counts, by a logger with or without a fault of `tests.faulty_loggers`."""
     even = np.arange(-round(rate_hz), round(rate_hz * seconds) + 1) / rate_hz
     logged = log(logger, even, 1 / rate_hz, rng)
     order = np.argsort(logged.taken, kind="stable")
@@ -209,7 +212,7 @@ def recordings(
     logger: str = "",
     rough: bool = False,
 ) -> tuple[Rig, list[Run], list[Law]]:
-    """A rig, three recordings of it, and its laws; a rough one has a zero offset and a mount with a second mode too."""
+    """Draw a rig, three recordings of it, and its effects. A rough rig also has a zero offset and a vibrating mount."""
     rng = np.random.default_rng(seed)
     rig, base = rig_and_base(rng, rods)
     acting = laws(rng, rods=rods) if acting is None else list(acting)

@@ -26,46 +26,46 @@ Array = NDArray[np.float64]
 
 G = 9.81
 STICK = 0.01
-"""Speed below which dry friction of these rods rises, rad/s."""
+"""Speed below which the Coulomb friction of these rods is smoothed, rad/s."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """A rig, its recordings and what is true of it."""
+    """Rig with its recordings and its true causes."""
 
     rig: Rig
     runs: Sequence[Run]
     held_out: Sequence[Run]
     dominant: frozenset[str]
-    """Families of effects of which one must come first."""
+    """Families of effects, one of which must be named first."""
     present: frozenset[str]
-    """All families that are on the rig."""
+    """All families of effects of the rig."""
     faults: frozenset[str] = frozenset()
-    """Findings of the sensor screen of which one must be made."""
+    """Findings of the sensor checks, one of which must be reported."""
 
 
 @dataclass
 class Rod:
-    """One rod; torques are relative to its inertia, 1/s^2."""
+    """Single rod. Torques are relative to its inertia, 1/s^2."""
 
     w2: float
-    """Square of the small swing's natural frequency."""
+    """Square of the natural frequency of the small swing, 1/s^2."""
     viscous: float
     dry: float
     drag: float
     yields: float = 0.0
-    """Share of the inertia that a pivot which moves along the horizontal takes off."""
+    """Relative reduction of the inertia by a pivot that can move horizontally."""
     stiff: float = 0.0
-    """Natural frequency of that pivot, rad/s; it is damped by 5 %."""
+    """Natural frequency of the pivot, rad/s. Its damping ratio is 5 %."""
     kicks: list[tuple[float, float]] = field(default_factory=list)
-    """(time, change of speed)."""
+    """Time and change of speed of each kick."""
     push: tuple[float, float] = (0.0, 0.0)
-    """A hand pushes for so long, s, with this acceleration."""
+    """Duration, s, and acceleration of a push by hand."""
     torque: Callable[[float], float] = lambda t: 0.0
 
 
 def rod_swing(rod: Rod, start: float, t: Array, speed: float = 0.0) -> Array:
-    """(n,) angle from hanging, rad."""
+    """Simulate the angle (n,) from hanging, rad."""
 
     def slope(now: float, x: Any) -> list[float]:
         q, u, p, v = x.tolist()
@@ -93,7 +93,7 @@ def rod_swing(rod: Rod, start: float, t: Array, speed: float = 0.0) -> Array:
 
 
 def rods_swing(p: dict[str, float], start: Sequence[float], t: Array) -> Array:
-    """(n, 2) absolute angles from hanging of two rods with rotor inertia and friction at the joints."""
+    """Simulate absolute angles (n, 2) from hanging of two rods with rotor inertia and friction at the joints."""
     a, b, d, e1, e2 = (p[name] for name in ("a", "b", "d", "e1", "e2"))
 
     def slope(now: float, x: Any) -> list[float]:
@@ -115,7 +115,7 @@ def _read(angle: Array, rng: np.random.Generator, noise: float, count: float) ->
 
 
 def table(folder: Path, name: str, rig: Rig, columns: dict[str, Array], **how: Any) -> Run:
-    """A recording, imported from a table with angles from hanging."""
+    """Import a recording from a table with angles from hanging."""
     file = folder / f"{name}.csv"
     values = np.column_stack(list(columns.values()))
     np.savetxt(file, values, delimiter=",", header=",".join(columns), comments="", fmt="%.6f")
@@ -123,7 +123,7 @@ def table(folder: Path, name: str, rig: Rig, columns: dict[str, Array], **how: A
 
 
 def one_rod(length: float, mass: float, counts: int, rng: np.random.Generator) -> Rig:
-    """The rig file that a user drafts, with a length that is off by 0.5 %."""
+    """Rig file as drafted by a user, with an error of 0.5 % in the length."""
     told = length * (1 + 0.005 * rng.standard_normal())
     measures = RigMeasures("bench", told, told, Measure(mass), Measure(mass), counts_per_rev=counts)
     return parse_rig(draft_rig(measures)).with_rods("inner")
@@ -141,7 +141,7 @@ def _split(runs: list[Run]) -> tuple[list[Run], list[Run]]:
 
 
 def potentiometer(rng: np.random.Generator, folder: Path) -> Bench:
-    """A potentiometer of 10 bits at 100 Hz, bent by 0.3 %, with a zero error."""
+    """Draw a rod with a nonlinear 10-bit potentiometer at 100 Hz and a zero error."""
     length = float(rng.uniform(0.15, 0.5))
     rod, rig = _rod(rng, length), one_rod(length, 0.1, 1024, rng)
     offset, bend, seconds = rng.choice([-1, 1]) * rng.uniform(6e-3, 2e-2), rng.uniform(0, 4e-3), rng.uniform(5, 12)
@@ -156,7 +156,7 @@ def potentiometer(rng: np.random.Generator, folder: Path) -> Bench:
 
 
 def cart(rng: np.random.Generator, folder: Path) -> Bench:
-    """A rod on a cart that is clamped and yields, with an encoder of 2400 counts at 200 Hz and a host's stamps."""
+    """Draw a rod on a compliant cart, with an encoder of 2400 counts at 200 Hz and time stamps of the host."""
     length = float(rng.uniform(0.25, 0.6))
     rod = _rod(rng, length, yields=float(rng.uniform(0.1, 0.3)), stiff=float(rng.uniform(40, 120)))
     rig, offset = one_rod(length, 0.15, 2400, rng), float(rng.normal(0, 5e-3))
@@ -172,7 +172,7 @@ def cart(rng: np.random.Generator, folder: Path) -> Bench:
 
 
 def video(rng: np.random.Generator, folder: Path) -> Bench:
-    """A rod filmed at 60 fps: frames repeated in stretches, points lost, a camera that is tilted."""
+    """Draw a rod filmed at 60 frames per second: repeated frames, lost points, tilted camera."""
     length = float(rng.uniform(0.3, 0.8))
     rod, rig = _rod(rng, length), one_rod(length, 0.1, 65536, rng)
     tilt, pace, runs = float(rng.normal(0, 8e-3)), 1 + float(rng.normal(0, 2e-3)), []
@@ -191,7 +191,7 @@ def video(rng: np.random.Generator, folder: Path) -> Bench:
 
 
 def kick(rng: np.random.Generator, folder: Path) -> Bench:
-    """A rod with an encoder at 200 Hz that somebody kicks once or twice in mid-swing."""
+    """Draw a rod with an encoder at 200 Hz that is kicked once or twice during the swing."""
     length = float(rng.uniform(0.2, 0.5))
     rod, rig, offset, runs = _rod(rng, length), one_rod(length, 0.1, 4096, rng), float(rng.normal(0, 6e-3)), []
     w = float(np.sqrt(rod.w2))
@@ -206,7 +206,7 @@ def kick(rng: np.random.Generator, folder: Path) -> Bench:
 
 
 def hand(rng: np.random.Generator, folder: Path) -> Bench:
-    """A rod whose recording begins while a hand still pushes it."""
+    """Draw a rod whose recording begins while a hand still pushes it."""
     length = float(rng.uniform(0.12, 0.3))
     rod, rig, offset, runs = _rod(rng, length), one_rod(length, 0.03, 4096, rng), float(rng.normal(0, 6e-3)), []
     for i, start in enumerate(np.radians(rng.uniform([40, 60, 50], [80, 100, 90]))):
@@ -219,7 +219,7 @@ def hand(rng: np.random.Generator, folder: Path) -> Bench:
 
 
 def geared(rng: np.random.Generator, folder: Path) -> Bench:
-    """Two rods with a geared motor on the elbow, 5 s at 200 Hz; the rig file does not know of the motor."""
+    """Draw two rods with a geared motor at the elbow, 5 s at 200 Hz; the rig file does not mention the motor."""
     L1, L2, m1, m2 = (float(rng.uniform(*span)) for span in ((0.2, 0.35), (0.2, 0.35), (0.3, 0.6), (0.3, 0.6)))
     l1, l2 = 0.6 * L1, 0.6 * L2
     b, d = 1.3 * m2 * l2**2, m2 * l2 * L1
@@ -242,7 +242,7 @@ def geared(rng: np.random.Generator, folder: Path) -> Bench:
 
 
 def driven(rng: np.random.Generator, folder: Path) -> Bench:
-    """A rod driven by a torque that a sensor reads with noise, 2 % of scale and a zero error."""
+    """Draw a rod driven by a torque that a sensor measures with noise, a scale error of 2 % and a zero error."""
     length, mass = float(rng.uniform(0.2, 0.5)), float(rng.uniform(0.2, 0.8))
     rig, runs = one_rod(length, mass, 4096, rng), []
     inertia = mass * length**2 / 3 * float(rng.uniform(0.9, 1.2))
@@ -264,7 +264,7 @@ def driven(rng: np.random.Generator, folder: Path) -> Bench:
 
 
 def classroom(rng: np.random.Generator, folder: Path) -> Bench:
-    """A rod on ball bearings, one short recording to fit: an encoder rounded to a tenth of a degree at 50 Hz.
+    """Draw a rod on ball bearings with one short recording; the encoder is rounded to 0.1 degree at 50 Hz.
 
     Its small unknown causes are a scale that is off by half a per cent and a torque that depends on the angle.
     """
@@ -294,6 +294,6 @@ KINDS: dict[str, Callable[[np.random.Generator, Path], Bench]] = {
 
 
 def bench(kind: str, seed: int) -> Bench:
-    """A rig of a kind, and its recordings."""
+    """Draw a rig of the given kind, and its recordings."""
     with tempfile.TemporaryDirectory() as folder:
         return KINDS[kind](np.random.default_rng([seed, list(KINDS).index(kind), 26]), Path(folder))

@@ -15,28 +15,28 @@ COUNT = 2 * np.pi / 16384
 """Step of the encoders, rad."""
 RATE_HZ = 500.0
 Slope = tuple[float, float, float, float]
-"""Rates of two angles and of their rates."""
+"""Derivatives of two angles and of their speeds."""
 
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """Rods that follow sines; what the controller does is read off counts, so that its torques are rough."""
+    """Rods that follow sines. The controller uses counts, so that its torques are rough."""
 
     friction: tuple[float, float] = (0.0, 0.0)
     """Coulomb friction of each joint, N m."""
     play: float = 0.0
-    """Between joint 2 and its encoder, rad."""
+    """Backlash between joint 2 and its encoder, rad."""
     gain: tuple[float, float] = (1.0, 1.0)
-    """Torque that acts over the one that is measured."""
+    """Ratio of the acting to the measured torque."""
     noise_Nm: float = 2e-3
     """Standard deviation of the measured torques."""
     stiffness: tuple[float, float] = (0.8, 0.4)
-    """N m/rad"""
+    """Proportional gains, N m/rad."""
     damping: tuple[float, float] = (0.05, 0.025)
-    """N m s/rad"""
+    """Derivative gains, N m s/rad."""
 
     def runs(self, rig: Rig, seed: int, count: int = 3, duration: float = 4.0) -> list[Run]:
-        """Recordings of other references, of rods a few per cent off the rig file."""
+        """Record runs with other references, of rods that differ by a few per cent from the rig file."""
         rng = np.random.default_rng(seed)
         base = base_parameters(rig.nominal * rng.uniform(0.95, 1.05, 9), rig.L1, rig.g)
         return [self._run(rig, base, rng, f"loop{k}", duration) for k in range(count)]

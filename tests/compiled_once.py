@@ -16,17 +16,17 @@ from tests.warm_process import SERVER
 
 COMPILED = Path(__file__).parent / "__pycache__"
 PATIENCE_S = 60.0
-"""How long a worker waits for the first to begin."""
+"""Maximum time for which a worker waits until the first worker begins, s."""
 
 
 def compiled_before() -> bool:
-    """Whether tests have been collected here before, or Python does not keep what it compiles."""
+    """Whether tests were collected here before, or Python does not store bytecode."""
     return sys.dont_write_bytecode or any(COMPILED.glob("test_*-pytest-*.pyc"))
 
 
 @contextmanager
 def one_after_the_other(worker: str, place: Path) -> Iterator[None]:
-    """Begin after the worker gw0 has left this context.
+    """Context that a worker enters only after the worker gw0 has left it.
 
     Args:
         worker: this worker
@@ -45,7 +45,7 @@ def one_after_the_other(worker: str, place: Path) -> Iterator[None]:
 
 @contextmanager
 def compiled_once() -> Iterator[None]:
-    """Collect the tests: in a fresh clone after the first worker."""
+    """Collect the tests; in a fresh clone only after the first worker."""
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker is None or compiled_before():
         yield

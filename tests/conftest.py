@@ -42,13 +42,13 @@ the summary lists it as `RERUN`, and it is a bug in the test or in the product."
 
 
 def pytest_configure() -> None:
-    """Start the process that commands and simulated devices are forked from, before the processes that run tests."""
+    """Start the process from which commands and simulated devices are forked, before the test processes."""
     import_module("tests.warm_process").start_server()
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """In a fresh clone Python compiles the tests and the libraries once."""
+    """Let one process compile tests and libraries to bytecode in a fresh clone."""
     with import_module("tests.compiled_once").compiled_once():
         return (yield)
 
@@ -82,13 +82,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 def pytest_collection_finish() -> None:
-    """What is there to stay is not looked through again."""
+    """Exclude the loaded objects from garbage collection."""
     gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
 def warm_devices() -> Iterator[None]:
-    """The simulated devices that dpr-lab starts are forked from a process with the libraries loaded."""
+    """Fork simulated devices that dpr-lab starts from a process with the libraries loaded."""
     warm, modules = import_module("tests.warm_process"), ("dpr_lab.child_process", "dpr_lab.trials.sealing")
     with pytest.MonkeyPatch.context() as patch:
         for module in map(import_module, modules):
@@ -98,7 +98,7 @@ def warm_devices() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def signals_as_they_were() -> Iterator[None]:
-    """A command that runs in the process of a test leaves its own answers to signals behind."""
+    """Restore the signal handlers after a command that ran in the process of a test."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, answer in before.items():
@@ -107,7 +107,7 @@ def signals_as_they_were() -> Iterator[None]:
 
 @pytest.fixture
 def few_readings(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    """(pattern) -> from now on, `make test` compares with these interpretations of a recording and some others."""
+    """Fixture (pattern): fast tests then compare only these interpretations of a recording and some others."""
     return partial(import_module("tests.few_readings").compare_few, monkeypatch)
 
 
@@ -123,7 +123,7 @@ def paper() -> Rig:
 
 @pytest.fixture(scope="session")
 def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], None]], Path]:
-    """(name, make) -> a folder that `make` has filled, once for all processes that these tests are shared out to."""
+    """Fixture (name, make): folder that `make` has filled, created once for all test processes."""
     import fcntl
 
     own = tmp_path_factory.getbasetemp()
@@ -145,7 +145,7 @@ def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callab
 
 @pytest.fixture(scope="session")
 def recorded(paper: Rig) -> Callable[..., list[Any]]:
-    """(effects, seed, duration, encoders) -> one run of a simulated rig from each pose.
+    """Fixture (effects, seed, duration, encoders): one run of a simulated rig from each pose.
 
     The plant integrates ten times finer than the lab.
     """
@@ -172,7 +172,7 @@ def two_runs(recorded: Callable[..., list[Any]], two_effects: Mapping[str, Mappi
 
 @pytest.fixture(scope="session")
 def two_found(two_runs: list[Any], paper: Rig) -> Any:
-    """The diagnosis of a rig with two effects, made once for all tests of a process."""
+    """Diagnosis of a rig with two effects, computed once per process."""
     from dpr_lab.gap.diagnose import diagnose
 
     return diagnose(two_runs, paper)
@@ -180,7 +180,7 @@ def two_found(two_runs: list[Any], paper: Rig) -> Any:
 
 @pytest.fixture(scope="session")
 def screened(paper: Rig) -> Callable[..., Any]:
-    """(runs, rig) -> `Recordings`."""
+    """Fixture (runs, rig) that returns the `Recordings`."""
     from dpr_lab.gap.screen.record import record
     from dpr_lab.gap.screen.recordings import Recordings
 
@@ -189,7 +189,7 @@ def screened(paper: Rig) -> Callable[..., Any]:
 
 @pytest.fixture(scope="session")
 def bare(screened: Callable[..., Any]) -> Callable[..., Any]:
-    """(runs[, rig]) -> their segments and the bare model fitted to them."""
+    """Fixture (runs[, rig]): segments, and the bare model fitted to them."""
     from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 
     def fitted(*args: Any) -> Any:
@@ -201,7 +201,7 @@ def bare(screened: Callable[..., Any]) -> Callable[..., Any]:
 
 @pytest.fixture(scope="session")
 def tested() -> Callable[..., Any]:
-    """(problem, fit, effects) -> score test of effects whose shapes need nothing of the recordings."""
+    """Fixture (problem, fit, effects): score test of effects whose shapes do not depend on the recordings."""
     from dpr_lab.effects.effect import Recorded
     from dpr_lab.gap.hypothesis.score_test import score_test
 
@@ -211,7 +211,7 @@ def tested() -> Callable[..., Any]:
 
 @dataclass(frozen=True)
 class Served:
-    """A simulated device on its link, served in a thread of this process."""
+    """Simulated device on its link, run in a thread of this process."""
 
     url: str
     board: Any
@@ -220,7 +220,7 @@ class Served:
 
 @pytest.fixture(scope="session")
 def library() -> Any:
-    """The firmware in C on this machine; skips where it cannot be compiled."""
+    """C firmware compiled for this machine; the test is skipped if it cannot be compiled."""
     from dpr_lab.errors import ConfigError
     from sim_device.firmware.c_firmware import load
 
@@ -232,7 +232,7 @@ def library() -> Any:
 
 @pytest.fixture
 def simulated(request: pytest.FixtureRequest) -> Iterator[Callable[..., Served]]:
-    """(what `sim_device.options.Options` takes) -> a device that is served until the test ends."""
+    """Fixture (options of `sim_device.options.Options`): device that runs until the test ends."""
     from sim_device.assemble import assemble
     from sim_device.options import Options
     from sim_device.serve import serve
@@ -257,14 +257,14 @@ def simulated(request: pytest.FixtureRequest) -> Iterator[Callable[..., Served]]
 
 @dataclass
 class Spy:
-    """A transport that notes the numbers of what was sent, and can lose samples on the way in."""
+    """Transport that records the numbers of the sent messages and can drop received samples."""
 
     inner: Transport
     lose_every: int = 0
-    """Of so many samples the last is lost; 0 for none."""
+    """Drop every n-th sample; 0: none."""
     sent: list[int] = field(default_factory=list)
     releases: set[bytes] = field(default_factory=set)
-    """What was in the RELEASE commands: one repeated for want of an answer is the same."""
+    """Contents of the RELEASE commands. A repeated command has the same content."""
     _samples: int = 0
 
     @property
@@ -301,5 +301,5 @@ class Spy:
 
 @pytest.fixture(scope="session")
 def spy_on() -> type[Spy]:
-    """A link, and how many samples of it to lose -> the link with a spy on it."""
+    """Fixture (link, number of dropped samples): link with a `Spy`."""
     return Spy

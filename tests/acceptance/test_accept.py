@@ -82,7 +82,7 @@ def test_an_effect_that_was_not_named_passes_only_by_its_interval(found: Diagnos
 
 
 def test_a_cable_is_judged_with_its_other_amplitudes_free(found: Diagnosis) -> None:
-    """Each interval of stiffness, hardening and constant torque holds for any values of the others."""
+    """Each interval of stiffness, hardening and constant torque holds for any values of the other amplitudes."""
     (loose,) = judge(found, limit("spring_joint2", "stiffness_Nm_per_rad", 1.0, "N m/rad")).limits
     assert loose.answer == "pass"
     assert loose.interval90 is not None
@@ -97,7 +97,7 @@ def test_a_cable_is_judged_with_its_other_amplitudes_free(found: Diagnosis) -> N
 
 
 def test_absent_cogging_is_judged_in_every_order(found: Diagnosis) -> None:
-    """A limit that is passed in the order of the scan need not be passed in the others."""
+    """A limit that is passed in the order of the scan need not be passed in the other orders."""
     (loose,) = judge(found, limit("detent_joint2", "cos1_Nm", 1.0, "N m")).limits
     assert (loose.answer, loose.reason) == ("pass", "")
     assert loose.interval90 is not None

@@ -16,7 +16,7 @@ Bench = Callable[..., AbstractContextManager[tuple[Device, Any]]]
 
 @pytest.fixture
 def bench(simulated, spy_on) -> Bench:
-    """A simulated device, connected, with a spy on its link."""
+    """Connected simulated device, with a recorder of the messages on its link."""
 
     @contextmanager
     def connected(lose_every: int = 0, **options: Any) -> Iterator[tuple[Device, Any]]:
@@ -30,7 +30,7 @@ def bench(simulated, spy_on) -> Bench:
 
 @pytest.fixture(scope="session")
 def settled() -> Callable[[Device], Status]:
-    """The device's status once it no longer streams."""
+    """Wait until the device no longer streams, and return its status."""
 
     def status(device: Device) -> Status:
         deadline = time.monotonic() + 60
@@ -45,5 +45,5 @@ def settled() -> Callable[[Device], Status]:
 
 @pytest.fixture(scope="session")
 def agree() -> Callable[[], bool]:
-    """The go-ahead."""
+    """Confirm the release."""
     return lambda: True

@@ -9,7 +9,8 @@ RATE_HZ = 1000
 def _fit(
     rng: np.random.Generator, rate: float = 1.0, duration: float = 3.0, late_s: float = 0.004, stall: float = 0.0
 ) -> ArrivalFit | None:
-    """Reads every 2 to 20 ms of a device that runs `rate` times too fast; of each second `stall` s bring nothing."""
+    """Fit reads every 2 to 20 ms of a device with the relative rate `rate`; the link stalls for `stall` s in each
+    second."""
     arrivals, t = Arrivals(RATE_HZ), 100.0
     while t < 100.0 + duration:
         t += rng.uniform(0.002, 0.02)

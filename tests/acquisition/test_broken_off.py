@@ -25,7 +25,7 @@ from firmware_protocol.messages import Event, EventKind, Fault, Message, State, 
 
 SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 LARGEST_CHUNK = LIMITS.chunk_bytes // 5
-"""On disk: samples compress sevenfold."""
+"""Size of a chunk on the disk. Samples are compressed by a factor of seven."""
 
 
 @pytest.mark.parametrize(

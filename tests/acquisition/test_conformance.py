@@ -39,7 +39,7 @@ def test_samples_that_wait_for_a_busy_host_do_not_change_the_sample_rate(rate_hz
 
 
 class Otherwise:
-    """A link to a real device, some of whose messages are changed."""
+    """Link to a real device that changes some of the messages."""
 
     def __init__(self, inner, change) -> None:
         self.inner, self.change = inner, change

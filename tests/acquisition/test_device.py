@@ -27,7 +27,7 @@ INFO = DeviceInfo("1.2.3", "00000000deadbeef", (16384, 16384, 16384), rate_max_h
 
 
 class Loop:
-    """A transport to a bare protocol session: no clock, no rods."""
+    """Transport to a protocol session without clock and rods."""
 
     url = "loop://"
 
@@ -70,7 +70,7 @@ def collect(device: Device, enough: Callable[[list[Batch]], bool], timeout: floa
 
 
 def poll_on(device: Device, ticks: list[int] | None = None) -> None:
-    """Poll until it raises, adding to `ticks` what comes; the test's own timeout is the limit."""
+    """Poll until an exception is raised, and add the received ticks to `ticks`. The time limit of the test applies."""
     while True:
         found = ticks_of(device.poll(0.1))
         if ticks is not None:

@@ -28,7 +28,7 @@ def furuta() -> Rig:
 
 
 def changed(tmp_path: Path, old: str, new: str) -> Path:
-    """The plant file with another line."""
+    """Copy of the plant file with another line."""
     text = (Path(__file__).parents[2] / "configs/plants/furuta.toml").read_text()
     assert old in text
     file = tmp_path / "plant.toml"
@@ -124,7 +124,7 @@ def test_other_programs_excite_the_arm_too(furuta: Rig, tmp_path: Path, bench, a
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("firmware", ["python", "c"])
 def test_a_device_whose_arm_has_a_drive_conforms(simulated, firmware: str) -> None:
-    """Both run every exchange without waiting in `tests/firmware_c/test_c_traces.py`."""
+    """In `tests/firmware_c/test_c_traces.py`, both implementations run every exchange without waiting."""
     link = open_transport(simulated(**FURUTA, clock="realtime", firmware=firmware).url)
     try:
         patient = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))

@@ -53,7 +53,7 @@ def test_lost_torques_are_counted_reported_and_not_interpolated(
 
 
 class WithoutPage:
-    """A link that loses a page of INFO."""
+    """Link that loses one page of INFO."""
 
     def __init__(self, inner) -> None:
         self.inner = inner
@@ -100,7 +100,7 @@ def test_a_driven_rig_is_identified_in_absolute_numbers_over_either_link(
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("firmware", thinned(["c", "python"], 2))
 def test_a_device_with_drives_conforms(simulated, table: Path, firmware: str) -> None:
-    """Both run every exchange without waiting in `tests/firmware_c/test_c_traces.py`."""
+    """In `tests/firmware_c/test_c_traces.py`, both implementations run every exchange without waiting."""
     from dpr_lab.acquisition.conformance import ConformanceSettings
 
     link = open_transport(simulated(clock="realtime", firmware=firmware, torques=table).url)

@@ -22,7 +22,7 @@ def rig() -> Rig:
 
 @pytest.fixture
 def good(rig: Rig) -> Run:
-    """A second of rest at X1 with encoder noise, 4 s of smooth motion that starts at rest, a second of hanging."""
+    """Create a recording: a second of rest at X1 with encoder noise, 4 s of smooth motion, a second of hanging."""
     t = np.arange(-RATE_HZ, 5 * RATE_HZ + 1) / RATE_HZ
     swing = np.clip(t, 0, 4)
     inner, outer = 0.2 * (1 - np.cos(2 * np.pi * swing)), (np.pi - 0.1) / 2 * (1 - np.cos(np.pi * swing / 4))
@@ -195,7 +195,7 @@ FAULTS = {
 
 
 SHOWN_TWICE = {name: ["hanging_after"] for name in ("pose", "release_speed", "jumps", "moved")}
-"""Faults that shift the rest of the run or stop a counter; their recording does not end at the hanging rest either."""
+"""Faults that shift the rest of the run or stop a counter. The final position then also differs from hanging."""
 
 
 @pytest.mark.parametrize("name", FAULTS)

@@ -38,7 +38,7 @@ Lie = Callable[[Message], list[Message]]
 
 @dataclass
 class Liar:
-    """A link to a real device on which some messages become others."""
+    """Link to a real device that replaces some messages by others."""
 
     inner: Transport
     lie: Lie
@@ -83,7 +83,7 @@ def test_a_release_from_before_it_was_ordered_is_not_believed(lying, paper: Rig,
 
 
 def while_streaming(**said: object) -> Lie:
-    """Every STATUS of a device that streams and holds says something else."""
+    """Replace every STATUS of a device that streams and holds the rods."""
     return lambda m: [replace(m, **said) if isinstance(m, Status) and m.state is State.STREAMING else m]
 
 
@@ -131,7 +131,7 @@ def test_an_unknown_fault_is_reported_in_a_sentence(lying, paper: Rig, tmp_path:
 
 
 def twice(m: Message) -> list[Message]:
-    """Every hundredth sample comes twice, the wrong one first."""
+    """Send every hundredth sample twice, the incorrect one first."""
     if not isinstance(m, Sample) or m.tick % 100:
         return [m]
     return [replace(m, position1=(m.position1 + 40) & 0xFFFF), m]
@@ -149,7 +149,7 @@ def test_of_two_samples_of_one_tick_neither_is_kept(lying, paper: Rig, tmp_path:
 
 
 def back_by(ticks: int, after: int = 1500) -> Lie:
-    """From so many ticks after the release on, samples have ticks that are lower by a constant."""
+    """From some ticks after the release on, reduce the ticks of the samples by a constant."""
     first: list[int] = []
 
     def lie(m: Message) -> list[Message]:
@@ -181,7 +181,7 @@ def test_ticks_that_go_back_a_little_degrade_it(lying, paper: Rig, tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_device_that_samples_far_too_slowly_does_not_block_the_operator(simulated, paper, tmp_path, agree) -> None:
-    """One sample a second: ten seconds of recording would have taken hours."""
+    """With one sample per second, ten seconds of recording would take hours."""
     quick = replace(CAPTURE_SETTINGS, pace_window_s=2.0)
     base: list[int] = []
     seen = iter(range(1_000_000))

@@ -18,19 +18,19 @@ PLANTS = Path(__file__).parents[2] / "configs/plants"
 
 
 def written(rig: Rig, tmp_path: Path) -> tuple[Rig, Path]:
-    """A rig with the file of a simulated device."""
+    """Write a rig file for a simulated device."""
     file = tmp_path / "rig.toml"
     file.write_text(rig_toml(rig), encoding="utf-8")
     return load_rig(file), file
 
 
 def with_encoder2(rig: Rig, kind: str) -> Rig:
-    """The rig with another encoder of joint 2."""
+    """Copy of the rig with another encoder of joint 2."""
     return parse_rig(rig_toml(rig).replace('joint2 = "relative"', f'joint2 = "{kind}"'))
 
 
 def clamped_at(angle: float, tmp_path: Path) -> Path:
-    """A plant whose elbow a clamp holds at an angle theta2 - theta1, rad."""
+    """Plant whose elbow is clamped at an angle theta2 - theta1, rad."""
     file = tmp_path / "plant.toml"
     text = (PLANTS / "paper.toml").read_text()
     assert "[hand]" in text

@@ -8,7 +8,7 @@ from firmware_protocol.messages import Pong
 
 
 def ask(clock: PingClock, now: float, tick: int) -> None:
-    """One exchange, answered after a millisecond."""
+    """Exchange PING and PONG, with an answer after one millisecond."""
     ping = clock.due(now)
     assert ping is not None
     clock.note(Pong(token=ping.token, tick=tick, fraction=0), now + 1e-3)

@@ -17,7 +17,7 @@ from firmware_protocol.messages import NUMBERS, Fault, Release, State, Status
 from firmware_protocol.stream import Row
 
 PLACED_S = 2.0
-"""Time after which the rods are at rest, s; they move for half a second, and a loaded machine shows them late."""
+"""Time after which the rods are at rest, s. They move for half a second; a busy machine detects this later."""
 SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
 
 
@@ -48,7 +48,7 @@ def test_without_a_go_ahead_nothing_is_released(paper: Rig, tmp_path: Path, benc
 
 
 class Script:
-    """Stands in for a device: a poll gives the next second of samples, the outer rod that far off the pose."""
+    """Substitute for a device: each poll returns the next second of samples, with an error of the outer rod."""
 
     url = "script://"
     status = Status(State.STREAMING, Fault.NONE, latched=True, overruns=0, dropped=0, sent=0)
@@ -80,7 +80,7 @@ def test_only_the_newest_second_of_the_wait_is_kept(paper: Rig) -> None:
 
 
 def test_losses_in_batches_that_arrive_together_are_counted_at_their_place() -> None:
-    """A busy host reads several batches at once; only those that stay in the window count in the recording."""
+    """A busy host reads several batches at once. Only losses within the window count for the recording."""
     window = RestWindow(1000, window_s=1.0)
     rows = [tuple(Row(tick, (0, 0, 0)) for tick in range(first, first + 1000)) for first in (0, 1000, 2000, 3000)]
     window.add(Batch(float(at), b"", row, (), {"torque": 5 * at}) for at, row in enumerate(rows))

@@ -98,7 +98,7 @@ def test_a_latch_that_is_reported_closed_throughout_the_swing_degrades_the_run(r
 
 @dataclass
 class Elsewhere:
-    """A link to a simulated device that has the URL of a real one."""
+    """Link to a simulated device that has the URL of a real port."""
 
     inner: object
     url: str
@@ -109,7 +109,7 @@ class Elsewhere:
 
 @pytest.mark.slow
 def test_a_device_on_a_real_port_cannot_call_its_time_simulated(simulated, paper: Rig, tmp_path: Path, agree) -> None:
-    """Its samples come many times too fast, which a simulated clock may and a real one may not."""
+    """Its samples arrive many times too fast, which is permitted for a simulated clock, but not for a real one."""
     link = Elsewhere(open_transport(simulated(clock="fast").url), "serial:///dev/ttyACM0")
     with Device(link) as device:  # pyright: ignore[reportArgumentType]
         assert device.connect().simulated_time

@@ -26,7 +26,7 @@ def request_of(folder: Path) -> DiagnoseRequest:
 
 @pytest.fixture(scope="session")
 def folder(recorded: Callable, paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Tables, runs, and `certificate.json`."""
+    """Folder with tables, runs, and `certificate.json`."""
     where = tmp_path_factory.mktemp("certified")
     for run in recorded({"coulomb_joint1": {"torque_Nm": 4e-3}}, duration=2.5)[:2]:
         table = where / f"{run.name}.csv"
@@ -50,7 +50,7 @@ def _read(content: bytes, name: str, folder: Path) -> Run:
 
 @pytest.fixture
 def remembered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Diagnose each request only once, and decode each recording only once: most verifications have the same ones."""
+    """Cache diagnoses and decoded recordings, because most verifications use the same ones."""
     monkeypatch.setattr(workflow, "diagnose", lambda request, on_event: _diagnosed(request))
     monkeypatch.setattr(files, "load_run", lambda path: _read(path.read_bytes(), path.name, tmp_path))
 

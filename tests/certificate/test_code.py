@@ -11,7 +11,7 @@ import dpr_lab
 
 
 def hash_of(folder: Path) -> str:
-    """Hash of the package in a folder, by a process that imports it from there."""
+    """Hash of the package in a folder, computed by a process that imports it from there."""
     program = "from dpr_lab.certificate.code import made_with; print(made_with()['code'])"
     done = subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=True)
     return done.stdout.strip()

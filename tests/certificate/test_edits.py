@@ -32,14 +32,14 @@ DECLARED = (
 """Fields that a certificate may change, if the change is shown."""
 
 SHOWN = {("choices", "seed"), ("made_with", "numpy"), ("recordings", 0, "sha256")}
-"""Fields of which some edit leaves a certificate that holds; every edit of them is tried."""
+"""Fields for which some edits leave the certificate valid. Every edit of these fields is tested."""
 
 EACH = 1 if os.environ.get("DPR_LAB_FULL") == "1" else 4
-"""Of the edits of a field `make test` takes every so manieth; no field has fewer edits than that."""
+"""Fast tests use only every n-th edit of a field. Each field has at least n edits."""
 
 
 def parts(value: Any, key: Key = ()) -> Iterator[tuple[Key, Any]]:
-    """Every key of a JSON value, containers and leaves."""
+    """Yield every key of a JSON value, containers and leaves."""
     yield key, value
     if isinstance(value, dict):
         for name, inner in value.items():
@@ -74,7 +74,8 @@ def additions(value: Any) -> list[Any]:
 
 
 def edits(whole: dict[str, Any], each: int = 1) -> Iterator[tuple[Key, Any]]:
-    """A key, and the certificate with that key removed, changed or extended: every so manieth edit of most keys."""
+    """Yield keys, each with the certificate after removal, change or extension of the key; for most keys every n-th
+    edit."""
     for number, (key, value) in enumerate(parts(whole)):
         changes: list[Callable[[Any, Any], None]] = [
             lambda inside, last, new=new: inside.__setitem__(last, new)

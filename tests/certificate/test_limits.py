@@ -20,7 +20,7 @@ torque_Nm = { max = 0.01, unit = "N m" }
 
 @pytest.fixture(scope="module")
 def place(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the runs, the same for all tests: their diagnosis is remembered."""
+    """Folder with the runs, shared by all tests, so that the cached diagnosis can be used."""
     place = tmp_path_factory.mktemp("limits")
     for run in ("X1.mcap", "X2.mcap"):
         shutil.copy(folder / run, place)

@@ -30,7 +30,7 @@ PASSPHRASE = "open sesame"
 
 
 def write_key(path: Path, key: object, form: PrivateFormat, passphrase: str = "") -> Path:
-    """A private key and its public key in the same form."""
+    """Write a private key and its public key in the same form."""
     protection = BestAvailableEncryption(passphrase.encode()) if passphrase else NoEncryption()
     path.write_bytes(key.private_bytes(Encoding.PEM, form, protection))  # type: ignore[attr-defined]
     openssh = form is PrivateFormat.OpenSSH

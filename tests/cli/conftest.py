@@ -38,7 +38,7 @@ MadeOnce = Callable[[str, Callable[[Path], None]], Path]
 
 
 def command(*arguments: object, cwd: Path | None = None, stdin: str = "") -> Done:
-    """Run a command in a process of its own, to its end."""
+    """Run a command in a separate process until it ends."""
     words, pipe = list(map(str, arguments)), subprocess.PIPE
     with started("dpr_lab", words, cwd=cwd, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
         out, err = process.communicate(stdin)
@@ -58,11 +58,11 @@ SCHEMA_OF = {
 
 
 _strict = set[str]()
-"""Schemas that were found to accept neither more nor fewer keys."""
+"""Schemas for which additional and missing keys were found to be refused."""
 
 
 def validate_printed(words: list[str], out: str) -> None:
-    """Whatever these commands print as JSON, in any test, is as their published schema says, unless it is an error."""
+    """Validate the JSON output of all commands against the published schemas, except for errors."""
     name = SCHEMA_OF.get(words[1] if words[:1] == ["trials"] and len(words) > 1 else words[0]) if words else None
     if name is None or "--json" not in words or not out.startswith("{"):
         return
@@ -87,7 +87,7 @@ def cli() -> Cli:
 
 @pytest.fixture(scope="session")
 def on_terminal() -> Callable[..., tuple[int, str]]:
-    """(command, variables, what to do meanwhile) -> exit code and all that it shows on a terminal, without colours."""
+    """Fixture (command, variables, actions) that returns the exit code and all output on a terminal, no colours."""
 
     def shown(
         command: list[str], variables: dict[str, str], meanwhile: Callable[[int], None] = lambda pid: None
@@ -121,7 +121,7 @@ def _read_all(master: int, came: list[bytes]) -> None:
 
 @pytest.fixture(scope="session")
 def after_work() -> Callable[[int, float], bool]:
-    """(process, s): wait until `dpr-lab` runs there and has worked so long, by its own clock; whether it still runs."""
+    """Fixture (process, s) that waits until `dpr-lab` has used this CPU time, and returns whether it still runs."""
 
     def wait(pid: int, work_s: float) -> bool:
         began: float | None = None
@@ -146,7 +146,7 @@ def _catches(pid: int, number: int) -> bool:
 
 @pytest.fixture(scope="session")
 def quickstart(cli: Cli, made_once: MadeOnce) -> Path:
-    """The folder in which the first commands of the README were run, with a seeded plant and releases of 5 s."""
+    """Folder in which the first commands of the README were run, with a seeded plant and releases of 5 s."""
     steps = next(block.text for block in blocks(ROOT / "README.md") if block.text.startswith("dpr-lab doctor"))
     steps = steps.replace("clock=fast'", "clock=fast&seed=3'").replace(
         "--pose X3 --out", "--pose X3 --duration 5 --out"
@@ -170,5 +170,5 @@ def runs(quickstart: Path) -> list[Path]:
 
 @pytest.fixture(scope="session")
 def model(quickstart: Path) -> Path:
-    """The model identified from these releases."""
+    """Model identified from these releases."""
     return quickstart / "model.json"

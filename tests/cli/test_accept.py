@@ -25,7 +25,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def accepted(runs: list[Path], tmp_path_factory: pytest.TempPathFactory, cli) -> tuple[Path, str]:
-    """The folder of `accept` with one limit that passes and one that fails, and what it printed."""
+    """Output and folder of `accept` with one limit that passes and one that fails."""
     folder = tmp_path_factory.mktemp("limits")
     (folder / "limits.toml").write_text(f"{LIMITS['pass'][1]}\n{LIMITS['fail'][1]}")
     words = ("--rig", "paper", "--limits", folder / "limits.toml", "--out", folder / "out")

@@ -18,7 +18,7 @@ print(sys.pycache_prefix, library.__cached__)
 
 
 def kept(folder: Path, **environment: str) -> tuple[str, str]:
-    """The folder of bytecode of a process that imports a library, and the file of that library's."""
+    """Folder of bytecode of a process that imports a library, and the bytecode file of this library."""
     (folder / "library").mkdir(exist_ok=True)
     (folder / "library" / "__init__.py").touch()
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}

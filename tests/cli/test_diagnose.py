@@ -29,7 +29,7 @@ VERDICTS = {"no_gap", "named", "partly_explained", "unexplained"}
 
 @pytest.fixture(scope="module")
 def worn(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
-    """Three releases of a rig whose bearings have dry friction besides the viscous."""
+    """Three releases of a rig whose bearings have Coulomb friction in addition to viscous friction."""
     out = tmp_path_factory.mktemp("worn")
     words = (
         "--rig",
@@ -88,7 +88,7 @@ def test_the_keys_that_other_tools_rely_on(told: dict[str, Any], worn: list[Path
 
 
 def test_dry_friction_is_named_with_its_size(told: dict[str, Any]) -> None:
-    """Torques assume b of the rig file, which differs a little from that of the plant."""
+    """Torques assume the b of the rig file, which differs slightly from that of the plant."""
     assert told["verdict"] == "named"
     found = {effect["name"]: effect for effect in told["effects"]}
     assert set(found) == {"coulomb_joint1", "coulomb_joint2"}

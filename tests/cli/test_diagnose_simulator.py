@@ -24,7 +24,7 @@ from tests.exports.planted_errors import PLANTED, ROBOT, held_out_error, recordi
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rig]:
-    """A folder with the model, its rig file and three run files of the truth."""
+    """Folder with the model, its rig file and three run files of the true model."""
     folder = tmp_path_factory.mktemp("simulator")
     (folder / "robot.xml").write_text(ROBOT, encoding="utf-8")
     rig_from_model(folder / "robot.xml", folder / "rig.toml")

@@ -25,7 +25,7 @@ def released(factor: float, seed: int):
 
 @pytest.fixture(scope="module")
 def days(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Six releases on Monday, six on Tuesday with two per cent more friction in joint 2."""
+    """Six releases on Monday, and six on Tuesday with two per cent more friction in joint 2."""
     folder, files = tmp_path_factory.mktemp("days"), []
     for k in range(4):
         for run in released(1.0 if k < 2 else 1.02, k + 1):

@@ -84,7 +84,7 @@ def test_same_seed_same_answer_for_any_number_of_threads(
 
 @pytest.fixture(scope="module")
 def of_two(runs: list[Path], tmp_path_factory: pytest.TempPathFactory, cli) -> Path:
-    """The model of two of the three releases."""
+    """Model identified from two of the three releases."""
     file = tmp_path_factory.mktemp("of_two") / "model.json"
     done = cli("identify", *runs[:2], "--rig", "paper", "--out", file, "--json")
     assert done.code == 0, done.err

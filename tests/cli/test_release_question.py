@@ -13,7 +13,7 @@ from dpr_lab.cli.capture import release_question
 
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bytes], None]]:
-    """(bytes) -> types them on the terminal of this process."""
+    """Fixture (bytes) that types these bytes on the terminal of this process."""
     keyboard, terminal = pty.openpty()
     with os.fdopen(terminal, "r", buffering=1) as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)

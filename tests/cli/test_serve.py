@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 
 class Client:
-    """The other end of the streams."""
+    """Client of the service on the other end of the streams."""
 
     def __init__(self, folder: Path) -> None:
         pipe = subprocess.PIPE
@@ -43,7 +43,7 @@ class Client:
         return message
 
     def response(self, identifier: Any) -> dict[str, Any]:
-        """The response to a request; what comes before it is kept."""
+        """Wait for the response to a request; earlier messages are stored."""
         while "id" not in (message := self.next()) or message["id"] != identifier:
             pass
         return message
@@ -54,7 +54,7 @@ class Client:
             pass
 
     def job_process(self) -> int:
-        """Number of the process that runs its jobs."""
+        """Number of the process that runs the jobs."""
         listed = subprocess.run(
             ["ps", "-ww", "-e", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True
         )
@@ -63,7 +63,7 @@ class Client:
         return job
 
     def close(self) -> None:
-        """End the requests."""
+        """Close the stream of requests."""
         assert self.process.stdin is not None
         self.process.stdin.close()
         self.process.stdin = None  # `communicate` would flush it

@@ -98,10 +98,10 @@ def test_closed_streams_are_no_traceback(tmp_path: Path) -> None:
 
 
 INTERRUPTED = (130, -signal.SIGINT)
-"""A shell says 130 of both; Python ends by the signal itself where it struck inside an `exec`."""
+"""A shell reports 130 in both cases. Python ends by the signal itself if it was interrupted in an `exec`."""
 
 MOMENTS_S = (0.0, 0.3, 1.0, 2.0, 8.0)
-"""Of work, by the process's own clock: while it is loaded, while it compiles, while it computes."""
+"""CPU times of the process at which it is interrupted, s: while it loads, compiles and computes."""
 
 
 @pytest.mark.slow
@@ -135,7 +135,7 @@ def test_ctrl_c_is_one_line_and_one_object_at_any_moment(
 
 @pytest.mark.slow
 def test_an_interrupt_inside_a_library_is_an_interrupt() -> None:
-    """A compiler turns an interrupt into an error of its own, or loses it; another library drops it."""
+    """A compiler converts an interrupt to another error or suppresses it; another library discards it."""
     program = """
 import os, signal
 from dpr_lab import cli

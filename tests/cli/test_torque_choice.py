@@ -26,7 +26,7 @@ NAMES = "t_s,theta1_rad,theta2_rad,tau1_Nm,tau2_Nm,tau1_commanded_Nm,tau2_comman
 
 @pytest.fixture(scope="module")
 def driven(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Two swings under measured torques; what was commanded is said to be twice as much."""
+    """Two swings under measured torques; the commanded torques are twice as large."""
     files, random, at = [], np.random.default_rng(3), unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
     for k in range(2):
         folder = tmp_path_factory.mktemp(f"day{k}")

@@ -17,7 +17,7 @@ from tests.thinned import FULL
 
 
 def opens_and_stays_open(folder: Path, hidden: str, cli) -> None:
-    """A diagnosed trial, with the name of its hidden effect."""
+    """Reveal a diagnosed trial, and return the name of its hidden effect."""
     shown = cli("trials", "open", folder)
     assert shown.code == 0, shown.err
     assert "the seal is valid" in shown.out
@@ -90,7 +90,7 @@ def test_a_failed_trial_is_reported_and_the_others_count(tmp_path: Path, cli) ->
 def demo(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> tuple[dict[str, Any], str]:
-    """What the demo prints as JSON, and its messages; `make test` records 3 s of each swing instead of 10 s."""
+    """JSON output and messages of the demo. Fast tests record 3 s of each swing instead of 10 s."""
     seconds = 10.0 if FULL else 3.0
     monkeypatch.setattr("dpr_lab.acquisition.capture.CaptureOptions", partial(CaptureOptions, duration=seconds))
     monkeypatch.setattr("dpr_lab.report.figures.save_png", save_blank)
