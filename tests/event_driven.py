@@ -15,16 +15,16 @@ from scipy.optimize import lsq_linear
 
 JOINTS = np.array([[1.0, 0.0], [-1.0, 1.0]])
 Law = Callable[[float], float]
-"""Size of the friction at a speed's size, N m; its value at zero is the limit at rest."""
+"""Friction as a function of the absolute speed, N m. Its value at zero speed is the limit at rest."""
 
 
 @dataclass
 class Rods:
-    """Equation (1) of docs/theory.md in matrices, with dry friction in both joints."""
+    """Equation (1) of docs/theory.md in matrices, with Coulomb friction in both joints."""
 
     base: np.ndarray
     gravity: float
-    """g / L1"""
+    """g / L1, 1/s^2."""
     laws: tuple[Law, Law] = (lambda u: 0.0, lambda u: 0.0)
 
     def mass(self, theta):
@@ -43,7 +43,7 @@ class Rods:
         return f - JOINTS.T @ friction
 
     def accelerations(self, x, sides):
-        """alpha and the torques of the joints at rest, from the linear system with its constraints."""
+        """Accelerations, and torques of the joints at rest, from the linear system with its constraints."""
         rest = [j for j in (0, 1) if sides[j] == 0]
         J, n = JOINTS[rest], len(rest)
         system = np.block([[self.mass(x[:2]), -J.T], [J, np.zeros((n, n))]])
@@ -53,7 +53,7 @@ class Rods:
         return found[:2], lambdas
 
     def sides(self, x):
-        """Which way each joint slides or will slide at once; 0 where it rests, 1 where nothing could hold it."""
+        """Direction in which each joint slides or starts to slide; 0 if it rests."""
         sides, limits = np.sign(JOINTS @ x[2:]), np.array([law(0.0) for law in self.laws])
         rest = np.flatnonzero((sides == 0) & (limits > 0))
         inverse = np.linalg.inv(self.mass(x[:2]))
@@ -68,7 +68,7 @@ class Rods:
 
 
 def _event(rods: Rods, sides, j: int) -> Any:
-    """What falls through zero where joint j stops, or has to withstand more than it can."""
+    """Function that decreases through zero when joint j stops, or exceeds its friction limit."""
 
     def left(t, x):
         return rods.laws[j](0.0) - abs(rods.accelerations(x, sides)[1][j]) if sides[j] == 0 else JOINTS[j] @ x[2:]
@@ -83,11 +83,11 @@ def _slope(rods: Rods, sides):
 
 
 BEGINS_S = 1e-6
-"""How long a joint that begins to slide does so before it can stop: a first step of any length begins at no speed."""
+"""Minimum duration of a slide, s. A joint starts to slide at zero speed, which would count as a stop."""
 
 
 def swing(rods: Rods, start, t, error=1e-11):
-    """(n, 4) states at t, from rest to sliding and back, each stretch between two events by itself."""
+    """Simulate states (n, 4) at t, with stops and starts; each interval between two events is integrated separately."""
     x, now, found = np.array(start, dtype=float), t[0], [np.array(start, dtype=float)]
     sides, dry = rods.sides(x), [j for j in (0, 1) if rods.laws[j](0.0) > 0]
     while len(found) < len(t):

@@ -11,14 +11,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Log:
-    """n readings."""
+    """Record of n readings."""
 
     taken: Array
-    """(n,) when each was taken, s."""
+    """Times (n,) at which the readings were taken, s."""
     stamps: Array
-    """(n,) when it is said to be taken, s, increasing."""
+    """Time stamps (n,) of the readings, s, increasing."""
     sent: NDArray[np.int64]
-    """(n,) index of the reading that is sent in its place."""
+    """Index (n,) of the reading that is sent instead of each reading."""
 
 
 def _late(log: Log, period: float, rng: np.random.Generator) -> Log:
@@ -66,6 +66,6 @@ FAULTS: dict[str, Callable[[Log, float, np.random.Generator], Log]] = {
 
 
 def log(fault: str, t: Array, period: float, rng: np.random.Generator) -> Log:
-    """Readings at even instants t (n,) by a logger with a fault, or without one for an empty name."""
+    """Log readings at evenly spaced instants t (n,) by a logger with a fault; an empty name means no fault."""
     even = Log(t, t, np.arange(len(t)))
     return FAULTS[fault](even, period, rng) if fault else even

@@ -10,7 +10,7 @@ from dpr_lab.rig import Rig
 from tests.thinned import FULL
 
 EACH = 5
-"""Of the interpretations that are not expected, every so manieth stays."""
+"""Every n-th interpretation that is not expected is kept."""
 
 
 def compare_few(monkeypatch: pytest.MonkeyPatch, expected: str) -> None:

@@ -20,7 +20,7 @@ EFFECTS_ROOM = "dpr_lab.effects"
 
 
 def modules(package: str) -> dict[str, ast.Module]:
-    """Dotted name -> syntax tree of every module of a package."""
+    """Syntax tree of every module of a package, by dotted name."""
     found = {}
     for path in sorted((ROOT / package.replace(".", "/")).rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
@@ -31,12 +31,12 @@ def modules(package: str) -> dict[str, ast.Module]:
 
 @cache
 def tree_of(path: Path) -> ast.Module:
-    """The syntax tree of a file."""
+    """Syntax tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def imports(trees: Mapping[str, ast.Module], *, deferred: bool = False) -> dict[str, set[str]]:
-    """Module -> modules among `trees` that it imports; `deferred` counts imports inside functions too."""
+    """Modules among `trees` that each module imports; `deferred` also counts imports inside functions."""
     return {name: set(_imported(tree, trees, deferred)) - {name} for name, tree in trees.items()}
 
 
@@ -52,7 +52,7 @@ def _imported(tree: ast.Module, trees: Mapping[str, ast.Module], deferred: bool)
 
 
 def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
-    """Groups of modules that import one another, each with two members or more (Tarjan)."""
+    """Groups of two or more modules that import one another (Tarjan's algorithm)."""
     order: dict[str, int] = {}
     low: dict[str, int] = {}
     stack: list[str] = []
@@ -80,7 +80,7 @@ def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
 
 
 def longest_chain(graph: Mapping[str, set[str]]) -> list[str]:
-    """The longest path of imports; the graph must hold no circle."""
+    """Longest path of imports; the graph must be acyclic."""
 
     @cache
     def below(name: str) -> tuple[str, ...]:
@@ -90,13 +90,13 @@ def longest_chain(graph: Mapping[str, set[str]]) -> list[str]:
 
 
 def within(graph: Mapping[str, set[str]], *packages: str) -> dict[str, set[str]]:
-    """The part of a graph that lies in some packages."""
+    """Part of a graph inside some packages."""
     mine = {name for name in graph if any(name == p or name.startswith(p + ".") for p in packages)}
     return {name: graph[name] & mine for name in mine}
 
 
 def class_names(trees: Mapping[str, ast.Module]) -> dict[str, list[str]]:
-    """Public class name -> modules that define it."""
+    """Modules that define each public class name."""
     found: dict[str, list[str]] = defaultdict(list)
     for name, tree in trees.items():
         for node in ast.walk(tree):
@@ -106,7 +106,7 @@ def class_names(trees: Mapping[str, ast.Module]) -> dict[str, list[str]]:
 
 
 def numeric_constants(trees: Mapping[str, ast.Module]) -> list[str]:
-    """module.NAME of every module-level UPPERCASE name, inside tuples too, whose value holds a number and no text."""
+    """Names module.NAME of all module-level UPPERCASE constants that contain a number and no text."""
     found = []
     for name, tree in trees.items():
         for node in tree.body:
@@ -119,7 +119,7 @@ def numeric_constants(trees: Mapping[str, ast.Module]) -> list[str]:
 
 
 def _numeric(value: ast.expr) -> bool:
-    """Whether an expression holds a number somewhere and no text."""
+    """Whether an expression contains a number and no text."""
     constants = [node.value for node in ast.walk(value) if isinstance(node, ast.Constant)]
     numbers = [c for c in constants if isinstance(c, int | float) and not isinstance(c, bool)]
     return bool(numbers) and not any(isinstance(c, str | bytes) for c in constants)
@@ -140,7 +140,7 @@ def effects_named(trees: Mapping[str, ast.Module], effects: Iterable[str]) -> li
 
 
 def folder_sizes() -> dict[str, int]:
-    """Folder -> its Python files, except `__init__` and `__main__`."""
+    """Python files of each folder, except `__init__` and `__main__`."""
     found: dict[str, int] = defaultdict(int)
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
@@ -150,7 +150,7 @@ def folder_sizes() -> dict[str, int]:
 
 
 def main() -> None:
-    """Print every figure."""
+    """Print all figures."""
     trees = {name: tree for package in PACKAGES for name, tree in modules(package).items()}
     graph, deferred = imports(trees), imports(trees, deferred=True)
     twice = {name: where for name, where in class_names(trees).items() if len(where) > 1}

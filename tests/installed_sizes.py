@@ -21,13 +21,13 @@ def extras() -> list[str]:
 
 
 def requirements(extra: str = "") -> list[str]:
-    """What the project requires, or what an extra of it does."""
+    """Requirements of the project or of an extra."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     return project["optional-dependencies"][extra] if extra else project["dependencies"]
 
 
 def sizes_mb(wanted: list[str]) -> dict[str, float]:
-    """Library -> MB of its files without compiled Python, for the wanted libraries and all that they need.
+    """Size of each library without compiled Python, MB, for the wanted libraries and all their requirements.
 
     Raises:
         PackageNotFoundError: a library is not installed.
@@ -50,7 +50,7 @@ def sizes_mb(wanted: list[str]) -> dict[str, float]:
 
 
 def _applying(wanted: list[str], *extras: str) -> list[Requirement]:
-    """The requirements that hold on this system, with these extras."""
+    """Requirements that apply to this system, with these extras."""
     return [
         requirement
         for requirement in map(Requirement, wanted)
@@ -59,18 +59,18 @@ def _applying(wanted: list[str], *extras: str) -> list[Requirement]:
 
 
 def canonical(name: str) -> str:
-    """A library's name as indexes compare it."""
+    """Name of a library in the form in which package indexes compare it."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def size_mb(library: Distribution) -> float:
-    """Of a library's own files, without compiled Python."""
+    """Size of a library's own files, without compiled Python, MB."""
     files = (library.locate_file(file) for file in library.files or [] if file.suffix != ".pyc")
     return sum(Path(str(file)).stat().st_size for file in files if Path(str(file)).is_file()) / 1e6
 
 
 def added_mb(extra: str) -> dict[str, float]:
-    """What an extra adds to the core."""
+    """Size that an extra adds to the core, MB."""
     core = sizes_mb(requirements())
     return {name: size for name, size in sizes_mb(requirements(extra)).items() if name not in core}
 

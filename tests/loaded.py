@@ -30,7 +30,7 @@ from tests.warm_process import starts_device
 
 
 class Forked(subprocess.Popen[bytes]):
-    """A function where `Popen` would run a program; its pipes, and how it is waited for and ended, are the same."""
+    """Forked function in place of a program that `Popen` would run, with the same pipes and methods."""
 
     def __init__(self, function: Callable[[], int], **options: Any) -> None:
         self._function = function
@@ -50,7 +50,7 @@ class Forked(subprocess.Popen[bytes]):
 
 
 def run_and_exit(function: Callable[[], int]) -> None:
-    """Run it on the three descriptors, as a fresh process does that knows of no handler and no log, and end."""
+    """Run the function with the three descriptors like a new process without signal handlers and logs, and exit."""
     code = 1
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)

@@ -46,7 +46,7 @@ def alone(kernel: Callable[..., Any]) -> Iterator[None]:
 
 
 def _file() -> Any:
-    """The lock file, open for good: to close it anywhere would lose every lock of this process."""
+    """Lock file, which stays open: closing it anywhere would release every lock of this process."""
     assert CACHE is not None
     if os.getpid() not in _opened:  # a forked process may have closed what it inherited
         _opened[os.getpid()] = (CACHE / "compiling.lock").open("w")
@@ -59,7 +59,7 @@ def compiled_before(cache: Any, sig: Any, target: Any) -> bool:
 
 
 def compile_or_load(self: Any, sig: Any) -> Any:
-    """As `Dispatcher.compile`."""
+    """Replacement for `Dispatcher.compile`."""
     if compiled_before(self._cache, sig, self.targetctx):
         return compile_kernel(self, sig)
     with alone(self.py_func):
@@ -67,7 +67,7 @@ def compile_or_load(self: Any, sig: Any) -> Any:
 
 
 def compile_or_load_pointer(self: Any) -> None:
-    """As `CFunc.compile`."""
+    """Replacement for `CFunc.compile`."""
     if compiled_before(self._cache, self._sig, self._targetdescr.target_context):
         return compile_pointer(self)
     with alone(self._pyfunc):

@@ -25,12 +25,12 @@ RELEASES = (np.radians(60.0), np.radians(90.0))
 
 @dataclass(frozen=True, slots=True)
 class Rod:
-    """A uniform rod on one bearing. Friction counts in units of the gravity torque, times in those of the rod."""
+    """Uniform rod on one bearing. Friction is relative to the gravity torque, times to the natural period."""
 
     length: float = 0.4
     mass: float = 0.1
     dry: float = 0.005
-    """Coulomb friction over gravity torque."""
+    """Coulomb friction relative to the gravity torque."""
     damping: float = 0.003
     """Damping ratio of a small swing."""
     drag: float = 0.0
@@ -40,11 +40,11 @@ class Rod:
     drift: float = 0.0
     """Rate of the zero error, rad/s."""
     scale: float = 0.0
-    """Relative error of its scale."""
+    """Relative scale error of the potentiometer."""
     turns: tuple[int, int] = (0, 0)
     """Whole turns of the rod before each release."""
     eccentric: float = 0.0
-    """Peak of an error with one cycle per turn, rad."""
+    """Amplitude of an error with one cycle per turn, rad."""
     jitter: float = 0.0
     """Standard deviation of the sampling instants, s."""
     noise: float = 2e-3
@@ -60,7 +60,7 @@ class Rod:
 
     @property
     def gravity_torque(self) -> float:
-        """Gravity torque of the rod held level, N m."""
+        """Gravity torque of the horizontal rod, N m."""
         return 0.5 * self.mass * G * self.length
 
 
@@ -91,7 +91,7 @@ def drawn(seed: int) -> Rod:
 
 
 def swing(rod: Rod, start: float, t: Array) -> Array:
-    """(n,) angle from hanging, rad: half swings between located stops, at which the rod may stay at rest."""
+    """Simulate the angle (n,) from hanging, rad: half swings between stops, at which the rod may stay at rest."""
     w, angles = rod.frequency, np.full(len(t), start)
     at, now = start, 0.0
     while now < t[-1] and abs(np.sin(at)) > rod.dry:
@@ -116,7 +116,7 @@ def swing(rod: Rod, start: float, t: Array) -> Array:
 
 
 def recorded(rod: Rod, seed: int, folder: Path) -> tuple[Rig, list[Run]]:
-    """The rig file that a user would draft, and the recordings as imported tables."""
+    """Rig file as drafted by a user, and recordings as imported tables."""
     rng = np.random.default_rng([seed, 27])
     measured = Measure(rod.mass)
     named = RigMeasures("one rod", rod.length, rod.length, measured, measured, counts_per_rev=rod.counts)

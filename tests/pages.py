@@ -40,7 +40,7 @@ NOT_COMMANDS = ("", "text", "{toctree}", *ROWS_OF_PLUGIN, "{eval-rst}", "{code-c
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A fenced block of a page."""
+    """Fenced code block of a page."""
 
     line: int
     language: str
@@ -48,7 +48,7 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """All of them, in order."""
+    """All code blocks of a page, in order."""
     text = page.read_text(encoding="utf-8")
     found = re.finditer(r"^( *)```(.*)\n((?:.*\n)*?)\1```$", text, flags=re.MULTILINE)
     return [Block(text.count("\n", 0, block.start()) + 1, block[2].strip(), block[3]) for block in found]
@@ -59,7 +59,7 @@ def name(page: Path) -> str:
 
 
 def to_follow() -> list[str]:
-    """Pages with something to run."""
+    """Pages with commands to run."""
     return [name(page) for page in PAGES if any(block.language in FOLLOWED for block in blocks(page))]
 
 
@@ -160,10 +160,10 @@ cp host.pem ca.pem
 
 @dataclass(frozen=True, slots=True)
 class StandIn:
-    """What is written, by what it is replaced where a page is tried, and why."""
+    """Replacement for a text that cannot be used in a test, with the reason."""
 
     written: str
-    """Regular expression."""
+    """Regular expression of the replaced text."""
     tried: str
     why: str
 
@@ -200,7 +200,7 @@ STAND_INS = (
 
 
 def script(page: Path) -> str:
-    """What is run of a page, in order."""
+    """Commands of a page that are run, in order."""
     lines = [TAKEN_FOR_GRANTED.get(name(page), "")]
     for block in blocks(page):
         if block.language == "python":
@@ -218,7 +218,7 @@ def _tried(line: str) -> str:
 
 @contextmanager
 def device(link: str) -> Iterator[str]:
-    """A simulated device, and the URL of its line."""
+    """Simulated device, and the URL of its link."""
     words, pipe = ["--exit-with-parent", "--link", link], subprocess.PIPE
     with started("sim_device", words, stdin=pipe, stdout=pipe, text=True) as process:
         try:
@@ -229,7 +229,7 @@ def device(link: str) -> Iterator[str]:
 
 
 def forked_program() -> str:
-    """A `dpr-lab` that is forked from a process with the libraries loaded, as a script."""
+    """Script that replaces `dpr-lab` by a process forked from one with the libraries loaded."""
     start_server()
     path = os.environ.get("PYTHONPATH")
     environment = "-u PYTHONPATH" if path is None else f"PYTHONPATH='{path}'"

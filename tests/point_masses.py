@@ -11,7 +11,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def masses_of(Z, L1):
-    """(mass, rod, distance) of each point mass; rod 0 is the inner one, 1 the outer one."""
+    """Mass, rod and distance of each point mass; rod 0 is the inner rod, 1 the outer rod."""
     l1, l2, m1, m2, mb, _, _, J1, J2 = Z
     points = [(m1 / 2, 0, l1 + side * np.sqrt(J1 / m1)) for side in (-1, 1)]
     if mb:
@@ -20,7 +20,7 @@ def masses_of(Z, L1):
 
 
 def jacobians(theta, omega, rod, distance, L0, L1):
-    """(3, 3) derivative of a mass's position by theta, and (3,) its acceleration at constant speeds."""
+    """Derivative (3, 3) of a mass's position by theta, and its acceleration (3,) at constant speeds."""
     phi, *angles = theta
     w0, *speeds = omega
     radial = np.array([np.cos(phi), np.sin(phi), 0.0])
@@ -38,7 +38,7 @@ def jacobians(theta, omega, rod, distance, L0, L1):
 
 
 def accelerations(x, torque, Z, arm, frame):
-    """(3,) theta'' at the state x (6,), under a torque on the arm."""
+    """Accelerations theta'' (3,) at the state x (6,), under a torque on the arm."""
     L0, L1, g = frame
     theta, omega = x[:3], x[3:]
     M = np.diag([arm.J0, 0.0, 0.0])
@@ -58,7 +58,7 @@ def accelerations(x, torque, Z, arm, frame):
 
 
 def point_masses(Z, arm, start, t, push, frame):
-    """(n, 3) angles of a swing at the instants t, with a torque on the arm held between them."""
+    """Simulate angles (n, 3) of a swing at the instants t, with a torque on the arm that is held between them."""
     x, theta = np.asarray(start, dtype=float), np.empty((len(t), 3))
     for i, torque in enumerate(push):
         theta[i] = x[:3]

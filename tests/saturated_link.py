@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 LINE_END = 2
-"""Bytes of a carriage return and a line feed."""
+"""Number of bytes of a carriage return and a line feed."""
 BITS_PER_BYTE = 10
-"""With a start bit and a stop bit."""
+"""Number of bits per byte, with start bit and stop bit."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """A serial link and the queue of the logger."""
+    """Serial link with the queue of the logger."""
 
     baud: int = 9600
     queue_bytes: int = 64
@@ -27,17 +27,17 @@ class Link:
 
 @dataclass(frozen=True)
 class Rows:
-    """n rows."""
+    """Record of n rows."""
 
     read: Array
-    """(n,) instants at which the encoder was read, s."""
+    """Instants (n,) at which the encoder was read, s."""
     arrived: Array
-    """(n,) instants at which the last byte arrived, s."""
+    """Instants (n,) at which the last byte arrived, s."""
     counts: NDArray[np.int64]
 
 
 def rows_at_each_change(t: Array, counts: NDArray[np.int64], link: Link) -> Rows:
-    """Rows of a logger that compares the count with the last one sent at each of the instants t (n,)."""
+    """Rows of a logger that compares the count with the last sent count at each of the instants t (n,)."""
     byte_s = BITS_PER_BYTE / link.baud
     read, arrived, sent = [], [], []
     i, last, idle_from = 0, int(counts[0]), 0.0

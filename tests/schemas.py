@@ -11,5 +11,5 @@ FOLDER = Path(__file__).parents[1] / "docs" / "schemas"
 
 @cache
 def validator(name: str) -> Draft202012Validator:
-    """Validates against a file of the docs, which `tests/report/test_schemas.py` finds to be a valid schema."""
+    """Validator for a published schema. `tests/report/test_schemas.py` tests that the schema is valid."""
     return Draft202012Validator(json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8")))

@@ -17,7 +17,7 @@ WAITS = {"wait", "join", "communicate", "run", "check_output", "result", "timeou
 
 
 def number(node: ast.expr | None, constants: dict[str, float]) -> float | None:
-    """The number that an expression is, or that the constant of its name is."""
+    """Value of a numeric expression, or of the constant that it names."""
     if isinstance(node, ast.Name):
         return constants.get(node.id)
     value = node.value if isinstance(node, ast.Constant) else None
@@ -25,12 +25,12 @@ def number(node: ast.expr | None, constants: dict[str, float]) -> float | None:
 
 
 def reads_clock(node: ast.AST) -> bool:
-    """Whether it reads the time of day or of the machine."""
+    """Whether an expression reads the time of day or a clock of the machine."""
     return any(isinstance(part, ast.Call) and ast.unparse(part) in WALL_CLOCKS for part in ast.walk(node))
 
 
 def impatience(source: str) -> Iterator[int]:
-    """Lines that wait less than a minute for another, or fail where something takes long."""
+    """Lines that wait less than a minute for another process, or fail if an action takes long."""
     tree = ast.parse(source)
     assigned = [(node.targets[0], node.value) for node in tree.body if isinstance(node, ast.Assign)]
     constants = {

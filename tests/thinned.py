@@ -14,12 +14,15 @@ FULL = os.environ.get("DPR_LAB_FULL") == "1"
 
 
 def thinned(cases: Iterable[Any], each: int) -> list[Any]:
-    """Cases to parametrise by, of which `make test` takes every so manieth; `make test-all` takes them all."""
+    """Cases for parametrisation. Fast tests use every n-th case, `make test-all` uses all."""
     return [pytest.param(case, marks=[pytest.mark.long] * (k % each > 0)) for k, case in enumerate(cases)]
 
 
 def covered(*tables: Collection[Any]) -> list[Any]:
-    """Combinations of values of tables to parametrise by: in `make test` so few that each value occurs, then all."""
+    """Combinations of values for parametrisation.
+
+    In fast tests, each value occurs at least once; otherwise all are used.
+    """
     values = list(map(list, tables))
     chosen = {tuple(k % len(table) for table in values) for k in range(max(map(len, values)))}
     places = product(*(range(len(table)) for table in values))
@@ -31,5 +34,5 @@ def covered(*tables: Collection[Any]) -> list[Any]:
 
 
 def candidates(*kinds: str) -> dict[str, Effect]:
-    """Effects to choose from: in `make test` those whose names begin so, in `make test-all` all that there are."""
+    """Candidate effects: in fast tests those with these prefixes, otherwise all."""
     return {name: effect for name, effect in EFFECTS.items() if FULL or name.startswith(kinds)}

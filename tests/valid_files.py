@@ -19,11 +19,14 @@ MARKS = {
     "would_decide": "accept",
     "ratios": "model",
 }
-"""Key that only one kind of result has at its top level -> schema; a diagnosis also has ratios, and comes first."""
+"""Schema of each kind of result, by a key that only this kind contains.
+
+A diagnosis also contains ratios, so it is first.
+"""
 
 
 def schema_of(document: Any) -> str | None:
-    """Name of the schema of a document; None if it has none."""
+    """Name of the schema of a document; None if it has no schema."""
     if not isinstance(document, dict) or "score" in document:  # an opened trial
         return None
     return next((name for key, name in MARKS.items() if key in document), None)
@@ -44,7 +47,7 @@ _write_whole = whole_file.write_whole
 
 
 def write_whole(path: Path, write: Callable[[Path], object], *options: Any) -> None:
-    """`dpr_lab.whole_file.write_whole`, which validates what it has written."""
+    """Write a file like `dpr_lab.whole_file.write_whole`, and validate it."""
     _write_whole(path, write, *options)
     if path.suffix == ".json":
         validate_text(path.read_text(encoding="utf-8"))

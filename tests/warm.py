@@ -25,7 +25,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Answer every connection by a process of its own; load the libraries for the first."""
+    """Answer every connection by a separate process. The libraries are loaded for the first connection."""
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     listener.bind(sys.argv[1])
     listener.listen(64)
@@ -42,14 +42,14 @@ def main() -> None:
 
 
 def count_ended() -> None:
-    """Let the processor time of what has ended count as that of the tests."""
+    """Add the CPU time of ended processes to that of the tests."""
     with suppress(ChildProcessError):
         while os.waitpid(-1, os.WNOHANG)[0]:
             pass
 
 
 def answer(line: socket.socket) -> None:
-    """Fork what a connection asks for, and wait for its end."""
+    """Fork the requested process and wait for its end."""
     message, streams, _, _ = socket.recv_fds(line, 1 << 16, 3)
     while not message.endswith(b"\n"):
         if not (more := line.recv(1 << 16)):  # who asked has ended
@@ -70,7 +70,7 @@ def answer(line: socket.socket) -> None:
 def become(
     streams: list[int], program: str, words: list[str], folder: str, environment: dict[str, str], session: bool
 ) -> None:
-    """Take the place of a fresh process."""
+    """Take the place of a new process."""
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)

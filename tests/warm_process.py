@@ -15,13 +15,13 @@ from typing import Any
 
 DEVICE = [sys.executable, "-m", "sim_device"]
 SERVER = "DPR_LAB_TESTS_SERVER"
-"""Variable that holds the socket of the server and the variables that it was started with."""
+"""Variable with the socket of the server and the variables with which it was started."""
 SET_BY_DPR_LAB = ("OMP_WAIT_POLICY", "PYTHONPYCACHEPREFIX")
 """Variables that dpr-lab sets for itself and what it starts, when it is imported or a command runs."""
 
 
 def start_server() -> None:
-    """Start the server for this process and all that it starts; it loads the libraries when it is first asked."""
+    """Start the server for this process and its children. The libraries are loaded at the first request."""
     if SERVER in os.environ:
         return
     place = Path(tempfile.mkdtemp(prefix="dpr-lab-tests-")) / "server"
@@ -40,7 +40,10 @@ def _of_loading(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
 
 
 class WarmProcess(subprocess.Popen[Any]):
-    """As `Popen` of `python -m PROGRAM WORDS`. The process is a child of the server, which passes on its status."""
+    """Replacement for `Popen` of `python -m PROGRAM WORDS`.
+
+    The process is a child of the server, which reports its status.
+    """
 
     def __init__(self, place: str, program: str, words: Sequence[object], **options: Any) -> None:
         environment = options.pop("env", None) or os.environ
@@ -85,7 +88,7 @@ class WarmProcess(subprocess.Popen[Any]):
 
 
 def started(program: str, words: Sequence[object], **options: Any) -> "subprocess.Popen[Any]":
-    """A process of a program, a fresh one where variables differ that are read when the libraries are loaded."""
+    """Start a process of a program; a new process if variables differ that are read when the libraries are loaded."""
     start_server()
     place, loaded = json.loads(os.environ[SERVER])
     if _of_loading(options.get("env") or os.environ) != loaded:

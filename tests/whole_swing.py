@@ -53,6 +53,6 @@ def simulate_arm(
 def energy(
     theta1: float, theta2: float, omega1: float, omega2: float, a: float, b: float, d: float, e1: float, e2: float
 ) -> float:
-    """Kinetic and potential energy of the rods, J; zero height at joint 1. Arguments as for `accelerations`."""
+    """Kinetic and potential energy of the rods, J; zero height at joint 1. Arguments are those of `accelerations`."""
     kinetic = 0.5 * (a * omega1**2 + b * omega2**2) + d * math.cos(theta1 - theta2) * omega1 * omega2
     return kinetic + e1 * math.cos(theta1) + e2 * math.cos(theta2)

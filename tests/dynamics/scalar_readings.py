@@ -33,7 +33,8 @@ _stepped_of = compiled(["def folded(internal):", f"    return ({', '.join(f'inte
 
 
 def read_segments(base, params, constants, segments, initial, internal=None):
-    """(N, 3) readings of both joints and of the arm, rad, and (S, k) internal states at the segments' starts."""
+    """Compute readings (N, 3) of both joints and of the arm, rad, and internal states (S, k) at the starts of the
+    segments."""
     angles, begun = np.empty((len(segments.t), 3)), np.empty((len(segments), len(INTERNAL)))
     params = np.broadcast_to(params, (len(segments.setups), params.shape[-1]))
     after = np.zeros(len(INTERNAL))
@@ -69,20 +70,20 @@ def _put(stepped_states: tuple[float, ...], internal: NDArray[np.float64]) -> No
 
 @njit
 def hermite(u: float, h: float, y0: float, v0: float, y1: float, v1: float) -> float:
-    """The cubic through y0, y1 with slopes v0, v1 over a step of h, at the share u of it."""
+    """Evaluate the cubic through y0, y1 with the slopes v0, v1 over a step h, at the fraction u of the step."""
     w = 1.0 - u
     return w * w * ((1.0 + 2.0 * u) * y0 + u * h * v0) + u * u * ((3.0 - 2.0 * u) * y1 - w * h * v1)
 
 
 @njit
 def angle1(u: float, h: float, x: RigState, y: RigState) -> float:
-    """theta1 at the share u of the step from x to y, rad."""
+    """Angle theta1 at the fraction u of the step from x to y, rad."""
     return hermite(u, h, x.theta1, x.omega1, y.theta1, y.omega1)
 
 
 @njit
 def angle2(u: float, h: float, x: RigState, y: RigState, relative2: float) -> float:
-    """Angle of joint 2 as its encoder has it, at the share u of the step from x to y, rad."""
+    """Angle of joint 2 as read by its encoder, at the fraction u of the step from x to y, rad."""
     outer = hermite(u, h, x.theta2, x.omega2, y.theta2, y.omega2)
     return outer - relative2 * angle1(u, h, x, y)
 
@@ -222,7 +223,10 @@ def _hand_over(
     model: RigModel,
     after: NDArray[np.float64],
 ) -> None:
-    """The internal states at the share u of the step from x to y; what the encoders hold is that of the step's end."""
+    """Internal states at the fraction u of the step from x to y.
+
+    Angles held by encoders are those of the step's end.
+    """
     displacement1, displacement2 = u * (y.theta1 - x.theta1), u * (y.theta2 - x.theta2 - y.theta1 + x.theta1)
     _put(internal_after(x.internal, 0.0, displacement1, displacement2, model.params, model.active), after)
     after[LAG1], after[LAG2] = lags

@@ -107,7 +107,7 @@ def test_nothing_of_a_drive_acts_in_a_free_swing():
 
 @pytest.fixture(scope="module")
 def problem():
-    """A drive with four faults on joint 2, which has dry friction and a rotor too; noise of 0.3 mrad."""
+    """Drive with four faults on joint 2, which also has Coulomb friction and a rotor; noise of 0.3 mrad."""
     rng = np.random.default_rng(8)
     truth = {
         "torque_scale_joint2": {"excess": 0.1},

@@ -27,7 +27,7 @@ START = np.array([3.0, 3.3, 0.0, 0.0])
 
 
 def driven_swing(torques: np.ndarray, start=START) -> np.ndarray:
-    """(n, 4) states at T by DOP853, interval by interval, each under its own torques."""
+    """States (n, 4) at T by DOP853, integrated interval by interval with the torques of each interval."""
     a, b, d, e1, c1, c2 = BASE
     states = [start]
     for i, (tau1, tau2) in enumerate(torques[:-1]):

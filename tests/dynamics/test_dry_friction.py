@@ -22,7 +22,7 @@ BASE = base_parameters(RIG.nominal, L1, G)
 
 
 def hanging(more1, more2):
-    """A start at rest, so far from hanging, rad."""
+    """State at rest with an angle from hanging, rad."""
     return np.array([np.pi + more1, np.pi + more2, 0.0, 0.0])
 
 
@@ -169,7 +169,7 @@ def test_directions_are_those_of_the_least_energy_of_acceleration():
 
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.dry])
 def test_derivatives_are_smooth_across_stops_and_starts(name):
-    """Forward differences of readings, as fits take them, against central ones of a finer integration."""
+    """Forward differences of readings, as in a fit, are compared with central differences of a finer integration."""
     size = 300.0 if EFFECTS[name].stage == "load" else 20.0
     params = effect_params({name: {p.name: size * p.typical for p in EFFECTS[name].amplitudes}})
     t, start = np.arange(0.1, 1.3, 0.01), hanging(0.4, 0.9)

@@ -28,7 +28,7 @@ def moved(q, w, mode, drive, tau1=0.0, tau2=0.0):
 
 @pytest.fixture(scope="module")
 def lagrangian():
-    """(q, w) -> mass matrix (3, 3), conservative generalised forces (3,) and energy, from T and V."""
+    """Function (q, w) that returns mass matrix (3, 3), conservative forces (3,) and energy, from T and V."""
     q = sp.symbols("q0:3")
     w = sp.symbols("w0:3")
     l1, l2, m1, m2, mb, J1, J2 = (sp.Float(Z[i]) for i in (0, 1, 2, 3, 4, 7, 8))

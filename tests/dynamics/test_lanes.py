@@ -44,7 +44,7 @@ def typical(*names, factor=1.0):
 
 
 def compare(params, constants=CONSTANTS, laid=SEGMENTS, internal=None):
-    """Many candidates in one call against each by itself."""
+    """Compare many candidates in one call with each candidate in a separate call."""
     bases = BASE * RNG.uniform(0.95, 1.05, (len(params), 6))
     initial = INITIAL + RNG.normal(0, 0.01, (len(params), 6, 4))
     together = predict_batch(bases, params, constants, laid, initial, internal, arm=True)

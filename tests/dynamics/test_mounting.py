@@ -28,13 +28,13 @@ INNER_LOADED = Setup("inner", AddedMass(rod="inner", mass=0.05, position=0.2))
 
 
 def acceleration(mounting: str, elbow: float, Z=Z):
-    """alpha(theta, omega) of the one degree of freedom, by Lagrange's equation of point masses and thin bodies."""
+    """Function alpha(theta, omega) for one degree of freedom, by Lagrange's equation of point masses."""
     l1, l2, m1, m2, mb, c1, _, J1, J2 = Z
     t = sp.Symbol("t")
     angle = sp.Function("theta")(t)
 
     def at(lengths):
-        """Position of a point some lengths along rods at some angles; 0 = upright."""
+        """Position of a point at given lengths along rods with given angles; 0 = upright."""
         return sum(r * sp.sin(a) for r, a in lengths), sum(r * sp.cos(a) for r, a in lengths)
 
     inner, outer = angle, angle + elbow

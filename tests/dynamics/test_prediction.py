@@ -183,7 +183,7 @@ CUT = segments([LONG[:200], LONG[200:]], [0, 0])
 
 
 def long_and_cut(values):
-    """A swing in one segment, its effects, and the start states that cut it in two."""
+    """A swing in one segment, its effects, and the initial states that divide it into two segments."""
     params = effect_params(values)
     whole = predict(BASE, params, CONSTANTS, segments([LONG], [0]), [RELEASE], arm=True)
     states = simulate(BASE, L1, G, RELEASE, [0.0, 0.5], 2.5e-3, params, CONSTANTS)[-1]

@@ -33,13 +33,13 @@ START = np.array([2.6, 3.3, 0.0, 0.0])
 
 
 def moved(t, cos):
-    """theta0, rad: to and fro, from rest."""
+    """Oscillation of theta0 that starts at rest, rad."""
     return 0.9 * (1 - cos(4 * t)) + 0.2 * (1 - cos(9 * t))
 
 
 @cache
 def equations():
-    """(t, angles, speeds) -> mass matrix and forces of two point masses for each rod and one on the elbow."""
+    """Function (t, angles, speeds) that returns mass matrix and forces; each rod is two point masses, the elbow one."""
     t, names = sp.Symbol("t"), sp.symbols("x1 x2 v1 v2 a1 a2")
     q1, q2 = sp.Function("q1")(t), sp.Function("q2")(t)
     l1, l2, m1, m2, mb, c1, c2, J1, J2 = (sp.Float(value) for value in Z)
@@ -62,7 +62,7 @@ def equations():
 
 @cache
 def swung() -> np.ndarray:
-    """(n, 2) what the encoders of joints 1 and 2 read."""
+    """Readings (n, 2) of the encoders of joints 1 and 2."""
 
     def rates(t, x):
         M, f = equations()(t, *x)

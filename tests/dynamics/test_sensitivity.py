@@ -20,7 +20,7 @@ def swing_sensitivity(values, L1, g, state, t, max_step=MAX_STEP):
 
 
 def complex_rk4(values, t, max_step):
-    """The same Runge-Kutta map in complex numbers, with the mass matrix solved by numpy."""
+    """The same Runge-Kutta step in complex numbers, with the mass matrix solved by NumPy."""
     a, d, e1, c1, c2 = values[:5]
 
     def slope(x):

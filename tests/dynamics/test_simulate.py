@@ -15,7 +15,7 @@ X1, X2, X3 = [np.pi, 0.1, 0.0, 0.0], [0.1, 0.1, 0.0, 0.0], [0.1, np.pi, 0.0, 0.0
 
 
 def exact(base, state, t):
-    """DOP853 at full accuracy on docs/theory.md equation (1), written with matrices."""
+    """Solve docs/theory.md equation (1), written with matrices, by DOP853 at full accuracy."""
     a, b, d, e1, c1, c2 = base
 
     def slope(_, x):

@@ -9,7 +9,7 @@ from dpr_lab.dynamics.lanes.driving import Knots, _interval
 
 
 class Counted:
-    """Numbers that count how often one of them is read."""
+    """Array that counts how often its elements are read."""
 
     def __init__(self, values: Any) -> None:
         self.values, self.reads = values, 0

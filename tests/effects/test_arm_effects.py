@@ -125,7 +125,7 @@ def test_a_clamped_arm_has_no_arm_effects_and_a_free_arm_no_drive_effects(effect
 
 
 def dry_rates(friction):
-    """An independent arm: sympy's equation of one rod on it, with friction that is smooth within a thousandth."""
+    """Independent model of an arm: SymPy's equation of one rod on the arm, with smoothed Coulomb friction."""
     import sympy as sp
 
     t0, t1, w0, w1 = sp.symbols("t0 t1 w0 w1")

@@ -40,7 +40,7 @@ def accelerations(state, values, t=0.0):
 
 @pytest.fixture(scope="module")
 def lagrange():
-    """(state, y1, y2, tilt, rotor1, rotor2, shake, longer) -> accelerations, from positions alone."""
+    """Function (state, y1, y2, tilt, rotor1, rotor2, shake, longer) of accelerations, from positions."""
     q, w, alpha = sp.symbols("q0:2"), sp.symbols("w0:2"), sp.symbols("a0:2")
     y1, y2, tilt, rotor1, rotor2, shake = extra = sp.symbols("y1 y2 tilt rotor1 rotor2 shake")
     l1, l2, m1, m2, mb, J1, J2 = (sp.Float(Z[i]) for i in (0, 1, 2, 3, 4, 7, 8))
@@ -126,7 +126,7 @@ def test_drag_along_a_rod_is_the_integral(start, slope):
 
 
 def work(state, values):
-    """Torques on theta1, theta2 that an effect adds, from the accelerations it changes."""
+    """Torques on theta1, theta2 that an effect adds, computed from the change of the accelerations."""
     theta1, theta2 = state[:2]
     coupling = BASE_NAMED.d * np.cos(theta1 - theta2)
     change = np.subtract(accelerations(state, values), accelerations(state, {}))

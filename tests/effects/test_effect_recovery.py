@@ -30,7 +30,7 @@ SWINGS = segments(
 
 
 def record(effects):
-    """Encoder angles of one release from each pose (N, 2), and true states at the starts of the segments (S, 4)."""
+    """Encoder angles (N, 2) of one release from each pose, and true states (S, 4) at the starts of the segments."""
     plant = Plant(CONFIG.model_copy(update={"effects": effects}), RIG)
     rng = np.random.default_rng(5)
     angles, starts = [], []
@@ -63,7 +63,7 @@ def sensitivities(base, params, starts, columns):
 
 
 def projected(residual, by_shared, own):
-    """Residual and derivatives, whitened and free of what the start state of each segment can do."""
+    """Whitened residual and derivatives, projected onto the complement of the initial states of the segments."""
     r, J = [], []
     for s in range(len(SWINGS)):
         part = slice(SWINGS.offsets[s], SWINGS.offsets[s + 1])
@@ -74,7 +74,7 @@ def projected(residual, by_shared, own):
 
 
 def fitted(effects, columns):
-    """Values of `columns` and their standard deviations, by Gauss-Newton from no effect."""
+    """Values of `columns` and their standard deviations, by Gauss-Newton from zero effects."""
     measured, starts = record(effects)
     base, params = TRUTH.copy(), effect_params(effects)
     params[list(columns)] = 0.0
@@ -113,7 +113,7 @@ def test_found_again_within_its_interval(name):
 
 @cache
 def signatures():
-    """Effect -> its sensitivities at no effect (n, p), free of base parameters and start states."""
+    """Sensitivities (n, p) of each effect at zero size, with base parameters and initial states projected out."""
     effects = {"detent_joint1": {"order": 1.0}, **STEP_AT}
     _, starts = record({})
     columns = {}

@@ -40,7 +40,7 @@ encoder_drift_joint2
 
 
 def some(keep):
-    """Effects of the rods; those of an arm that moves are in `test_arm_effects`."""
+    """Effects of the rods. Effects of a moving arm are in `test_arm_effects`."""
     chosen = {name: effect for name, effect in EFFECTS.items() if keep(effect) and not effect.of_arm}
     return pytest.mark.parametrize("effect", chosen.values(), ids=chosen)
 
@@ -60,7 +60,7 @@ def typical(effect, factor=1.0):
 
 @pytest.fixture(scope="module")
 def record():
-    """Driven segments late enough in the run for a step in the middle of it, and their start states."""
+    """Driven segments after the middle of the run, which include a step, and their initial states."""
     rng = np.random.default_rng(7)
     times = [start + np.arange(SAMPLES) / 200 for _ in range(RUNS) for start in (0.0, 4.9)]
     starts = np.column_stack([rng.uniform(-7, 7, (2 * RUNS, 2)), rng.normal(0, 6, (2 * RUNS, 2))])
@@ -130,7 +130,7 @@ def test_a_dissipative_effect_never_adds_energy(effect):
 
 
 def stored(effect, params):
-    """Most that presliding can give back: F z^2 / 2 over its length (Dahl), a little less than F length."""
+    """Maximum energy that presliding can return: F z^2 / 2 over its length (Dahl), slightly less than F length."""
     if not effect.name.startswith("hysteresis"):
         return 0.0
     return params[param_index(effect.name, "torque_Nm")] * params[param_index(effect.name, "length_rad")]

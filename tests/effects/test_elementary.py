@@ -29,7 +29,7 @@ ULPS = 2.5
 
 
 def off(found, exact):
-    """Distance from the exact value, in units of its last place."""
+    """Distance from the exact value, in units in the last place."""
     with mpmath.workdps(40):
         return float(abs(mpmath.mpf(float(found)) - exact) / np.spacing(abs(float(exact))))
 

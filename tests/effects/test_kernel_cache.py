@@ -80,7 +80,10 @@ def test_an_edited_effect_changes_the_answer_of_a_cached_caller(copy, tmp_path):
 
 
 def output_once_compiled(program, expected):
-    """Output of a program; of its second start if the first one, which may compile, is not as expected."""
+    """Output of a program.
+
+    If the first start, which may compile, differs from the expectation, output of a second start.
+    """
     command = [sys.executable, "-c", program]
     output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     if expected(output):
@@ -188,7 +191,7 @@ print(twice(21), thrice(14))
 
 
 def run_kernels(folder, cache):
-    """Names of the kernels that a fresh process compiles."""
+    """Names of the kernels that a new process compiles."""
     (folder / "program.py").write_text(COMPILED + KERNELS)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
     run = subprocess.run([sys.executable, folder / "program.py"], env=environment, capture_output=True, text=True)
@@ -199,7 +202,7 @@ def run_kernels(folder, cache):
 
 
 CUT = {"twice": (".nbi", 0.0), "thrice": (".nbc", 0.0), "nothing": (".nbi", 0.5), "ignored": (".nbc", 0.5)}
-"""Kernel -> which of its files is cut off, and the share that is kept."""
+"""For each kernel, the truncated file and the share of the file that is kept."""
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ def angle(t: Array) -> Array:
 
 
 def rows(t: Array, *angles: Array) -> Array:
-    """(k, 1 + m) times and readings whenever one of the encoders counts."""
+    """Times and readings (k, 1 + m), one row whenever one of the encoders counts."""
     read = STEP * np.rint(np.column_stack(angles) / STEP)
     counted = np.flatnonzero(np.diff(read, axis=0).any(axis=1)) + 1
     return np.column_stack([t[counted], read[counted]])

@@ -14,7 +14,7 @@ from dpr_lab.run import Run
 
 @pytest.fixture(scope="module")
 def swings(recorded: Callable[..., list[Run]]) -> list[Run]:
-    """A run from each pose, with half a second of rest before it."""
+    """Record a run from each pose, with half a second of rest before the release."""
     return recorded({}, duration=3.0)
 
 
@@ -23,7 +23,7 @@ def motion(run: Run, **changes: Any) -> RodMotion:
 
 
 def held(run: Run, row: int, seconds: float) -> RodMotion:
-    """The swing of a run, stopped for so long at a row and then let go again as if nothing had been."""
+    """Stop the swing of a run at a row for some time, and then continue it."""
     rows = round(seconds * run.rate_hz)
     noise = np.random.default_rng(1).normal(0, 2e-4, (rows, 2))
     rods = run.swing.theta[:, 1:]

@@ -110,7 +110,7 @@ COARSE = 2 * math.pi / 2048
 
 
 def coarse_table(theta):
-    """A table of angles that were rounded to another encoder's counts, 500 Hz."""
+    """Table of angles that were rounded to the counts of another encoder, 500 Hz."""
     t = np.arange(len(theta)) / 500
     return Run("table", t, COARSE * np.rint(theta / COARSE), None, None, "paper", "", 500.0)
 

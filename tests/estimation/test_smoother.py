@@ -15,7 +15,7 @@ DIFFUSE = np.array([1.0, 1e7, 1e7, 1e7])
 
 
 def transition(interval: float, snap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(8, 8) transition and process noise by an independent closed form of a chain."""
+    """Transition matrix and process noise (8, 8), from an independent closed form of a chain of integrators."""
     f = np.array([[interval ** (j - i) / math.factorial(j - i) if j >= i else 0.0 for j in range(4)] for i in range(4)])
     q = np.empty((4, 4))
     for i, j in np.ndindex(4, 4):
@@ -25,7 +25,7 @@ def transition(interval: float, snap: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def by_filterpy(t, theta, noise, snap, prior):
-    """Forward pass and `rts_smoother` of filterpy; its matrices of sample k lead from k - 1 to k."""
+    """Forward pass and `rts_smoother` of filterpy. The matrices of sample k describe the step from k - 1 to k."""
     from filterpy.kalman import KalmanFilter  # slow to import
 
     kalman = KalmanFilter(dim_x=STATES, dim_z=2)
@@ -76,7 +76,7 @@ def test_forward_and_backward_pass_are_those_of_filterpy(kind):
 
 
 def test_states_are_those_of_batch_least_squares():
-    """All states at once: the first by its prior, each next one by the transition, each angle by its reading."""
+    """All states are estimated at once: from the prior of the first state, the transitions and the readings."""
     t, theta, snap = swing("uneven", 25)
     x, P, _ = smooth_chains(t, theta, NOISE, snap, DIFFUSE)
     n, whiten = len(t), np.linalg.inv(np.linalg.cholesky(NOISE))

@@ -39,7 +39,7 @@ def rms(errors):
 
 
 def best_savitzky_golay(theta, truth, rate_hz):
-    """The smallest error over windows and orders, chosen with the truth in hand."""
+    """Smallest error over all windows and orders, selected with knowledge of the true values."""
     from scipy.signal import savgol_filter  # slow to import
 
     return min(

@@ -21,7 +21,7 @@ NUMBERS = {
     "arm_more": "",
     "gear": "2",
 }  # fmt: skip
-"""What the file says, SI."""
+"""Values in the file, SI units."""
 
 MJCF_ROD = """<body name="lower" pos="0 0 -0.3"><joint name="elbow" axis="0 -1 0" damping="{elbow_damping}"/>
       <inertial pos="0 0 -{tip_centroid}" mass="0.15" diaginertia="{tip_inertia} {tip_inertia} 1e-9"/></body>
@@ -101,18 +101,18 @@ SDF = (
     + "{second}\n  </model></world></sdf>\n"
 )  # fmt: skip
 FORMATS = {"xml": (MJCF, MJCF_ROD), "urdf": (URDF, URDF_ROD), "sdf": (SDF, SDF_ROD)}
-"""Suffix of the file -> the file, and its second rod."""
+"""File with an arm and one rod, and its second rod, for each suffix."""
 
 
 def text_of(suffix: str, rods: int, **other: str) -> str:
-    """The file with one rod or two, and other numbers."""
+    """Text of the file with one or two rods and other numbers."""
     whole, second = FORMATS[suffix]
     numbers = NUMBERS | other
     return whole.format(**numbers, second=second.format(**numbers) if rods == 2 else "")
 
 
 def imported(folder: Path, suffix: str, text: str) -> tuple[Path, Rig]:
-    """A file in a folder of its own, and the rig file from it, with the file's torque as input of the arm."""
+    """Write a file into a separate folder, and create its rig file with the torque as input of the arm."""
     folder.mkdir()
     file = folder / f"robot.{suffix}"
     file.write_text(text, encoding="utf-8")
@@ -126,7 +126,7 @@ def imported(folder: Path, suffix: str, text: str) -> tuple[Path, Rig]:
 
 
 def recorded(truth: str, rig: Rig, number: int = 0, seconds: float = 3.0, gear: float = 1.0) -> Run:
-    """A swing of the true rig in MuJoCo under a torque on its arm, which the true gear multiplies by `gear`."""
+    """Simulate a swing of the true rig in MuJoCo under a torque on its arm, multiplied by `gear`."""
     engine = mujoco.MjModel.from_xml_string(truth)
     data, t, count = mujoco.MjData(engine), np.arange(0, seconds, 0.005), 2 * np.pi / 16384
     rods = engine.nv - 1
@@ -147,7 +147,10 @@ def recorded(truth: str, rig: Rig, number: int = 0, seconds: float = 3.0, gear: 
 
 
 def model_like(true: Rig, rig: Rig) -> MovingArmModel:
-    """The model that a perfect identification of the true rig gives; of its other fields no export reads any."""
+    """Model that a perfect identification of the true rig gives.
+
+    Fields that no export reads are left at their defaults.
+    """
     assert true.arm.A is not None
     assert true.arm.c0 is not None
     z = {name: parameter.nominal for name, parameter in true.parameters.items()}

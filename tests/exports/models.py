@@ -22,7 +22,7 @@ X0 = (np.pi / 2, np.pi / 3, 0.0, 0.0)
 
 
 def model_of(rig: Rig, effects: Mapping[str, Mapping[str, float]], name: str = "paper") -> Model:
-    """A model with the rig's nominal parameters; of its other fields no export reads any."""
+    """Model with the nominal parameters of the rig. Fields that no export reads are left at their defaults."""
 
     def values(names: tuple[str, ...], numbers: Any) -> dict[str, ParameterValue]:
         return {
@@ -39,13 +39,13 @@ def model_of(rig: Rig, effects: Mapping[str, Mapping[str, float]], name: str = "
 
 
 def identified_model(rig: Rig, effects: Mapping[str, Mapping[str, float]], name: str = "paper") -> Model:
-    """The same with its ratios, which replays and comparisons read."""
+    """The same model with ratios, which replays and comparisons read."""
     exact = [EstimatedValue(value=value, std=0.0, interval90=(value, value)) for value in ratios(base_of(rig)).tolist()]
     return model_of(rig, effects, name).model_copy(update={"ratios": dict(zip(RATIOS, exact, strict=True))})
 
 
 def typical(effect: str) -> dict[str, dict[str, float]]:
-    """An effect in the size met on a laboratory rig."""
+    """Effect with a typical size of a laboratory rig."""
     return {effect: {p.name: p.default or p.typical for p in EFFECTS[effect].parameters}}
 
 
@@ -54,20 +54,20 @@ def base_of(rig: Rig) -> NDArray[np.float64]:
 
 
 def lab_states(rig: Rig, effects: Mapping[str, Mapping[str, float]], t: NDArray[np.float64], step: float = 1e-3) -> Any:
-    """(n, 4) states of a release from `X0`, as the lab simulates it."""
+    """States (n, 4) of a release from `X0`, simulated by dpr-lab."""
     params, constants = effect_params(effects), rig_constants(rig)
     return simulate(base_of(rig), rig.rig.L1, rig.rig.g, X0, t, step, params, constants)
 
 
 def lab_readings(rig: Rig, effects: Mapping[str, Mapping[str, float]], t: NDArray[np.float64], run: int) -> Any:
-    """(n, 2) what the encoders read, as the fits have it."""
+    """Encoder readings (n, 2), as predicted in a fit."""
     cut = segments([t] * (run + 1), run=range(run + 1), step=1e-3)
     read = predict(base_of(rig), effect_params(effects), rig_constants(rig), cut, [X0] * (run + 1))
     return read[-len(t) :]
 
 
 def run_source(source: str, folder: Path) -> dict[str, Any]:
-    """Names of an exported module after running it."""
+    """Run an exported module and return its names."""
     path = folder / "model.py"
     path.write_text(source, encoding="utf-8")
     return runpy.run_path(str(path))
@@ -78,4 +78,4 @@ SETS: Sequence[Sequence[str]] = (
     ("load_friction_joint1", "hysteresis_joint2", "rotor_inertia_joint2", "base_tilt", "friction_drift_joint1"),
     ("arm_compliance", "coulomb_joint1", "com_offset_link2", "latency_joint2", "clock_rate", "backlash_joint2"),
 )
-"""A few effects at once."""
+"""Sets of several effects."""

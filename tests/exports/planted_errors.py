@@ -38,7 +38,7 @@ SHOULDER, ELBOW = 'damping="0.002"', 'damping="0.001"'
 
 @dataclass(frozen=True, slots=True)
 class Planted:
-    """One error: what the file has, and what is true."""
+    """Planted error: the value in the file and the true value."""
 
     wrong: str
     right: str
@@ -46,11 +46,11 @@ class Planted:
     """Quantity of the first cause."""
     joint: str
     before: str = ROBOT
-    """The file, of which the truth has `right` instead of `wrong`."""
+    """The file. The true model contains `right` instead of `wrong`."""
 
     @property
     def truth(self) -> str:
-        """The model that is recorded."""
+        """The true model, which is recorded."""
         assert self.before.count(self.wrong) == 1
         return self.before.replace(self.wrong, self.right)
 
@@ -81,13 +81,17 @@ PLANTED = {
 }
 
 SOFTENED = "frictionloss missing, shoulder"
-"""Stribeck friction remains an alternative, because MuJoCo softens dry friction (`solref`, `solimp`)."""
+"""Case in which Stribeck friction remains an alternative, because MuJoCo softens Coulomb friction (`solref`, `solimp`).
+"""
 
 
 def swing(
     text: str, rig: Rig, start: tuple[float, float], t: Array, step: float = 2.5e-4, controls: Array | None = None
 ) -> Array:
-    """(n, 2) absolute angles of the rods after a release, rad; (n, 2) `controls` of the motors hold until the next."""
+    """Absolute angles (n, 2) of the rods after a release, rad.
+
+    The inputs `controls` (n, 2) are held between instants.
+    """
     if text.startswith("<sdf"):
         return swing_in_drake(text, rig, start, t)
     model = mujoco.MjModel.from_xml_string(text)  # type: ignore[attr-defined]
@@ -104,7 +108,7 @@ def swing(
 
 
 def swing_in_drake(text: str, rig: Rig, start: tuple[float, float], t: Array) -> Array:
-    """The same in Drake, which reads SDFormat but ignores its Coulomb friction."""
+    """The same simulation in Drake, which reads SDFormat but ignores its Coulomb friction."""
     plant = import_module("pydrake.multibody.plant").MultibodyPlant(0.0)
     import_module("pydrake.multibody.parsing").Parser(plant).AddModelsFromString(text, "sdf")
     plant.Finalize()
@@ -120,7 +124,7 @@ def swing_in_drake(text: str, rig: Rig, start: tuple[float, float], t: Array) ->
 
 
 def controls(seed: int, t: Array) -> Array:
-    """(n, 2) sums of sines for the motors of shoulder and elbow, with gears of about 10 and 5, zero before t = 0."""
+    """Sums of sines (n, 2) for the motors of shoulder and elbow, with gears of about 10 and 5; zero before t = 0."""
     rng = np.random.default_rng([29, seed])
     hz, phase = rng.uniform(0.3, 3.0, (3, 2)), rng.uniform(0, 2 * np.pi, (3, 2))
     waves = np.sin(2 * np.pi * hz * t[:, None, None] + phase).sum(axis=1)
@@ -135,7 +139,7 @@ def recordings(
     gears: Sequence[float] | None = None,
     starts: Sequence[tuple[float, float]] = STARTS,
 ) -> list[Run]:
-    """A release from each start, with encoders of 14 bits; where `gears` of the file are given, under torques."""
+    """Record a release from each start with 14-bit encoders. If `gears` of the file are given, torques act."""
     runs = []
     for number, start in enumerate(starts):
         rng = np.random.default_rng(number)

@@ -47,7 +47,7 @@ OFFSET: dict[str, dict[str, float]] = {"encoder_offset_joint2": {"offset_rad": 0
 
 
 def whole_model(rig: Rig, estimate) -> Model:
-    """A model file's worth of an estimate."""
+    """Model file with the content of an estimate."""
     base = dict(zip(BASE, estimate.base.tolist(), strict=True))
     nine = dict(zip(PARAMETERS, rig.nominal.tolist(), strict=True))
     ratios = dict(zip(RATIOS, estimate.ratios.tolist(), strict=False))

@@ -56,7 +56,7 @@ def tags(source: str | bytes) -> list[str]:
 
 @pytest.fixture(scope="module")
 def plain(paper: Rig) -> dict[Any, list[Any]]:
-    """What stands where in an export of a model that nobody tampered with: tags, and statements by effects."""
+    """Structure of an export of an unmodified model: tags, and statements by effects."""
     model, both = model_of(paper, {}), ("coulomb_joint1", "coulomb_joint2")
     modules = {names: python_module(model_of(paper, {name: {} for name in names}), paper) for names in (both[:1], both)}
     statements = {names: [type(node) for node in ast.parse(source).body] for names, source in modules.items()}
@@ -110,6 +110,6 @@ def test_every_format_is_in_the_help_and_on_its_page() -> None:
 
 
 def in_xml(said: str) -> str:
-    """What XML can hold of a text."""
+    """Characters of a text that XML can contain."""
     gone = {"\x00", "\x1b", "\ufffe", "\ud800"}
     return "".join("\N{REPLACEMENT CHARACTER}" if character in gone else character for character in said)

@@ -22,7 +22,7 @@ WRONG = {
     "arm_damping": "0.05", "arm_inertia": "0.011", "arm_length": "0.21", "rod_damping": "0.003", "rod_centroid": "0.13",
     "rod_inertia": "0.0025", "elbow_damping": "0.0004", "tip_centroid": "0.135",
 }  # fmt: skip
-"""Number of the file -> its true value."""
+"""True value of each number of the file."""
 
 
 def needs(suffix: str) -> None:
@@ -32,7 +32,7 @@ def needs(suffix: str) -> None:
 
 
 def numbers_of(chain: ModelChain) -> list[float]:
-    """What a file says of its rods and its arm."""
+    """Values of rods and arm in a file."""
     arm = chain.arm
     assert arm is not None
     of_rods = [(rod.mass, rod.centroid, rod.inertia, rod.joint.damping) for rod in chain.rods]

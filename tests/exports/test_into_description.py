@@ -189,7 +189,7 @@ def test_a_replay_shows_both_files(file: Path, name: str) -> None:
 
 
 def _mujoco(file: Path, text: bytes) -> str:
-    """The same rods as MJCF, whose joints have the zeros and signs of the file."""
+    """The same rods as MJCF, with the zeros and signs of the joints of the file."""
     chain = double_pendulum(read_model(file, text), (), 9.81)
     joints, places = [], []
     for rod in chain.rods:

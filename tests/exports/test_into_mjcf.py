@@ -57,7 +57,7 @@ def start(tmp_path: Path) -> tuple[Path, Rig]:
 
 
 def identified(rig: Rig, factors: Mapping[str, float]) -> Rig:
-    """The rig with other numbers, as an identification may find them."""
+    """Rig with other numbers, like the result of an identification."""
     given = rig.model_dump(exclude_none=True)
     for name, factor in factors.items():
         given["parameters"][name]["nominal"] *= factor
@@ -65,7 +65,7 @@ def identified(rig: Rig, factors: Mapping[str, float]) -> Rig:
 
 
 def swing(text: str, rig: Rig, t: np.ndarray) -> np.ndarray:
-    """Absolute rod angles in MuJoCo, by the encoders of the rig file."""
+    """Absolute angles of the rods in MuJoCo, by the encoders of the rig file."""
     engine = mujoco.MjModel.from_xml_string(text)
     engine.opt.timestep = 2.5e-4
     data = mujoco.MjData(engine)

@@ -55,7 +55,7 @@ T = np.arange(0, 2, 0.005)
 
 
 def swing(text: str, rig: Rig, start: tuple[float, float], t: np.ndarray, input_gear: float = 2.0) -> np.ndarray:
-    """(n, 3) angles of arm and rods by the encoders of the rig file, under an input of the motor."""
+    """Angles (n, 3) of arm and rods by the encoders of the rig file, under an input of the motor."""
     engine = mujoco.MjModel.from_xml_string(text)
     engine.opt.timestep = 2.5e-4
     data, count = mujoco.MjData(engine), 2 * np.pi / 16384
@@ -69,7 +69,7 @@ def swing(text: str, rig: Rig, start: tuple[float, float], t: np.ndarray, input_
 
 
 def push(t: np.ndarray) -> np.ndarray:
-    """The torque on the arm that the user computed with the gear of the file, N m."""
+    """Torque on the arm that the user computes with the gear of the file, N m."""
     return 0.4 * np.sin(4 * t) + 0.3 * np.sin(7.3 * t + 1)
 
 
@@ -84,7 +84,7 @@ def files(folder: Path, planted: str) -> tuple[Path, Rig, str]:
 
 
 def model_like(truth: str, rig: Rig, folder: Path, gain: float) -> MovingArmModel:
-    """The model that a perfect identification of the true file gives; of its other fields no export reads any."""
+    """Model that a perfect identification of the true file gives. Fields that no export reads have default values."""
     (folder / "truth.xml").write_text(truth, encoding="utf-8")
     rig_from_model(folder / "truth.xml", folder / "truth.toml")
     true = load_rig(folder / "truth.toml")

@@ -17,7 +17,7 @@ from tests.exports.planted_errors import ROBOT
 pytest.importorskip("mujoco")
 
 MJCF = ROBOT.replace('name="elbow" axis="0 1 0"', 'name="elbow" axis="0 -1 0"')
-"""A model whose elbow turns the other way."""
+"""Model whose elbow turns in the opposite direction."""
 URDF = """<robot name="own">
   <link name="base"/>
   <link name="upper"><inertial><origin xyz="0 0 -0.12"/><mass value="0.3"/>
@@ -45,7 +45,7 @@ def chosen_of(*names: str) -> dict[str, dict[str, float]]:
 
 
 def swing_by_hand(module: str, text: bytes, file: Path) -> np.ndarray:
-    """(n, 2) angles with the written module and the written file, as a user runs them."""
+    """Angles (n, 2) with the written module and the written file, simulated as by a user."""
     file.write_bytes(text)
     names = run_source(module, file.parent)
     names["EngineSwing"].file = str(file)

@@ -27,7 +27,7 @@ from tests.exports.planted_errors import ELBOW, PLANTED, ROBOT, SHOULDER, SOFTEN
 SECONDS, DRIVEN_SECONDS = 3.0, 2.0
 LIKELY = ("coulomb", "stribeck", "spring", "wrong_length", "com_", "rotor", "torque_", "encoder_offset", "base_tilt")
 QUICK = ("rod too short",)
-"""Errors that `make test` plants; damping and a gear are those of the arm in `test_least_change_of_arm.py`."""
+"""Errors that fast tests plant. Damping and gear of an arm are in `test_least_change_of_arm.py`."""
 ATTRIBUTES = {
     "Coulomb friction": "frictionloss",
     "rotor inertia (armature)": "armature",
@@ -41,7 +41,7 @@ ATTRIBUTES = {
 def corrected(
     folder: Path, file: str, truth: str, gears: tuple[float, float] | None = None
 ) -> tuple[LeastChange, str, Rig]:
-    """Causes, the corrected file and the rig; where gears are given, the motors are driven."""
+    """Causes, corrected file and rig. If gears are given, the motors are driven."""
     (folder / "robot.xml").write_text(file, encoding="utf-8")
     rig_from_model(folder / "robot.xml", folder / "rig.toml")
     rig = load_rig(folder / "rig.toml")
@@ -55,7 +55,7 @@ def corrected(
 
 
 def changed(before: str, after: str) -> list[str]:
-    """Attributes that differ; the elements are the same."""
+    """Attributes that differ between two files with the same elements."""
     old, new = (list(ElementTree.fromstring(text).iter()) for text in (before, after))
     assert [element.tag for element in old] == [element.tag for element in new]
     pairs = zip(old, new, strict=True)
@@ -70,7 +70,7 @@ def test_the_benchmark_expects_the_same_words(monkeypatch: pytest.MonkeyPatch) -
 
 
 def diagnosed(a: float, known: bool = False) -> tuple[Any, Any]:
-    """A model with this a/b, other ratios of 1 and b = 2 kg m^2, and its diagnosis."""
+    """Model with this a/b, other ratios of 1 and b = 2 kg m^2, and its diagnosis."""
     scale = SimpleNamespace(known=known, interval90=(1.9, 2.1))
     diagnosis = SimpleNamespace(scale=scale, ratio_covariance=1e-8 * np.eye(5))
     ratios = np.array([a, 1.0, 1.0, 1.0, 1.0])

@@ -38,7 +38,7 @@ START = np.array([0.1, 2.4, 3.5, 0.2, -0.1, 0.3])
 
 
 def model_of(rods="both", kind="torque", kt=None, **changed):
-    """A model by values; of its other fields no export reads any."""
+    """Create a model from values. Fields that no export reads have default values."""
     rig = rig_with("driven", kind, rods, **({"kt": kt} if kt else {}))
     rods_of = {"both": (0.038, 0.0053, 0.008, 0.9, 1e-3, 1e-3), "inner": (0.0053, 0.0053, 0.0, 0.2, 1e-3, 0.0)}
     values = dict(zip(SWING_PARAMETERS, (*rods_of[rods], 0.06, 0.02, 0.3, 0.0, 0.5, rig.L0), strict=True)) | changed
@@ -201,7 +201,7 @@ SETS = {
 
 
 def engine_readings(rig, model, start, t):
-    """What the fits of a diagnosis predict: (n, 3) readings of joints 0, 1 and 2."""
+    """Readings (n, 3) of joints 0, 1 and 2, as predicted in the fits of a diagnosis."""
     unknown, params = engine_values(model, rig)
     gain = drive_gain(rig).value
     torques = Torques(T, np.zeros((len(T), 2)), on_arm=gain * PUSH)
@@ -266,7 +266,7 @@ def test_the_derivative_of_the_module_is_that_of_its_steps(effects, tmp_path):
 
 
 def module_of(rig, model, folder):
-    """The names of the exported Python module."""
+    """Names of the exported Python module."""
     path = folder / "corrected_model.py"
     path.write_text(str(FORMATS["python"].written(model, rig)["corrected_model.py"]))
     return runpy.run_path(str(path))

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class Copy:
-    """The packages in a folder of their own, to be extended and run."""
+    """Copy of the packages in a separate folder, which tests extend and run."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -22,13 +22,13 @@ class Copy:
             shutil.copytree(ROOT / name, folder / name)  # with its bytecode: nothing is compiled again
 
     def add(self, file: str, text: str) -> None:
-        """A new file."""
+        """Add a file."""
         path = self.folder / file
         assert not path.exists(), f"{file} is there already"
         path.write_text(textwrap.dedent(text), encoding="utf-8")
 
     def row(self, file: str, table: str, row: str, imported: str = "") -> None:
-        """One more row at the end of a table, and the import that it needs."""
+        """Add an entry at the end of a table, and the import that it needs."""
         path = self.folder / file
         text = path.read_text(encoding="utf-8")
         tree = ast.parse(text)
@@ -44,7 +44,7 @@ class Copy:
         path.write_text("".join([*lines[:last], f"{imported}\n" if imported else "", *lines[last:]]), encoding="utf-8")
 
     def run(self, code: str, timeout: float = 600.0, *, cache: bool = False) -> str:
-        """What a program prints that works with this copy; `cache`: with a kernel cache of its own."""
+        """Run a program with this copy and return its output; `cache`: with a separate kernel cache."""
         program = textwrap.dedent(code)
         environment = {**os.environ, "PYTHONPATH": str(self.folder)}
         environment |= {"NUMBA_CACHE_DIR": str(self.folder / "cache")} if cache else {}
@@ -61,7 +61,7 @@ class Copy:
 
 
 def table_of(tree: ast.Module, name: str) -> ast.Tuple | ast.Dict:
-    """The rows of a module-level table: a tuple or a dict, perhaps inside the expression that makes it."""
+    """Entries of a module-level table: a tuple or a dict, possibly inside the expression that creates it."""
     for node in tree.body:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         if any(isinstance(target, ast.Name) and target.id == name for target in targets):

@@ -29,23 +29,23 @@ SEED = 5
 
 @dataclass(frozen=True)
 class Done:
-    """How a command ended."""
+    """Result of a command."""
 
     code: int
     said: str
-    """What the operator reads: the last line on stderr."""
+    """Last line on stderr."""
     runs: list[Path]
 
 
 @pytest.fixture
 def serve(simulated) -> Callable[..., str]:
-    """Serves a device; the URL of its link."""
+    """Run a simulated device and return the URL of its link."""
     return lambda **options: simulated(**{"seed": SEED, **options}).url
 
 
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
-    """`dpr-lab` in this process, as the operator runs it: its exit code and what it says last."""
+    """Run `dpr-lab` in this process, and return its exit code and its last message."""
 
     def run(*words: object) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["dpr-lab", *map(str, words)])
@@ -62,7 +62,7 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 @pytest.fixture
 def operate(tmp_path: Path, command: Callable[..., tuple[int, str]]) -> Callable[..., Done]:
-    """`dpr-lab capture` over a link."""
+    """Run `dpr-lab capture` over a link."""
 
     def run(link: str, *words: str, out: Path = tmp_path / "runs") -> Done:
         asked = ("capture", "--rig", "paper", "--pose", "X1", "--yes", "--link", link, "--out", out)
@@ -77,7 +77,7 @@ Truth = Callable[..., NDArray[np.int64]]
 
 @pytest.fixture(scope="session")
 def truth() -> Truth:
-    """The plant's true counts, by tick, computed without device, link and host."""
+    """True counts of the plant by tick, computed without device, link and host."""
 
     def counts(run: Run, release_tick: int, release: int = 1, **options: Any) -> NDArray[np.int64]:
         chosen = Options(**{"seed": SEED, **options})
@@ -98,7 +98,7 @@ def truth() -> Truth:
 
 @pytest.fixture(scope="session")
 def wrong_samples(truth: Truth) -> Callable[..., int]:
-    """How many samples of a run file differ from the plant's true counts at their tick."""
+    """Number of samples of a run file that differ from the true counts at their tick."""
 
     def count(path: Path, **options: Any) -> int:
         from dpr_lab.storage.inspect import info
@@ -113,7 +113,7 @@ def wrong_samples(truth: Truth) -> Callable[..., int]:
 
 
 class Matrix:
-    """The table in the documentation: every test shows its row, and either the row is there or it is written."""
+    """Table of faults in the documentation. Each test compares its row, or writes it."""
 
     def __init__(self) -> None:
         self.write = os.environ.get(WRITE) == "1"
@@ -138,7 +138,7 @@ class Matrix:
 
 
 def _plain(said: str) -> str:
-    """A sentence without what differs from run to run: places and numbers."""
+    """Replace the parts of a sentence that differ between runs: places and numbers."""
     said = re.sub(r"(serial|can|socket|sim)://\S+?(?=[:;,]? |$)", "LINK", said.removeprefix("dpr-lab: "))
     said = re.sub(r"\S+\.mcap", "FILE", said)
     said = re.sub(r"\b[0-9a-f]{8,16}\b", "N", said)

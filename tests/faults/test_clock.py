@@ -16,7 +16,7 @@ from dpr_lab.storage.reader import load_run
 DRIFTS_PPM = (-500.0, -200.0, -50.0, 0.0, 50.0, 200.0, 500.0)
 LINKS = {"serial": "pty", "CAN": "slcan"}
 FIRST = ((-50.0, "serial"),)
-"""What `make test` tries."""
+"""Cases of the fast tests."""
 
 
 @pytest.mark.slow
@@ -41,7 +41,7 @@ def test_injected_drift_is_recovered_within_the_stated_interval(drift_ppm: float
 
 
 class Early(datetime):
-    """A computer whose clock was never set, and runs before 1970."""
+    """Computer whose clock was never set, with runs before 1970."""
 
     BACK_S = 60 * 365.25 * 86400
 

@@ -16,9 +16,9 @@ LINKS = {SERIAL: "pty", CAN: "slcan", BUS: "virtual:faults"}
 BOTH = (SERIAL, CAN)
 SHORT = ("--duration", "1")
 LONG = ("--duration", "60")
-"""Long enough that the fault ends it."""
+"""Duration long enough for the fault to end the recording."""
 IN_THE_SWING_S = "20"
-"""After the rest, even if a loaded host is slow to end it, and before the end."""
+"""Instant after the release, even if a busy host ends the rest late, and before the end, s."""
 
 ALL = "every sample"
 COUNTED = "every sample except the lost ones, which are counted"
@@ -31,7 +31,7 @@ HELD = "no RELEASE sent, no file created"
 
 @dataclass(frozen=True)
 class Case:
-    """Something that goes wrong with the device or the link, and what has to come of it."""
+    """Fault of the device or the link, and the expected result."""
 
     what: str
     code: int
@@ -41,11 +41,11 @@ class Case:
     device: dict[str, Any] = field(default_factory=dict)
     words: tuple[str, ...] = SHORT
     rare: bool = False
-    """Whether it is left to `make test-all`: another like it, or a test of the part at fault, is in `make test`."""
+    """Whether the case runs only in `make test-all`, because a similar case or a unit test is in `make test`."""
 
     @property
     def slow(self) -> bool:
-        """Whether it takes more than a second."""
+        """Whether the case takes more than a second."""
         return self.words != SHORT or self.device.get("clock") == "realtime"
 
 
@@ -113,7 +113,7 @@ CASES = (
 
 
 def _parameters() -> list[Any]:
-    """Every fault over every link; `make test` tries each over one, by turns."""
+    """Every fault over every link. Fast tests use one link for each fault, in turn."""
     return [
         pytest.param(
             case, link, id=f"{case.what}, {link}", marks=_marks(case, case.rare or turn != number % len(case.links))

@@ -24,7 +24,7 @@ UNTIL = "every sample until then, in a file marked as incomplete"
 
 
 def by_turns(*numbers: signal.Signals) -> list[Any]:
-    """Every signal over every link; `make test` sends the first over the first and the second over the second."""
+    """Every signal over every link. Fast tests use each signal with one link."""
     return [
         pytest.param(number, link, id=f"{number.name}, {link}", marks=[pytest.mark.long] if turn != place else [])
         for turn, number in enumerate(numbers)
@@ -39,7 +39,7 @@ def start(out: Path, link: str, *words: str, clock: str = "realtime") -> subproc
 
 
 def await_file(out: Path, process: subprocess.Popen[str], size: int = 1) -> Path:
-    """The run file that a process writes, once it has reached a size."""
+    """Wait until a process has written a run file of a given size, and return the file."""
     while True:
         for path in out.glob("*.mcap"):
             if path.stat().st_size >= size:
@@ -49,7 +49,7 @@ def await_file(out: Path, process: subprocess.Popen[str], size: int = 1) -> Path
 
 
 def await_release(out: Path, process: subprocess.Popen[str], size: int) -> Path:
-    """The run file once it has the release and a size: on a busy machine the rods may be held for longer than usual."""
+    """Wait until the run file contains the release and has a given size."""
     path = await_file(out, process, size)
     while not _readable(path):
         assert process.poll() is None, process.communicate()[1]
@@ -79,7 +79,7 @@ def test_a_stopped_capture_finishes_its_file(
 
 
 def halted_three_times(folder: Path, link: str) -> tuple[int, Path, str]:
-    """A capture whose process is stopped for 300 ms, three times: its exit code, its file, what it prints last."""
+    """Stop the process of a capture three times for 300 ms; return its exit code, its file and its last message."""
     folder.mkdir()
     process = start(folder, link, "--duration", "4")
     path = await_release(folder, process, 30_000)
@@ -163,7 +163,7 @@ def assert_what_is_left_is_true(out: Path, wrong_samples) -> None:
 
 
 def _readable(path: Path) -> bool:
-    """Whether a broken file holds a release; what is not there was not yet written."""
+    """Whether an incomplete file contains a release."""
     from dpr_lab.errors import RunError
 
     try:

@@ -18,7 +18,7 @@ RANDOM_CUTS, EVERY_CHUNK = (2000, 1) if os.environ.get("DPR_LAB_FULL") == "1" el
 
 
 def chunk_ends(path: Path) -> list[int]:
-    """Where each chunk of a run file ends, bytes."""
+    """Position of the end of each chunk of a run file, bytes."""
     ends: list[int] = []
     with path.open("rb") as file:
         for record in StreamReader(file, emit_chunks=True).records:

@@ -53,11 +53,11 @@ WITH_DRIVES = {
 }
 
 PATIENCE_S = 60.0
-"""For something that is sure to come."""
+"""Time limit for events that must occur, s."""
 
 
 class Role(Protocol):
-    """A device that has just been switched on."""
+    """Device that has just been switched on."""
 
     def send(self, frame: Frame) -> list[Message]: ...
 
@@ -119,7 +119,7 @@ class CRole:
 
 
 class QemuBoard:
-    """The image of the Cortex-M port in QEMU: the link is a pseudo terminal, stdin and stdout are the bench."""
+    """Cortex-M image in QEMU. The link is a pseudo-terminal; stdin and stdout simulate the hardware."""
 
     def __init__(self, image: Path) -> None:
         flags = "-machine mps2-an385 -icount shift=3 -display none -monitor none -serial pty -serial stdio".split()
@@ -163,14 +163,14 @@ class QemuBoard:
 
 
 class QemuRole:
-    """A PING after a request separates its answers from later ones, because a device answers in the order received."""
+    """Device in QEMU. A PING after each request separates its answers from later ones."""
 
     def __init__(self, board: QemuBoard, port: serial.Serial) -> None:
         self.board, self.port, self.token = board, port, 0
         self.switch_on()
 
     def switch_on(self) -> None:
-        """Switch off and on; earlier answers are discarded."""
+        """Switch the device off and on. Earlier answers are discarded."""
         self.board.reset()
         self.port.reset_input_buffer()
         self.decoder, self.heard = FrameDecoder(), list[Message]()
@@ -192,7 +192,7 @@ class QemuRole:
         return self._answers(self._barrier())
 
     def set_fault(self, fault: int, answers: int) -> list[Message]:
-        """The device looks for faults once a round, and may have answered a mark before."""
+        """Set a fault. The device checks for faults once per cycle, so it may answer a marker first."""
         self.board.set_fault(fault)
         return self.fall_silent(0.0, answers)
 
@@ -203,7 +203,7 @@ class QemuRole:
         return next(message for message in self.heard if isinstance(message, Status))
 
     def _barrier(self) -> list[Message]:
-        """All that was said until now."""
+        """Wait for all messages that were sent until now."""
         self.token = self.token % 255 + 1
         mark = Ping(0xBA00 + self.token)
         self._wait(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self.heard), mark)
@@ -229,7 +229,7 @@ class QemuRole:
         return self.decoder.crc_errors + self.decoder.framing_errors
 
     def _answers(self, said: list[Message]) -> list[Message]:
-        """What is neither report nor sample nor mark; of a release repeated with every report only the first."""
+        """Messages without reports, samples and markers. Of a repeated release, only the first is kept."""
         answers: list[Message] = []
         for message in said:
             if isinstance(message, Sample | Position | Status) or (
@@ -245,7 +245,7 @@ class QemuRole:
 
 
 def message_of(name: str, fields: dict[str, int]) -> Message:
-    """A message of a trace; fields not given are those of this version of dpr.dbc."""
+    """Message of a trace. Fields that are not given have the values of this version of dpr.dbc."""
     return MESSAGES[name](**fields)
 
 
@@ -282,7 +282,7 @@ def _take_step(role: Role, step: dict, answers: int) -> list[Message]:
 
 @pytest.fixture(scope="session")
 def make(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Runs a target of the firmware's Makefile in a fresh folder; skips where a tool for it is missing."""
+    """Run a target of the firmware's Makefile in a new folder; skip the test if a tool is missing."""
 
     def run(target: str, *tools: str) -> Path:
         for tool in ("make", *tools):

@@ -11,12 +11,12 @@ Delay = Callable[[np.random.Generator], float]
 
 
 def usb(rng: np.random.Generator) -> float:
-    """One way through a USB serial adapter: short, now and then queued."""
+    """Delay of one direction through a USB serial adapter: short, sometimes queued."""
     return 100e-6 + rng.exponential(40e-6) + (rng.random() < 0.1) * rng.uniform(0, 5e-3)
 
 
 def record(rng: np.random.Generator, ppm: float, offset: float, n: int, delay: Delay = usb) -> list[Exchange]:
-    """Pings every half second of a device whose ticks run `ppm` fast and whose tick 0 was at `offset`, s."""
+    """Exchange pings every half second with a device whose ticks are `ppm` fast and whose tick 0 was at `offset`, s."""
     rate = RATE_HZ * (1 + ppm * 1e-6)
     exchanges = []
     for sent in offset + 0.5 * np.arange(1, n + 1) + rng.uniform(0, 0.1, n):
@@ -26,7 +26,7 @@ def record(rng: np.random.Generator, ppm: float, offset: float, n: int, delay: D
 
 
 def misses(fit: ClockFit, ppm: float, offset: float) -> tuple[float, float]:
-    """How many standard uncertainties rate and offset are off."""
+    """Errors of rate and offset, in standard uncertainties."""
     return abs(fit.rate_ppm - ppm) / fit.rate_ppm_std, abs(fit.offset - offset) / fit.offset_std
 
 

@@ -67,7 +67,7 @@ ROUTES = {
 
 
 class Driver:
-    """A device session with a token counter, by default after the handshake."""
+    """Device session with a token counter, by default after the handshake."""
 
     def __init__(self, route: tuple[str, ...] = (), greet: bool = True):
         self.session = DeviceSession(IDENTITY)

@@ -40,7 +40,7 @@ STEP_S = 0.01
 
 @dataclass
 class Link:
-    """One way of a line: each frame takes a step, and may be lost, doubled or held up for some steps."""
+    """One direction of a line. Each frame takes a step, and may be lost, duplicated or delayed for some steps."""
 
     chance: random.Random
     loss: float = 0.0
@@ -61,7 +61,7 @@ class Link:
 
 @dataclass
 class Pair:
-    """A host and a device with a line between them, and what the device was made to do."""
+    """Host and device with a line between them, and the tasks that the device received."""
 
     down: Link
     up: Link

@@ -12,7 +12,7 @@ frames = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 
 
 def crc_by_bits(data: bytes) -> int:
-    """CRC-16/IBM-3740 as the catalogue describes it: shift in a bit, subtract the polynomial when one falls out."""
+    """CRC-16/IBM-3740 bit by bit: shift in a bit, and subtract the polynomial if a bit is shifted out."""
     crc = 0xFFFF
     for byte in data:
         for bit in range(7, -1, -1):
@@ -22,7 +22,7 @@ def crc_by_bits(data: bytes) -> int:
 
 
 def cobs_by_definition(data: bytes) -> bytes:
-    """Byte by byte: each group is at most 254 bytes and says where the next zero would be."""
+    """COBS byte by byte: each group has at most 254 bytes and starts with the distance to the next zero."""
     out, group = bytearray(), bytearray()
     for byte in data + b"\0":
         if byte:

@@ -38,7 +38,7 @@ def values(signal) -> st.SearchStrategy[int]:
 
 @st.composite
 def messages(draw: st.DrawFn) -> tuple[str, dict[str, int], Message]:
-    """A message's name, its signals as plain integers, and the same as a dataclass."""
+    """Name of a message, its signals as integers, and the message as a dataclass."""
     name = draw(st.sampled_from(sorted(MESSAGES)))
     kind, layout = MESSAGES[name], DBC.get_message_by_name(name)
     if kind is Info:

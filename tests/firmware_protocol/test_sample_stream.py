@@ -23,7 +23,8 @@ def anchored(counts: tuple[int, int, int] = (0, 0, 0)) -> SampleStream:
 
 
 def walk(rng: np.random.Generator, n: int, speed: int) -> list[tuple[int, int, int]]:
-    """Three joints turning by up to `speed` counts a tick, each mostly one way, so that they wrap often."""
+    """Motion of three joints with up to `speed` counts per tick, mostly in one direction, so that the counters
+    overflow."""
     steps = rng.integers(-speed // 4, speed + 1, size=(n, 3)) * np.array([1, -1, 1])
     return [tuple(int(count) for count in row) for row in np.cumsum(steps, axis=0)]
 

@@ -20,7 +20,7 @@ DRIVEN = DeviceInfo(
 WITH_ARM = replace(PLAIN, input_kinds=tuple(TorqueKind), input_unit=50, input_quantity=ArmQuantity.CURRENT)
 MEASURED, COMMANDED = TorqueKind
 TICKS = range(65530, 65545)
-"""Across the turn of the low 16 bits."""
+"""Ticks around an overflow of the low 16 bits."""
 
 
 def rows(ticks: Iterable[int] = TICKS) -> list[Row]:

@@ -83,7 +83,7 @@ def test_many_small_sets_gain_what_each_gains_alone(rng):
 
 
 class Counting:
-    """An output model that counts its predictions and how often its slopes are asked for."""
+    """Output model that counts its predictions and the requests for derivatives."""
 
     def __init__(self, model):
         self.model, self.constants, self.asked, self.predicted = model, model.constants, 0, 0
@@ -113,7 +113,7 @@ def test_a_fit_with_frozen_jacobians_reaches_the_same_minimum(clean):
 
 
 class Misleading(Counting):
-    """Its slopes have the wrong sign, so that no step reduces the cost."""
+    """Output model whose derivatives have the wrong sign, so that no step reduces the cost."""
 
     def slopes(self, segments, at, free, predicted=None):
         return -super().slopes(segments, at, free, predicted)
@@ -175,7 +175,7 @@ def test_a_fit_that_is_not_expected_to_beat_another_one_ends(clean):
 
 
 class LosesASegment(Counting):
-    """Its first swing cannot be followed in one segment."""
+    """Output model whose first swing cannot be followed in one segment."""
 
     def predict(self, segments, at):
         read = super().predict(segments, at).copy()

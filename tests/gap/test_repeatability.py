@@ -22,7 +22,7 @@ SMOOTH = ("spring", "air_drag", "encoder_offset", "latency", "base_tilt")
 
 
 def each_its_own(laws: Sequence[Law], seed: int, **library: str) -> Diagnosis:
-    """Diagnose recordings of one rig, each with a law of its own."""
+    """Diagnose recordings of one rig, each with another effect."""
     rng = np.random.default_rng(seed)
     rig, base = rig_and_base(rng)
     runs = [record(rig, base, [own], rng, pose) for pose, own in zip(POSES, laws, strict=True)]

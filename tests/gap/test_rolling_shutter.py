@@ -28,17 +28,17 @@ Array = np.ndarray
 T = np.arange(0, 4, 1 / 60)
 FINE = np.arange(-0.1, 4.1, 1 / 960)
 DELAY = 0.016
-"""s/m: 8 ms over half a metre."""
+"""Delay per distance, s/m: 8 ms over half a metre."""
 
 
 def points(theta: Array, lengths: tuple[float, ...]) -> list[Array]:
-    """(n, 2) ends of the rods from the pivot, y upwards, m; theta (n, rods) from hanging."""
+    """Ends (n, 2) of the rods from the pivot, y upwards, m; theta (n, rods) from hanging."""
     rods = [L * np.column_stack([np.sin(q), -np.cos(q)]) for L, q in zip(lengths, theta.T, strict=True)]
     return list(np.cumsum(rods, axis=0))
 
 
 def filmed(theta: Callable[[Array], Array], lengths: tuple[float, ...], line: Callable[[Array], Array]) -> Array:
-    """(n, rods) angles from hanging in a picture whose line of a point p is read later by line(p) s."""
+    """Angles (n, rods) from hanging in a picture in which the line of a point p is read later by line(p) s."""
     seen = []
     for k in range(len(lengths)):
         t = T

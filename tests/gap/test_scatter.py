@@ -15,7 +15,7 @@ def instants(count: int, readings: int) -> list[np.ndarray]:
 
 
 class _Linear:
-    """A linear fit of `k` values to recordings of 40 segments of 6 readings, each with values of its own."""
+    """Linear fit of `k` values to recordings of 40 segments of 6 readings; each recording has different values."""
 
     def __init__(self, spread: float, runs: int, seed: int, k: int = 2) -> None:
         rng = np.random.default_rng(seed)
@@ -84,7 +84,7 @@ def test_segments_that_cannot_be_linearised_leave_the_common_values() -> None:
 
 @dataclass
 class _Free:
-    """A free value within wide bounds."""
+    """Fitted value within wide bounds."""
 
     value: float
     lower: float = -100.0

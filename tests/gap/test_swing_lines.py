@@ -25,7 +25,7 @@ LOSSES = candidates("air_drag", "friction_drift", "coulomb", "stribeck", "encode
 
 
 def frequency_of(rod: one_rod.Rod, amplitude: float) -> float:
-    """Of a pendulum by the first terms of the series of the elliptic integral, Hz."""
+    """Frequency of a pendulum from the first terms of the series of the elliptic integral, Hz."""
     return rod.frequency / (2 * np.pi * (1 + amplitude**2 / 16 + 11 * amplitude**4 / 3072))
 
 

@@ -18,7 +18,8 @@ RATE_HZ, NOISE_RAD = 120.0, 4e-3
 
 
 def tracked(folder: Path, correlation: float, offset: float = 0.0, step: float = 1e-7) -> tuple[Rig, list[Run]]:
-    """A rod with a zero error, filmed three times; errors of first order, readings rounded to a step, rad."""
+    """Film a rod with a zero error three times, with first-order autoregressive errors and readings rounded to a step,
+    rad."""
     rng = np.random.default_rng(40)
     rig, runs = one_rod(0.3, 0.1, 65536, rng), []
     t = np.arange(0, 5, 1 / RATE_HZ)

@@ -15,7 +15,7 @@ from tests.thinned import candidates
 
 
 def weighed(rig: Rig, mass: float, std: float) -> Rig:
-    """A rig file whose inner rod was weighed with a standard uncertainty."""
+    """Rig file whose inner rod was weighed with a standard uncertainty."""
     nominal = rig.parameters["m1"].nominal
     return rig.model_copy(
         update={"parameters": {**rig.parameters, "m1": Parameter(nominal=nominal, measured=mass, std=std)}}

@@ -38,7 +38,7 @@ def told_roughly(paper: Rig, true: np.ndarray, seed: int, rods: dict[str, str]) 
 
 
 def gravity_torque(rig: Rig, diagnosis: Diagnosis) -> float:
-    """Of the inner rod alone by a diagnosis, N m."""
+    """Gravity torque of the inner rod alone according to a diagnosis, N m."""
     assert diagnosis.p_over_b is not None
     carried = diagnosis.p_over_b * rig.g / rig.L1
     return diagnosis.scale_b * (diagnosis.all_ratios["e1/b"].value - carried)

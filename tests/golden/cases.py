@@ -55,7 +55,7 @@ DIAGNOSED: Mapping[int, str] = {
     910_029: "dirty:clear",
     910_030: "outside:clear:tuning",
 }
-"""Seed -> what is drawn."""
+"""Draw specification of each seed."""
 
 IDENTIFIED: Mapping[int, str] = {
     **{920_000 + i: "clean" for i in range(12)},
@@ -74,20 +74,20 @@ PIECES, PIECE_S = 8, 10.0
 
 
 def drawn(seed: int, wanted: str) -> tuple[PlantConfig, Rig]:
-    """A plant, and the rig file that the lab is given: masses weighed, the rest unknown within bounds."""
+    """Draw a plant, and the rig file for dpr-lab: measured masses, and bounds of the other parameters."""
     base, rig = weighed(load_plant("paper", seed), load_rig("paper"))
     return draw_plant(parse_request(wanted), base, rig), rig
 
 
 def recorded(plant: dict[str, Any]) -> tuple[list[Run], Rig]:
-    """The recordings of a frozen plant, and the rig file that the lab is given."""
+    """Record a stored plant, and return the recordings and the rig file for dpr-lab."""
     hidden = PlantConfig.model_validate(plant)
     _, rig = weighed(load_plant("paper", hidden.seed), load_rig("paper"))
     return record(hidden, rig), rig
 
 
 def diagnosed(runs: list[Run], rig: Rig, held_out: list[Run]) -> dict[str, Any]:
-    """What is frozen of a diagnosis."""
+    """Results of a diagnosis that are stored."""
     from dpr_lab.gap.diagnose import diagnose
 
     said = diagnose(runs, rig, held_out=held_out).to_json()
@@ -97,7 +97,7 @@ def diagnosed(runs: list[Run], rig: Rig, held_out: list[Run]) -> dict[str, Any]:
 
 
 def identified(runs: list[Run], rig: Rig) -> dict[str, Any]:
-    """What is frozen of an identification."""
+    """Results of an identification that are stored."""
     from dpr_lab.identification.identify import identify
 
     model = identify(runs, rig, seed=0).model_dump()
@@ -105,7 +105,7 @@ def identified(runs: list[Run], rig: Rig) -> dict[str, Any]:
 
 
 def real_rigs() -> Iterator[tuple[str, list[Run], Rig, list[Run]]]:
-    """Name, runs, rig and held-out runs of the recordings of real rigs, which are not in the repository."""
+    """Name, runs, rig and held-out runs of recordings of real rigs, which are not in the repository."""
     from dpr_lab.storage.csv_import import ImportOptions, import_csv
 
     rig, file = load_rig("multiarm"), REAL / "multiarm" / "dp_freeswing_1khz.csv"
@@ -145,7 +145,7 @@ def _written(name: str, work: Callable[[Any], dict[str, Any]], cases: list[Any],
 
 
 def main() -> None:
-    """Freeze what is named on the command line."""
+    """Store the results of the cases that are named on the command line."""
     for name in sys.argv[1:]:
         if name == "diagnose":
             _written(name, _diagnosis, list(DIAGNOSED.items()), [str(seed) for seed in DIAGNOSED])

@@ -40,7 +40,7 @@ class Ended(NamedTuple):
 
 @pytest.fixture
 def program(capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
-    """`python -m sim_device` in this process; an exception that it would end with is raised."""
+    """Run `python -m sim_device` in this process. An exception that would end it is raised."""
 
     def run(*words: object) -> Ended:
         capsys.readouterr()
@@ -146,7 +146,7 @@ def open_end(url: str):
 
 
 class DirectEnd:
-    """No link at all: frames are handed over, and wall time is made of steps."""
+    """Replacement for a link: frames are passed directly, and wall time advances in steps."""
 
     def __init__(self, options: Options, step_s: float = 0.01) -> None:
         self.device, self.link, _ = assemble(options)
@@ -215,7 +215,7 @@ class Host:
         return [message for message in self.messages if isinstance(message, kind)]
 
     def release(self, pose: int = 1, rate_hz: int = 1000, rest: int = 300, swing: int = 2000) -> int:
-        """Hold, rest, release, swing, stop; the release tick."""
+        """Hold, rest, release, swing and stop; return the tick of the release."""
         self.messages.clear()
         self.do(Hold(pose=pose))
         assert self.session.info is not None
@@ -230,12 +230,12 @@ class Host:
         return tick
 
     def counts(self) -> np.ndarray:
-        """(n, 4) ticks and low words of the counters."""
+        """Ticks and low words of the counters (n, 4)."""
         return np.array([(m.tick, m.position0, m.position1, m.position2) for m in self.of(Sample)])
 
 
 class Bench:
-    """Makes hosts and devices and takes them away again."""
+    """Creates hosts and devices, and closes them at the end."""
 
     def __init__(self, simulated) -> None:
         self._simulated = simulated
@@ -248,7 +248,7 @@ class Bench:
         return host
 
     def serve(self, **options) -> str:
-        """Serve a device in a thread; the URL."""
+        """Run a device in a thread and return its URL."""
         served = self._simulated(**{"clock": "realtime", "seed": None, **options})
         self.device, self.thread = served.board, served.thread
         return served.url

@@ -25,10 +25,10 @@ ANGLES = ("theta1", "theta2")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sheet:
-    """Named columns, and the way they are written and imported."""
+    """Named columns, and the form in which they are written and imported."""
 
     columns: Mapping[str, NDArray[np.float64]]
-    """Each (n,); `t` in s, `theta1` and `theta2` in the unit of the options."""
+    """Columns (n,) by name; `t` in s, `theta1` and `theta2` in the unit of the options."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Of `ImportOptions`: true of the table before its mutation."""
     delimiter: str = ","
@@ -36,22 +36,22 @@ class Sheet:
     """Of the columns in the header, where they differ."""
 
     def text(self) -> bytes:
-        """The table as a logger writes it."""
+        """Text of the table as written by a logger."""
         rows = np.column_stack(list(self.columns.values())).tolist()
         lines = [self.delimiter.join(f"{value:.10g}" for value in row) for row in rows]
         header = self.delimiter.join(self.names.get(name, name) for name in self.columns)
         return "\n".join([header, *lines, ""]).encode()
 
     def with_columns(self, **columns: NDArray[np.float64]) -> "Sheet":
-        """The same sheet with other values in these columns."""
+        """Copy of the sheet with other values in these columns."""
         return replace(self, columns={**self.columns, **columns})
 
     def rows(self, keep: Any) -> "Sheet":
-        """The sheet with these rows only, in this order."""
+        """Copy of the sheet with only these rows, in this order."""
         return replace(self, columns={name: column[keep] for name, column in self.columns.items()})
 
     def without(self, *names: str) -> "Sheet":
-        """The sheet without these columns."""
+        """Copy of the sheet without these columns."""
         return replace(self, columns={name: column for name, column in self.columns.items() if name not in names})
 
     @property
@@ -62,17 +62,17 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MutatedTable:
-    """A table with a mistake."""
+    """Table with a mistake."""
 
     name: str
-    """Base table and mutation, `free/swapped_angles`."""
+    """Names of base table and mutation, for example `free/swapped_angles`."""
     mutation: str
     content: bytes
     options: ImportOptions
     """How its user imports it."""
 
     def write(self, folder: Path) -> Path:
-        """The file in a folder, named after the table."""
+        """Write the file into a folder, with the name of the table."""
         file = folder / f"{self.name.replace('/', '-')}.csv"
         file.write_bytes(self.content)
         return file
@@ -82,7 +82,7 @@ Mutation = Callable[[Sheet, np.random.Generator], Sheet | bytes]
 
 
 def base_tables(seed: int = 1, rig: Rig | None = None) -> dict[str, Sheet]:
-    """Tables without a mistake, of a rig without an effect: free swings and a driven one.
+    """Tables without a mistake, of a rig without effects: free swings and a driven swing.
 
     Args:
         seed: of the simulated encoders' noise
@@ -115,12 +115,12 @@ def base_tables(seed: int = 1, rig: Rig | None = None) -> dict[str, Sheet]:
 
 
 def mutated_tables(seed: int = 1, rig: Rig | None = None) -> list[MutatedTable]:
-    """Every base table with every mutation that applies to it, and as it is (`none`); some 400."""
+    """Every base table with every mutation that applies to it, and unchanged (`none`): about 400 tables."""
     return list(_mutated(seed, rig))
 
 
 def doubly_mutated(base: str, sheet: Sheet, seed: int) -> MutatedTable:
-    """A table with two mistakes that are drawn."""
+    """Table with two random mistakes."""
     rng = np.random.default_rng(seed)
     while True:
         first, second = rng.choice(list(MUTATIONS), 2, replace=False).tolist()
@@ -157,24 +157,24 @@ def _readings(sheet: Sheet) -> list[str]:
 
 
 def _each(sheet: Sheet, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Sheet:
-    """Both rods' readings changed alike."""
+    """Change the readings of both rods in the same way."""
     return sheet.with_columns(**{name: change(sheet.columns[name]) for name in _readings(sheet)})
 
 
 def _second(sheet: Sheet, change: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]) -> Sheet:
-    """The second rod's readings, from those of both."""
+    """Compute the readings of the second rod from those of both rods."""
     first, second = _readings(sheet)
     return sheet.with_columns(**{second: change(sheet.columns[first], sheet.columns[second])})
 
 
 def _first(sheet: Sheet, change: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]) -> Sheet:
-    """The first rod's readings, from those of both."""
+    """Compute the readings of the first rod from those of both rods."""
     first, second = _readings(sheet)
     return sheet.with_columns(**{first: change(sheet.columns[first], sheet.columns[second])})
 
 
 def _options(**options: Any) -> Mutation:
-    """The table as it is, imported with an option that is wrong for it."""
+    """Unchanged table that is imported with a wrong option."""
     return lambda sheet, _: replace(sheet, options={**sheet.options, **options})
 
 
@@ -196,7 +196,7 @@ def _swapped(sheet: Sheet, _: np.random.Generator) -> Sheet:
 
 
 def _held(sheet: Sheet, rng: np.random.Generator, seconds: float, start: int = 0) -> Sheet:
-    """Rods held for so long from a row on, with encoder noise, later rows later."""
+    """Hold the rods for some time from a row on, with encoder noise. Later rows are delayed."""
     rows = round(seconds * RATE_HZ)
     keep = np.concatenate([np.arange(start + 1), np.full(rows, start), np.arange(start + 1, sheet.n)])
     held = sheet.rows(keep)
@@ -214,7 +214,7 @@ def _held(sheet: Sheet, rng: np.random.Generator, seconds: float, start: int = 0
 
 
 def _holes(value: float, share: float, column: int | None = None) -> Mutation:
-    """Some rows' readings replaced by a value."""
+    """Replace the readings of some rows by a value."""
 
     def mutation(sheet: Sheet, rng: np.random.Generator) -> Sheet:
         names = _readings(sheet) if column is None else [_readings(sheet)[column]]
@@ -225,7 +225,7 @@ def _holes(value: float, share: float, column: int | None = None) -> Mutation:
 
 
 def _wrapped(turn: float, sheet: Sheet) -> Sheet:
-    """Readings wrapped at so many turns."""
+    """Wrap the readings at a number of turns."""
     period = {"deg": 360.0, "counts": 16384.0}.get(sheet.options.get("unit", "rad"), 2 * np.pi) * turn
     return _each(sheet, lambda x: np.mod(x, period))
 
@@ -235,7 +235,7 @@ def _doubled_rows(sheet: Sheet, rng: np.random.Generator) -> Sheet:
 
 
 def _stale(sheet: Sheet, _: np.random.Generator) -> Sheet:
-    """A logger faster than the sensor: every reading stands for five rows."""
+    """Simulate a logger that is faster than the sensor: every reading is repeated in five rows."""
     rows = np.arange(sheet.n) // 5 * 5
     return sheet.rows(rows).with_columns(t=sheet.columns["t"])
 

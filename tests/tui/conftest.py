@@ -40,7 +40,7 @@ DATA = Path(__file__).parent / "data"
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 PATIENCE_S = 300.0
 DRAWN_S = 60.0
-"""What a loaded machine may need until the last chart is drawn."""
+"""Time limit until the last chart is drawn on a busy machine, s."""
 
 Lab = Callable[..., AbstractAsyncContextManager[Pilot[None]]]
 Until = Callable[[Pilot[None], Callable[[], object]], Awaitable[None]]
@@ -49,7 +49,7 @@ Snapshot = Callable[[Pilot[None], str], Awaitable[None]]
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
-    """Run a test that is a coroutine in an event loop of its own."""
+    """Run a coroutine test in a separate event loop."""
     if not inspect.iscoroutinefunction(pyfuncitem.obj):
         return None
     parameters = inspect.signature(pyfuncitem.obj).parameters
@@ -59,7 +59,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
 
 @pytest.fixture(autouse=True)
 def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """State and keys of this test alone."""
+    """Separate state and key files for each test."""
     monkeypatch.setenv("TZ", "UTC")  # pictures hold local times
     time.tzset()
     monkeypatch.setenv("DPR_LAB_STATE", str(tmp_path / "state"))
@@ -98,7 +98,7 @@ def patient_pilots() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def recorded(paper: Rig, made_once: Callable[[str, Callable[[Path], None]], Path]) -> list[Path]:
-    """Run files of three short releases: the counts that the simulated device would have sent."""
+    """Run files of three short releases, with the counts that the simulated device would send."""
 
     def swings(folder: Path) -> None:
         for run in record(load_plant("paper", 3), paper, 3.0):
@@ -120,7 +120,7 @@ def written(run: Run, rig: Rig, folder: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def modelled(recorded: list[Path], paper: Rig, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Path:
-    """The model of those releases, as the command line writes it."""
+    """Model of these releases, as written by the command line."""
 
     def model(folder: Path) -> None:
         identify([load_run(run, rig=paper) for run in recorded], paper).save(folder / "model.json")
@@ -136,12 +136,12 @@ def fixed_model() -> Path:
 
 @pytest.fixture
 def fixed_diagnosis() -> Path:
-    """A diagnosis that is the same in every test run: two effects, named."""
+    """Fixed diagnosis of a rig with two effects."""
     return DATA / "diagnosis.json"
 
 
 class Watched:
-    """The sight of a screen that a Pilot watches: a headless app has no terminal that could confirm a frame."""
+    """Confirmation of frames for a screen without a terminal."""
 
     multiplexer = ""
 
@@ -151,7 +151,7 @@ class Watched:
 
 @pytest.fixture
 def lab(tmp_path: Path) -> Lab:
-    """(step, ..., size=, and what is on the bench) -> the app with these steps, in the hands of a Pilot."""
+    """Fixture (step, ..., size=, other options) that returns the app with these steps and a pilot."""
 
     @asynccontextmanager
     async def started(*steps: type[Step], size: tuple[int, int] = (80, 24), **bench: Any) -> AsyncIterator[Pilot[None]]:
@@ -166,7 +166,7 @@ def lab(tmp_path: Path) -> Lab:
 
 @pytest.fixture
 def app(tmp_path: Path) -> Iterator[DprApp]:
-    """The app with steps 1 to 3 and a fresh bench; fails the test when something unexpected was logged."""
+    """App with steps 1 to 3 and a new workspace. The test fails if an unexpected error is logged."""
     yield DprApp(Workspace(out=tmp_path / "bench"), tmp_path / "state", steps=STEPS[:3], sight=Watched())
     log = tmp_path / "state" / "errors.log"
     assert not log.exists(), log.read_text()
@@ -174,7 +174,7 @@ def app(tmp_path: Path) -> Iterator[DprApp]:
 
 @pytest.fixture
 def said() -> Callable[[DprApp], str]:
-    """(app) -> all notices that are shown, in one text."""
+    """Fixture (app) that returns all visible notices as one text."""
     return lambda app: "\n".join(notice.message for notice in app.notices)
 
 
@@ -186,12 +186,12 @@ def quick_countdown(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def rig(simulated: Callable[..., Any]) -> Callable[..., str]:
-    """(fault=, ...) -> URL of a device in real time, served in this process: not for rods held before a screen."""
+    """Fixture (fault=, ...) that returns the URL of a device in real time, run in this process."""
     return lambda **options: simulated(**{"clock": "realtime", **options}).url
 
 
 class Cable:
-    """A simulated device at a serial port whose name stays when it is plugged out and in again."""
+    """Simulated device at a serial port that keeps its name when it is unplugged and plugged in again."""
 
     def __init__(self, folder: Path, *options: str) -> None:
         self._link, self._options = folder / "ttyRIG", options
@@ -199,7 +199,7 @@ class Cable:
         self.plug()
 
     def plug(self) -> None:
-        """Put the cable in."""
+        """Plug the cable in."""
         self._device = started("sim_device", ["--seed", "1", *self._options], stdout=subprocess.PIPE)
         assert self._device.stdout is not None
         url = json.loads(self._device.stdout.readline())["url"]
@@ -207,7 +207,7 @@ class Cable:
         self._link.symlink_to(url.removeprefix("serial://").partition("?")[0])
 
     def pull(self) -> None:
-        """Take the cable out; once it is out, nothing happens."""
+        """Unplug the cable."""
         self._device.kill()
         self._device.wait()
         assert self._device.stdout is not None
@@ -230,7 +230,7 @@ def cable(tmp_path: Path) -> Iterator[Callable[..., Cable]]:
 
 @pytest.fixture
 def until() -> Until:
-    """(pilot, condition) -> waits until the condition holds, and fails only after minutes."""
+    """Fixture (pilot, condition) that waits until the condition holds, and fails only after minutes."""
 
     async def waited(pilot: Pilot[None], condition: Callable[[], object]) -> None:
         begun = time.monotonic()
@@ -245,7 +245,7 @@ def until() -> Until:
 
 @pytest.fixture
 def settled() -> Callable[[Pilot[None]], Awaitable[None]]:
-    """(pilot) -> waits until every chart shows its last data and no animation runs."""
+    """Fixture (pilot) that waits until every chart shows its last data and no animation runs."""
 
     async def waited(pilot: Pilot[None]) -> None:
         await pilot.pause()
@@ -258,7 +258,7 @@ def settled() -> Callable[[Pilot[None]], Awaitable[None]]:
 
 @pytest.fixture
 def snapshot() -> Snapshot:
-    """(pilot, name) -> waits until the screen is that picture; DPR_LAB_UPDATE_SNAPSHOTS=1 takes a new one."""
+    """Fixture (pilot, name) that compares the screen with a snapshot; DPR_LAB_UPDATE_SNAPSHOTS=1 writes a new one."""
 
     async def compared(pilot: Pilot[None], name: str) -> None:
         path = SNAPSHOTS / f"{name}.svg"
@@ -276,7 +276,7 @@ def snapshot() -> Snapshot:
 
 
 def screen_of(app: App[Any], name: str) -> str:
-    """What is on the screen, as a drawing."""
+    """Content of the screen as a drawing."""
     # Class names carry a hash of the content, which says nothing that the content does not.
     seen = re.sub(r"terminal-\d+", "terminal", app.export_screenshot(title=name))
     return re.sub(r"@font-face \{.*?\}", "", seen, flags=re.DOTALL)  # names a server

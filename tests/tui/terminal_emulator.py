@@ -108,9 +108,9 @@ class Terminal(VirtualScreen):
         super().__init__(size, lambda data: os.write(self._master, data), replies)
         self.bytes_per_s, self.answers = bytes_per_s, answers
         self.received = 0
-        """Bytes so far."""
+        """Number of bytes received so far."""
         self.shown: list[tuple[float, str]] = []
-        """The screen after each read, with its time."""
+        """Content of the screen after each read, with its time."""
         self.reading = True
         self._master, slave = pty.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
@@ -151,11 +151,11 @@ class Terminal(VirtualScreen):
 
     @property
     def restored(self) -> bool:
-        """Whether the line is as the program found it."""
+        """Whether the terminal is in the state in which the program found it."""
         return termios.tcgetattr(self._slave)[:4] == self._before[:4]
 
     def hang_up(self) -> None:
-        """The terminal is gone."""
+        """Close the terminal."""
         self.reading = False
         self._thread.join()
         os.close(self._slave)
@@ -187,19 +187,19 @@ class Terminal(VirtualScreen):
 
 
 def without_multiplexer(environment: Mapping[str, str]) -> dict[str, str]:
-    """The environment of a terminal that is not in tmux or the like, wherever the tests run."""
+    """Environment of a terminal without tmux or similar programs."""
     return {name: value for name, value in environment.items() if name not in IN_ENVIRONMENT}
 
 
 def to_ready(terminal: Terminal) -> None:
-    """Guided until the rods may be released."""
+    """Guide the rods until they may be released."""
     terminal.until_shown("the latch closes")
     terminal.press("s")
     terminal.until_shown("to RELEASE")
 
 
 def _decoded(data: bytes) -> tuple[str, int]:
-    """Text, and how many bytes of a character that is cut are left."""
+    """Decode text, and return the number of remaining bytes of an incomplete character."""
     for left in range(4):
         try:
             return data[: len(data) - left].decode(), left
