@@ -71,7 +71,7 @@ def test_a_certificate_of_other_code_ends_with_1_unless_it_is_accepted(
     path.write_text(Certificate.model_validate_json(json.dumps(whole)).sealed().to_text(), encoding="utf-8")
     done = cli("verify", path)
     assert (done.code, "Not confirmed: made with: code." in done.out) == (1, True)
-    assert "--other-code verifies its claims with this code" in " ".join(done.out.split())
+    assert "--other-code verifies its claims with the installed code" in " ".join(done.out.split())
     done = cli("verify", path, "--other-code")
     assert done.code == 0, done.out + done.err
     assert "Its claims were verified with the installed code." in done.out

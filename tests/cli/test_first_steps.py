@@ -31,7 +31,7 @@ def test_a_rig_without_poses_is_reported(cli, tmp_path: Path) -> None:
 def test_a_command_without_a_rig_says_how_to_write_a_rig_file(cli, command: tuple[str, ...]) -> None:
     done = cli(*command)
     assert done.code == 2
-    assert "`dpr-lab rig new` writes one; for a single rod, add --rods inner" in " ".join(done.err.split())
+    assert "`dpr-lab rig new` writes a rig file; for a single rod, add --rods inner" in " ".join(done.err.split())
 
 
 def test_a_rate_that_cannot_be_is_refused_before_anyone_moves(cli, tmp_path: Path) -> None:
