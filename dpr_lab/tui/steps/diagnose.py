@@ -350,7 +350,7 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
     gap, closed, per_rad = diagnosis.gap, diagnosis.gap.closed_held_out, unit.small_per_rad
     floor = per_rad * gap_tables.per_reading(gap, "floor_rad")
     steps = [
-        (name, max((per_rad * left) ** 2 - floor**2, 0.0) ** 0.5, None, f"{gap}, {explained}")
+        (name, per_rad * left, None, f"{gap}, {explained}")
         for (name, left), (_, gap, explained) in zip(
             gap_tables.steps(diagnosis), gap_tables.step_rows(diagnosis, unit), strict=True
         )
@@ -376,7 +376,7 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
         ]
     return Group(
         f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects are"
-        f" added. Each bar is the part above the noise floor of {three(floor)} {unit.small}",
+        f" added. The gap is the residual above the noise floor of {three(floor)} {unit.small}",
         Bars(steps),
         *closing,
         "",

@@ -19,6 +19,7 @@ from dpr_lab.gap.result.diagnosis import load_diagnosis
 from dpr_lab.gap.where.locate import where_sentence
 from dpr_lab.kernel_cache import COMPILING
 from dpr_lab.progress import StageBegan
+from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.gap.tables import next_steps, sentence
 from dpr_lab.report.tables import run_name
@@ -26,10 +27,11 @@ from dpr_lab.report.words import in_words, named
 from dpr_lab.shown import percent
 from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobProgress
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess
-from dpr_lab.tui.steps.diagnose import STAGES_S, STEADY, DiagnoseStep
+from dpr_lab.tui.steps.diagnose import STAGES_S, STEADY, DiagnoseStep, _far
 from dpr_lab.tui.texts import Bars
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.stepper import Stepper
+from tests.a_diagnosis import made
 
 PATIENCE_S = 60.0
 """What a loaded machine may need between two lines of a test."""
@@ -98,10 +100,17 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
         low, high = found.gap.closed_held_out.interval90
         said = " ".join(text(pilot.app, "#far-text").split())
         assert f"90 % interval {percent(low, 1)} to {percent(high, 1)}" in said
-        assert "Each bar is the part above the noise floor" in said
+        assert "The gap is the residual above the noise floor of" in said
         for number, advice in enumerate(next_steps(found), 1):
             assert f"{number}. {advice}" in " ".join(text(pilot.app, "#next-text").split())
         assert step(pilot.app).outcome() == "2 effects named"
+
+
+def test_each_bar_is_as_long_as_the_gap_that_it_states() -> None:
+    """The noise is already subtracted from the gap, so a gap below the noise floor has a bar."""
+    group = _far(made(), RADIANS)
+    (bars,) = (part for part in group.renderables if isinstance(part, Bars) and part.top is None)
+    assert [value for _, value, *_ in bars.rows] == pytest.approx([1.0])  # mrad, the size of the noise floor
 
 
 class Silent(JobProcess):
