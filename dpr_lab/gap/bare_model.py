@@ -107,7 +107,7 @@ def with_likeliest_noise(
 
 
 def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:
-    """Fit of the bare model with another segment length, s, starting from the initial states of shorter segments."""
+    """Fit the bare model to segments of another length, s, starting from the initial states of shorter segments."""
     longer, initial = recordings.cut(length)
     start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)

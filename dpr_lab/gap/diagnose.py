@@ -161,8 +161,8 @@ def _drafted(screened: ScreenedRuns) -> Drafted:
 def _selected(drafted: Drafted) -> Selected:
     """State with the selected set of effects and their classes.
 
-    The recordings were corrected before the set is refined, because the refinement takes most of the time. The noise of
-    known torques is corrected once more for the refined set.
+    Other corrections of the recordings precede this stage, because the refinement takes most of the time. Only the
+    noise of known torques is corrected once more, for the refined set.
     """
     selection = refined(drafted.search)
     if changed := with_other_noise(drafted, selection.chosen):

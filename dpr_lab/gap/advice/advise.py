@@ -66,7 +66,7 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
 def _open_causes(
     posteriors: Sequence[EffectPosterior],
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[float, ...], bool]]:
-    """Open questions: the named effect, its possible causes, their probabilities, and whether they form one class."""
+    """Open questions: named effect, its possible causes, their probabilities, and whether these form one class."""
     for effect in posteriors:
         if len(effect.members) > 1:
             yield effect.name, effect.members, tuple(effect.probability * share for share in effect.odds), True

@@ -56,7 +56,7 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
 
 
 def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
-    """Fitted parameter with its ratio to a power of b, and its absolute interval."""
+    """Size of a fitted parameter: value, interval, ratio to the assumed inertia, and absolute interval."""
     parameter = next(p for p in EFFECTS[effect].parameters if p.name == name)
     floor = 0.0 if parameter.sign == "positive" else -np.inf
     interval, power = (max(value - reach, floor), value + reach), parameter.scale_power

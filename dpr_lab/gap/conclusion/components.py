@@ -75,7 +75,7 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
 
 
 def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
-    """Whether nothing but its cost is evidence against a set.
+    """Whether only its cost is evidence against a set.
 
     All its sizes must be possible, and held-out runs must not refute any of its effects.
     """

@@ -201,7 +201,7 @@ def _later(record: Record, begin: float) -> Record:
 
 
 def shows(record: Record, jump: Jump) -> bool:
-    """Whether the readings themselves show a jump as a step, and not only the residuals of an incomplete model."""
+    """Whether the readings themselves contain the step of a jump, and not only the residuals of a model."""
     return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
 

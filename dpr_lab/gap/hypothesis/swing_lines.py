@@ -60,7 +60,7 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
 
 
 def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
-    """Lowest and highest frequency of the swing of one run about hanging, Hz, and duration of the run, s."""
+    """Lowest and highest frequency, Hz, of the swing of one run about hanging, and the duration of the run, s."""
     offsets = problem.segments.offsets
     segments = [
         slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run

@@ -92,7 +92,7 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
 
 
 def _gain(fitted: Fit) -> float:
-    """Ratio of the fitted torque per unit of the input to the value of the rig file."""
+    """Fitted torque per unit of the input, relative to the value of the rig file."""
     return 1.0 + float(fitted.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)])
 
 

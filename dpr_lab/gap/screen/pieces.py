@@ -34,7 +34,7 @@ def are_pieces(names: Iterable[str]) -> bool:
 
 
 def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run], str]:
-    """Runs to fit, runs to hold out, and a sentence on the division of a long record.
+    """Divide a single long record into pieces; return runs to fit, runs to hold out, and a sentence on the division.
 
     Only a single record is divided, because several records validate each other. The time of a piece continues the time
     of the previous piece.

@@ -102,7 +102,7 @@ class Record:
 
     @property
     def may_be_film(self) -> bool:
-        """Whether the readings may be angles from a video: a table of a free swing, without the steps of an encoder."""
+        """Whether the readings may come from a video: angles of an undriven swing without the steps of an encoder."""
         run = self.run
         encoder = run.counts is not None or run.rate_hz >= SCREEN.colour_hz or self._rounded
         return self.setup.free and not self.setup.arm_moves and (run.film_noise is not None or not encoder)
@@ -234,7 +234,7 @@ def _screen_edges(run: Run, rig: Rig) -> Screened:
 
 
 def _fastest(screened: Screened, quantile: float) -> float:
-    """Highest speed of a joint, rad/s, over intervals of a block, which noise and single faults hardly affect."""
+    """High quantile of the speeds of the joints, rad/s, over one block, so that noise has little influence."""
     t, trusted = screened.t, screened.keep.all(axis=1)
     stride = max(1, round(1 / RATE_HZ / float(np.median(np.diff(t)))))
     joints, instants = screened.joints[trusted][::stride], t[trusted][::stride]

@@ -213,7 +213,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
-    """Run with even instants if its stamps jitter about them, and the finding; otherwise the same run."""
+    """Replace stamps that jitter about an even clock by even instants; return the run and the finding."""
     if (even := even_instants(run.t, _read_joints(run, rig))) is None:
         return run, []
     even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
@@ -226,7 +226,7 @@ def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
 
 
 def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
-    """(n,) mask of the readings of the swing that waited in the queue of a saturated link, and the finding."""
+    """Detect readings that waited in the queue of a saturated link; return their (n,) mask and the finding."""
     swing, waited = run.t >= 0.0, np.zeros(len(run.t), dtype=np.bool_)
     queue = queued_rows(run.t[swing], _read_joints(run, rig)[swing])
     if queue is None:
@@ -236,7 +236,7 @@ def _queued(run: Run, rig: Rig) -> tuple[Flags, list[Finding]]:
 
 
 def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
-    """(n,) mask of periodically late or repeated readings, possibly in a part of the recording; and the findings."""
+    """Detect periodically late or repeated readings; return their (n,) mask and the findings."""
     read = joints[:, :1] if run.setup.alone else joints
     delay, repeated = periodic_delay(t, read), np.append(False, (read[1:] == read[:-1]).all(axis=1))
     if delay is None:
@@ -367,7 +367,7 @@ def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:
 
 
 def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, list[Finding]]:
-    """Standard deviation of the sampling instants, s, from noise that increases with speed, and the finding."""
+    """Estimate the timing error, s, from noise that increases with speed; return it with the finding."""
     jitter, significance = noise_by_speed(t, joints, std, 1.0 / run.rate_hz)
     if significance < SCREEN.significance:
         return 0.0, []
@@ -378,7 +378,7 @@ def jitter_of(run: Run, t: Array, joints: Array, std: Array) -> tuple[float, lis
 
 
 def _colour(run: Run, rig: Rig, joints: Array, floor: Array) -> tuple[Array, list[Finding]]:
-    """(2,) ratio of the noise at wide spacings to the noise of neighbours, 1 for white noise, and the findings."""
+    """Compare the noise at wide and narrow spacings; return the (2,) ratio, 1 for white noise, and the findings."""
     factor, findings = np.ones(2), []
     if run.rate_hz < SCREEN.colour_hz:
         evidence = "neighbouring readings at rest have correlated errors (correlation {:.2f}): a filter or a tracker"

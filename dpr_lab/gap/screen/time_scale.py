@@ -66,7 +66,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 
 
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
-    """Contradiction between gravity and the time stamps of a recording of one rod; empty if there is none."""
+    """Sentence on a contradiction between gravity and the stamps of a recording of one rod; empty if there is none."""
     setup = record.run.setup
     swings = are_pieces([record.run.name]) or shows_a_period(record.run.swing.theta[:, 1:])
     if not (setup.alone and setup.free and swings) or record.encoder0_moves:

@@ -88,7 +88,7 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
 
 
 def _rough_part(correlation: float) -> float:
-    """Standard deviation of sixth differences of unit gain, for first-order errors of unit variance."""
+    """Standard deviation that sixth differences show for first-order autoregressive errors of unit variance."""
     unit = sixth(np.eye(ORDER + 1))[0]
     lags = np.arange(len(unit))
     return float(np.sqrt(unit @ np.power(correlation, np.abs(lags[:, None] - lags)) @ unit))
@@ -114,7 +114,7 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
 
 
 def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
-    """(correlations,) -2 log-likelihood, minimised over the smooth remainder, and its error variance."""
+    """(correlations,) minimum of -2 log-likelihood over the smooth remainder, and error variance at the minimum."""
     apart = np.abs(t[:, None] - t)
     lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
     smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in TRACKING.remainders]

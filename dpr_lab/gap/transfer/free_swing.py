@@ -24,7 +24,7 @@ from dpr_lab.setup import Setup
 
 @dataclass(frozen=True, slots=True)
 class FreeSwing:
-    """A free run of one model along one recording."""
+    """Free run of one model along one recording, with its sensitivity to the initial state and the fitted values."""
 
     record: Record
     t: Array

@@ -120,7 +120,7 @@ def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers)
 
 
 def share(above: Array) -> float:
-    """Relative reduction of the gap, 1 - rms after / rms before >= -1, from (2, segments) chi2 above the noise."""
+    """Relative reduction of the gap, at least -1: 1 - rms after / rms before, from (2, segments) chi2 above noise."""
     return float(_shares(above))
 
 

@@ -181,7 +181,7 @@ class _Varying:
     """Reduction of chi2 that is expected from a fit of noise alone."""
 
     def shown(self, effect: str, name: str, common: float, unit: float, names: Sequence[str]) -> VaryingParameter:
-        """Varying parameter with public names, from the common value and the unit of the column, SI.
+        """Convert to a saved record with the public name, given the common value and the unit of the column, SI.
 
         Quarters of a single recording are numbered.
         """

@@ -104,7 +104,7 @@ def _hats(problem: Problem, reference: Trajectory) -> Iterator[_Hats]:
 
 
 def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
-    """Groups of hat functions, each scaled to a mean squared norm of one of its columns."""
+    """Groups of hat functions, scaled so that the columns of each group have a mean squared norm of one."""
     groups = []
     for hats in _hats(problem, reference):
         columns = fit.linear.projected(np.nan_to_num(hats.columns))

@@ -50,7 +50,7 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, "ResidualMap"]]:
-    """Index of the joint (0, 1: joints 1, 2; 2: joint 0) and map, for every map of these recordings.
+    """Maps that these recordings allow, each with the index of its joint (0, 1 and 2 for joints 1, 2 and 0).
 
     Three kinds of maps are omitted: friction of an arm's joint by load, because the load is unknown; all maps of
     joint 2, if no outer rod rotates in it; and torques of a prescribed joint 1, because they do not move it.

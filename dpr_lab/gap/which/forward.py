@@ -101,7 +101,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Whether the residual remains far above the noise, known torques included, with all effects together.
+    """Whether the residual is far above the noise of readings and known torques even with all effects together.
 
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
     of them.
@@ -234,7 +234,7 @@ def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
 
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Scores of the effects with the largest predicted reduction, one of each nearly indistinguishable group.
+    """Scores of the effects with the largest predicted reduction, one per group of nearly indistinguishable effects.
 
     Simpler forms of these effects are added.
     """

@@ -127,7 +127,7 @@ def _revised(state: SearchState) -> SearchState:
 
 
 def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
-    """Selected set with the sets for later comparisons, in which each of its effects is removed or replaced."""
+    """Result of the search: the selected set, and the sets in which each of its effects is removed or replaced."""
     sets, chosen = state.sets.copied(), state.current
     fits = fit_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}
