@@ -122,6 +122,18 @@ def test_runs_that_decide_nothing_are_refused(
         update(before, before.checks[0], CheckAnswer((Mock(spec=Run),), load_rig("paper")))
 
 
+def test_a_candidate_that_cannot_be_simulated_is_excluded_with_finite_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    residuals = Mock(inflation=1.0)
+    fitted = {CLOCK: Mock(cost=10.0, residuals=residuals), "com_offset_link1": Mock(cost=np.inf, residuals=residuals)}
+    monkeypatch.setattr(recording, "_fitted", lambda *_: fitted)
+    before = open_between(made(), "com_offset_link1")
+    run = Mock(spec=Run, torque_kind="", sha256="")
+    run.name = "X1"
+    (done,) = update(before, before.checks[0], CheckAnswer((run,), load_rig("paper"))).checks_done
+    assert done.after["com_offset_link1"] == 0.0
+    assert done.log10_bayes_factor["com_offset_link1"] < -6
+
+
 def test_the_odds_of_a_class_are_its_prior_in_a_check() -> None:
     before = made()
     named = before.effects[0].model_copy(update={"odds": {CLOCK: 0.01, LENGTH: 0.99}})

@@ -74,7 +74,9 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
     if not np.isfinite(best.cost):
         raise RunError(f"no candidate of check {check.id} can be fitted to these runs: record the release again")
     scale = 2 * best.residuals.inflation * CALIBRATION.temperature
-    densities = {name: -(candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
+    worse = {name: (candidate.cost - best.cost) / scale for name, candidate in fitted.items()}
+    # the density of a candidate that cannot be simulated is practically zero; its logarithm must be finite
+    densities = {name: -float(np.nan_to_num(difference, posinf=1e6)) for name, difference in worse.items()}
     # indistinguishable members have the same likelihood as the named effect
     densities |= {name: densities[check.about] for name in prior if name not in densities}
     average = log_mean(np.array([densities[name] for name in prior]), np.array(list(prior.values())))
