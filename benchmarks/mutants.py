@@ -3,12 +3,14 @@
     python benchmarks/mutants.py [--only AREA ...] [--seed N] [--quick] [--json] [--compare OLD.json]
 
 Each mutant is the program with one change: an operator, a comparison, a constant, or a dropped statement. The choice is
-random, and the same for the same seed and sources. A mutant runs in a copy of the repository against the fast tests of
-its area until one fails; tests that name its module run first. A mutant survives if all tests pass. A survivor shows a
-missing test, or a change without effect. With --compare, each mutant of an earlier table (--json) runs against the
-current tests.
+random, and the same for the same seed and sources. A mutant runs in a copy of the repository against the tests of its
+area until one fails; tests that name its module run first, and fast tests before slow ones. A mutant survives if all
+tests pass. A survivor shows a missing test, or a change without effect. With --compare, each mutant of an earlier table
+(--json) runs against the current tests.
 
-Compiled functions are compiled again for each mutant, which takes one to two minutes. All other mutants use one cache.
+The tests are collected once, and each mutant runs in a forked process (`_forked_mutants.py`). Mutants of compiled
+functions and of values outside functions need a process of their own, which runs the fast tests only. Compiled
+functions are compiled again for each mutant, which takes one to two minutes; --uncompiled leaves them out.
 """
 
 import ast
@@ -22,16 +24,19 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from _bars import Bar, options, show
+from _forked_mutants import MUTANTS, changed_function
 
 ROOT = Path(__file__).parents[1]
 KILLED = 0.8
 TIMEOUT_S = 3600.0
 TEST_TIMEOUT_S = 300
 SEED = 20261123
+MOST_FILES = 5
+"""Number of test files against which a forked mutant runs."""
 COMPILED = {"njit", "subroutine", "inlined"}
 OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
@@ -82,6 +87,9 @@ AREAS = {
     ),
     "transports": Area("dpr_lab/transports", ("tests/transports/test_*.py",), 8),
     "acquisition": Area("dpr_lab/acquisition", ("tests/acquisition/test_*.py",), 10),
+    "sim_device": Area("sim_device", ("tests/sim_device/test_*.py",), 6),
+    "identification": Area("dpr_lab/identification", ("tests/identification/test_*.py",), 10),
+    "gap": Area("dpr_lab/gap", ("tests/gap/test_*.py",), 12),
 }
 
 
@@ -100,6 +108,8 @@ class Mutant:
     compiled: bool
     killer: str = ""
     """First test that fails; empty for a survivor."""
+    slow: bool = False
+    """Whether this test is slow."""
     seconds: float = 0.0
 
 
@@ -226,6 +236,28 @@ def failed_test(copy: Path, tests: list[str], cache: Path) -> str:
     return named[1] if named else "no test could run" if done.returncode != 1 else "one test did not end"
 
 
+def forked(mutants: list[Mutant], copy: Path, cache: Path) -> list[Mutant]:
+    """Mutants with the tests that detect them; the tests are collected once."""
+    place = copy.with_name("mutants.json")
+    rows = [asdict(mutant) | {"tests": tests_of(mutant.area, mutant.file)[:MOST_FILES]} for mutant in mutants]
+    place.write_text(json.dumps(rows), encoding="utf-8")
+    place.with_suffix(".done").unlink(missing_ok=True)
+    path = os.pathsep.join((str(copy), str(ROOT / "benchmarks")))
+    environment = os.environ | {"PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache), MUTANTS: str(place)}
+    options = ("-q", "-n0", "-m", "not long and not hardware", f"--timeout={TEST_TIMEOUT_S}")
+    plugins = ("-p", "_forked_mutants", "-p", "no:cacheprovider")
+    files = sorted({test for row in rows for test in row["tests"]})
+    subprocess.run([sys.executable, "-m", "pytest", *options, *plugins, *files], cwd=copy, env=environment, check=True)
+    names = [field.name for field in fields(Mutant)]
+    lines = place.with_suffix(".done").read_text(encoding="utf-8").splitlines()
+    return [Mutant(**{name: row[name] for name in names}) for row in map(json.loads, lines)]
+
+
+def can_fork(mutant: Mutant) -> bool:
+    """Whether the code of a running function contains the change."""
+    return not mutant.compiled and changed_function((ROOT / mutant.file).read_text("utf-8"), mutant.line) is not None
+
+
 def tried(mutant: Mutant, copy: Path, cache: Path) -> Mutant:
     """Run the tests on a mutant, and return it with the first test that fails."""
     path = copy / mutant.file
@@ -250,6 +282,7 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--only", nargs="+", choices=AREAS, default=list(AREAS), help="areas")
     parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--uncompiled", action="store_true", help="without mutants of compiled functions")
     parser.add_argument("--compare", type=Path, help="earlier table: the same mutants again")
     arguments = parser.parse_args()
     if arguments.compare:
@@ -258,22 +291,24 @@ def main() -> None:
     else:
         share = 3 if arguments.quick else 1
         mutants = [m for name in arguments.only for m in chosen(arguments.seed, name, AREAS[name].mutants // share)]
-    done: list[Mutant] = []
+    mutants = [mutant for mutant in mutants if not (arguments.uncompiled and mutant.compiled)]
     with tempfile.TemporaryDirectory() as folder:
         copy, cache = copy_of_the_repository(Path(folder)), Path(folder) / "cache"
         for area in arguments.only:
             if broken := failed_test(copy, tests_of(area, ""), cache):
                 sys.exit(f"The tests of {area} fail without any mutant: {broken}. Repair them first.")
-        for mutant in mutants:
-            done.append(tried(mutant, copy, cache))
-            where = f"{done[-1].file}:{mutant.line} {mutant.function}"
-            change = f"{' '.join(mutant.before.split())} -> {' '.join(mutant.after.split())}"
-            state = f"killed by {done[-1].killer}" if done[-1].killer else "SURVIVED"
-            print(f"{where}: {change[:120]}: {state} ({done[-1].seconds:.0f} s)", file=sys.stderr, flush=True)
+        done = forked(list(filter(can_fork, mutants)), copy, cache)
+        done += [tried(mutant, copy, cache) for mutant in mutants if not can_fork(mutant)]
+    for mutant in done:
+        change = f"{' '.join(mutant.before.split())} -> {' '.join(mutant.after.split())}"
+        state = f"killed by {mutant.killer}" if mutant.killer else "SURVIVED"
+        where = f"{mutant.file}:{mutant.line} {mutant.function}"
+        print(f"{where}: {change[:120]}: {state} ({mutant.seconds:.0f} s)", file=sys.stderr, flush=True)
     bars: list[Bar] = []
     for area in arguments.only:
         mine = [bool(each.killer) for each in done if each.area == area]
         bars.append(Bar(f"killed in {area}, of {len(mine)}", "-", sum(mine), None))
+    bars.append(Bar("killed by slow tests only", "-", sum(each.slow for each in done), None))
     killed = sum(bool(each.killer) for each in done)
     share = killed / len(done)
     bars.append(Bar(f"killed of all {len(done)}", f">= {KILLED * len(done):.0f}", killed, share >= KILLED))
