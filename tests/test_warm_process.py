@@ -43,6 +43,7 @@ def test_variables_of_its_own_do_not_start_a_fresh_process_and_a_terminal_is_its
     os.close(master)
 
 
+@pytest.mark.slow
 def test_variables_that_the_libraries_read_start_a_fresh_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     with started("sim_device", ["--help"], stdout=subprocess.DEVNULL) as process:

@@ -60,6 +60,7 @@ def test_a_named_effect_is_judged_by_its_interval(found: Diagnosis) -> None:
     assert answer(found.model_copy(update={"effects": [alone]}), 0.9 * low) == "fail"
 
 
+@pytest.mark.slow
 def test_an_effect_does_not_fail_where_another_may_be_the_cause(found: Diagnosis) -> None:
     (named,) = found.effects
     low, _ = named.parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)

@@ -31,6 +31,7 @@ def test_an_arm_that_drifts_or_stands_outside_forbids_a_release() -> None:
     assert arm_restless(t, drifting, load_rig("paper"), limits) == ""  # a clamped arm
 
 
+@pytest.mark.slow
 def test_rods_are_not_released_while_the_arm_stands_outside_its_limits(tmp_path: Path, bench, agree) -> None:
     options = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=2.0)
     rig = furuta_with(limits=(0.5, 1.0))

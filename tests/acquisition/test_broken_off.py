@@ -107,6 +107,7 @@ def _quiet_block(done: list[str]) -> None:
         done.append("elsewhere")
 
 
+@pytest.mark.slow
 def test_full_disk_is_a_run_error_and_stops_the_device(paper: Rig, tmp_path: Path, bench, settled, agree) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 
@@ -125,6 +126,7 @@ def test_full_disk_is_a_run_error_and_stops_the_device(paper: Rig, tmp_path: Pat
     assert len(load_run(sorted(tmp_path.glob("*.mcap"))[0]).t) > 500
 
 
+@pytest.mark.slow
 def test_slow_disk_loses_nothing(paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree) -> None:
     write = RunWriter.samples
 

@@ -52,6 +52,7 @@ class Otherwise:
         return replace(came, frames=tuple(encode(self.change(decode(f)), f.node) for f in came.frames))
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_each_deviation_of_a_device_from_the_protocol_is_named(simulated) -> None:
     def change(message):

@@ -325,6 +325,7 @@ def test_a_repeated_answer_to_stream_does_not_count_overruns_twice() -> None:
         assert device.losses["device_overrun"] == 5
 
 
+@pytest.mark.slow
 def test_clock_fit_finds_the_error_of_the_crystal(simulated) -> None:
     with Device(open_transport(simulated(clock="realtime", drift_ppm=3000.0).url)) as device:
         device.connect()

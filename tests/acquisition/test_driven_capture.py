@@ -33,6 +33,7 @@ def table(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_lost_torques_are_counted_reported_and_not_interpolated(
     paper: Rig, tmp_path: Path, table: Path, bench, agree
 ) -> None:

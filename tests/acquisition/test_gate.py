@@ -254,6 +254,7 @@ def test_pose_error_is_signed_and_wraps(rig: Rig) -> None:
     assert error == pytest.approx([-0.02, 0.03])
 
 
+@pytest.mark.slow
 def test_no_state_of_the_rig_is_faster_than_the_fastest_possible(rig: Rig) -> None:
     """Every state with the energy of both rods upright, by brute force over angle between rods and direction."""
     l1, l2, m1, m2, mb, _, _, J1, J2 = rig.nominal

@@ -104,6 +104,7 @@ def test_no_release_is_sent_if_the_device_reports_a_reason_against_it(
         assert not liar.released
 
 
+@pytest.mark.slow
 def test_rods_whose_samples_ceased_while_the_operator_thinks_are_not_released(
     lying, paper: Rig, tmp_path: Path
 ) -> None:

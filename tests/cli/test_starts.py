@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from dpr_lab.cli.app import COMMANDS
 from dpr_lab.configs import BUILTIN
 
@@ -35,6 +37,7 @@ def imported(folder: Path, program: str, *words: object) -> set[str]:
     return set(listed.read_text().split())
 
 
+@pytest.mark.slow
 def test_a_table_is_imported_without_compiled_kernels_and_other_commands(tmp_path: Path) -> None:
     table = ("import", "table", TABLES / "side.csv", "--rig", TABLES / "bench.toml", "--out", tmp_path / "side.mcap")
     modules = imported(tmp_path, COMMAND, *table, "--zero", "hanging", "--angles", "relative")
@@ -43,5 +46,6 @@ def test_a_table_is_imported_without_compiled_kernels_and_other_commands(tmp_pat
     assert not modules & (KERNELS | FIGURES | SCREEN | SCIPY | {"rich", "dpr_lab.effects"})
 
 
+@pytest.mark.slow
 def test_a_diagnosis_on_the_terminal_needs_neither_figures_nor_scipy(tmp_path: Path) -> None:
     assert not imported(tmp_path, DIAGNOSIS) & (FIGURES | SCREEN | SCIPY)

@@ -101,6 +101,7 @@ def test_a_free_arm_satisfies_lagrange_s_equations(lagrangian, states):
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_rods_on_a_driven_arm_satisfy_lagrange_s_equations(lagrangian, states):
     for u, state in enumerate(states):
         q, w = state[:3], state[3:]

@@ -50,6 +50,7 @@ def recordings(runs: list[Run], rig: Rig) -> Recordings:
     return Recordings(tuple(record(run, rig) for run in runs), rig)
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)  # kernels may have to be compiled
 def test_each_recording_has_zeros_of_its_own(runs: list[Run]) -> None:
     kept, problem, bare = fit_bare_model(recordings(runs[:2], REZEROED), nominal_ratios(REZEROED) * 1.02)

@@ -89,6 +89,7 @@ def test_a_hidden_fault_of_the_arm_acts_as_mujoco_says_and_is_not_reported(rig: 
     assert np.abs(faulty - expected)[:, :2].max() < max(0.02 * acts, 4e-3)
 
 
+@pytest.mark.slow
 def test_the_encoder_of_the_arm_is_late_scaled_and_off(rig: Rig) -> None:
     clean, _ = released(plant_with({}), rig)
     late, _ = released(plant_with({"latency_joint0": {"delay_s": 0.004}}), rig)

@@ -26,6 +26,7 @@ def test_the_first_ten_seconds_of_a_double_pendulum(tmp_path):
     assert verify(tmp_path / "dp.mcap").ok
 
 
+@pytest.mark.slow
 def test_slightly_uneven_times_are_kept():
     run = import_csv(REAL / "dfki_design_a" / "release_060245.csv", load_rig("paper"), ImportOptions(zero="hanging"))
     assert len(run.t) == 999

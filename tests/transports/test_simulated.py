@@ -70,6 +70,7 @@ def _receive_for_ever(link: Transport) -> None:
         link.receive(0.1)
 
 
+@pytest.mark.slow
 def test_child_does_not_outlive_a_killed_parent() -> None:
     code = "import time; from dpr_lab.transports import open_transport as o; l = o('sim://?clock=fast');"
     code += "print(l._child.pid, flush=True); time.sleep(60)"

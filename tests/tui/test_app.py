@@ -85,6 +85,7 @@ async def test_every_step_is_reached_by_number_and_by_next(tmp_path: Path, size:
         assert app.current.NAME == "Plan"
 
 
+@pytest.mark.slow
 async def test_a_step_never_shows_without_its_own_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # On a busy machine RELEASE stood at the foot of Identify for a second.
     drawn: list[list[str]] = []
@@ -305,6 +306,7 @@ async def test_the_same_message_is_not_stacked(tmp_path: Path, said) -> None:
         assert said(app).count("no cable") == 1
 
 
+@pytest.mark.slow
 async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_path: Path, said) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
@@ -317,6 +319,7 @@ async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_pat
         assert said(app) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("desktop", thinned([True, False], 2))
 async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, until, desktop: bool) -> None:
     opened: list[str] = []

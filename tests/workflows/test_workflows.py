@@ -117,6 +117,7 @@ def test_identification_reports_its_progress_and_stops_on_request(recorded, tmp_
         compare(CompareRequest(files, tmp_path / "diagnosis.json", tmp_path))
 
 
+@pytest.mark.slow
 def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the diagnosis does is not this test's: here it tells three things, and finds nothing."""
     tells = (events.StageBegan(4, 8, "which"), events.ScoreTestBegan(()), events.FitBegan(("base_tilt",)))

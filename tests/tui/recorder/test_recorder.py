@@ -119,6 +119,7 @@ def test_points_of_a_swing_that_found_no_room_are_sent_with_the_next(monkeypatch
     assert np.diff(last).max() < 0.012
 
 
+@pytest.mark.slow
 def test_a_driven_arm_is_recorded_with_its_input(recorder, simulated) -> None:
     device = simulated(rig="furuta", plant="furuta", clock="realtime")
     process = recorder(device.url, "furuta")

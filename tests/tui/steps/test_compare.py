@@ -275,6 +275,7 @@ async def test_another_models_file_is_simulated_as_second_curve(
         await until(pilot, lambda: any("gone.json" in notice.message for notice in pilot.app.notices))
 
 
+@pytest.mark.slow
 async def test_what_was_compared_before_is_shown_without_simulating(lab, fixed_model: Path, tmp_path: Path) -> None:
     run = tmp_path / "first.mcap"
     run.write_bytes(b"")

@@ -28,6 +28,7 @@ from tests.tui.steps.releases import SIM, connect, headline, in_phase, recorded,
 pytestmark = pytest.mark.usefixtures("quick_countdown")
 
 
+@pytest.mark.slow
 async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM + "&hand_error=0.3")
