@@ -299,7 +299,13 @@ class Rig(Shown, RigTable):
 
 
 def load_rig(name: str | Path) -> Rig:
-    """Read a rig file by its path, or a built-in rig file by its bare name (`paper`).
+    """Read a rig file by its path, or a built-in rig file by its bare name.
+
+    Args:
+        name: path such as `my/rig.toml`, or name of a built-in rig file such as `paper`
+
+    Returns:
+        the rig, which also stores the path and the SHA-256 of the file
 
     Raises:
         ConfigError: the file is not found or not valid; the message names the file, the key and the value.

@@ -48,6 +48,9 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
         diagnosis: ratios, covariance and effects
         runs: the diagnosed runs, without held-out runs
         rig: measured values and bounds of the nine parameters
+
+    Returns:
+        `MovingArmModel` if the arm of the runs was free or driven, otherwise `Model`; `effects` contains the effects
     """
     if has_moving_arm(diagnosis):
         return corrected_arm_model(diagnosis, *significant_values(diagnosis), runs, rig)

@@ -171,7 +171,7 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
 def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
     """Refit the initial states of a run with the effects of the model.
 
-    The fit starts from the initial states without effects, whose torques may be wrong by 20 %. It may therefore
+    The fit starts from the initial states without effects, whose torques may have an error of 20 %. It may therefore
     converge to a local minimum, in which a segment fits worse than without effects. The fit of this segment is then
     repeated from its measured initial state and from the final state of the previous segment. The latter is more
     precise if the rods are fast.

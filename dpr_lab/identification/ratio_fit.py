@@ -46,7 +46,7 @@ class ShortSegments:
     """Lengths of the segments with which a fit begins."""
 
     first_segment_s: float = 0.25
-    """First length, s; the fit converges from all initial values that are wrong by at most 20 %."""
+    """First length, s; the fit converges from all initial values with errors of at most 20 %."""
     working_segment_s: float = 0.5
     """Second length, s; the model cannot follow an incorrect interpretation over this length."""
     noise_alone: float = 20.0

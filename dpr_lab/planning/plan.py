@@ -55,16 +55,21 @@ def plan(
 
     Args:
         rig: the rig
-        runs: the runs recorded so far
-        diagnosis: diagnosis of these runs; None: the runs are diagnosed here
+        runs: the runs recorded so far; may be empty
+        diagnosis: diagnosis of these runs; None: the function diagnoses them
         limits: reachable poses, permitted mountings, drives, and the duration of each step
         budget_min: time at the rig, minutes
-        count: maximum number of releases
+        count: maximum number of releases; None: the number is chosen as described above
         seed: seed of the start poses of the search
+
+    Returns:
+        the planned releases, their expected information, and whether further releases are necessary
 
     Raises:
         ConfigError: the budget is too small for one release, or no pose can be reached.
         RunError: a run cannot be used.
+
+    Source: docs/theory.md, section 15.
     """
     limits, runs = limits or PlanLimits(), as_runs(runs)
     if budget_min is not None:

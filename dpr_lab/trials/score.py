@@ -13,7 +13,7 @@ NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
 STEP = MISSED_COUNTS.name
 SURE = 0.5
-"""Posterior probability above which an incorrectly named effect counts as a confident error."""
+"""Posterior probability above which an incorrectly named effect counts as an incorrect claim."""
 
 Json = Mapping[str, Any]
 

@@ -207,7 +207,7 @@ def by_size(
 
 
 def astray(outcome: TrialOutcome) -> dict[str, Any]:
-    """Summarise a trial with an incorrect result, including the arguments that reproduce the trial."""
+    """Summarise a trial whose result is not fully correct, including the arguments that reproduce the trial."""
     names = ("kind", "level", "seed", "truth", "named", "verdict", "grade")
     return {name: getattr(outcome, name) for name in names}
 

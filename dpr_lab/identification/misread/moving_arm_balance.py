@@ -1,14 +1,15 @@
 """Torque balance of the last rod on a moving arm: test whether the motion of the arm explains its acceleration.
 
-The last rod is the outer rod of two rods, or the only rod. With its angle th, the angle q of the arm and, of two rods,
-the angle th1 of the inner rod, the equation of motion is (docs/theory.md, three coordinates)
+The last rod is the outer rod, or the only rod. Let th be the angle of this rod, q that of the arm and, if there are two
+rods, th1 that of the inner rod. The equation of motion is (docs/theory.md, three coordinates)
 
     al = k1 sin(th) + k2 cos(th) q'' + k3 sin(th) cos(th) q'^2 + k4 w + k5 s(w)
          + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2 + k8 w1 + k9 sin(th1) cos(th) q'^2
 
 for any torque that moves the arm. It is linear in the coefficients k, which are fitted without the rig file. The zero
-and the signs of the angles only change signs of coefficients. A wrong unit of the rods breaks the equation. With the
-true angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's angle.
+and the signs of the angles only change signs of coefficients. An incorrect unit of the rod angles violates the
+equation. With the true angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's
+angle.
 """
 
 from collections.abc import Iterable
@@ -43,7 +44,7 @@ class ArmBalanceSettings:
     agree: float = 1.2
     """Maximum factor between both estimates of the scale for which they agree.
 
-    They differ if the arm hardly moves, because noise reduces them by different amounts, or if L0 is wrong, which
+    They differ if the arm hardly moves, because noise reduces them by different amounts, or if L0 is incorrect, which
     changes only one of them.
     """
     sure: float = 3.0

@@ -1,8 +1,8 @@
 """Detect incorrect descriptions of recordings of a moving arm: thresholds and messages of `identify` and `diagnose`.
 
-The description contains signs, zero and scale of the angles, and sign and unit of the input. Each command fits its own
-model in each interpretation: `identify` rods, arm and drive, `diagnose` also the cable and the friction that most arms
-have.
+A description consists of signs, zero and scale of the angles, and sign and unit of the input. In each interpretation,
+`identify` fits a model of rods, arm and drive. `diagnose` fits a model that also contains the cable and the friction of
+the arm.
 """
 
 from collections.abc import Iterable
@@ -64,7 +64,7 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
         rig: rig with its mounted rods
         before: reduced chi-square with the described sign
         after: reduced chi-square with the opposite sign
-        of_rods: whether arm and input agree with each other, so that the sign of the rods is wrong
+        of_rods: whether arm and input agree with each other, so that the sign of the rods is incorrect
     """
     rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
     subject, option = (

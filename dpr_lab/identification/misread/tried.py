@@ -242,8 +242,8 @@ def impossible(ratios: Array, rig: Rig) -> str:
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
     """Reason why the rig cannot have the inertia b of a fit, kg m^2; empty if it can.
 
-    A wrong unit of known torques changes only b, so the residual does not show it. Without known torques, the motion
-    does not determine b, and only the sign of b can contradict the rig.
+    An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
+    motion does not determine b, and only the sign of b can contradict the rig.
     """
     nominal = float(unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))[SCALE])
     known = any(run.torques is not None or run.arm_input is not None for run in runs)

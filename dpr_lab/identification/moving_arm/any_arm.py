@@ -65,6 +65,8 @@ def identify(
         RunError: there are no runs, or a run cannot be used.
         IdentificationError: no candidate inside the bounds could be simulated, the recordings determine no parameter,
             or they do not match the rig because zero, unit, sign or order of the readings is specified incorrectly.
+
+    Source: docs/theory.md, section 2 (search), 5 (multiple shooting), 11 and 12 (parameters from ratios).
     """
     runs = as_runs(runs)
     if has_arm_model(runs, rig):
@@ -118,6 +120,8 @@ def identifiability(
             contain its motion.
         RunError: a run cannot be used.
         IdentificationError: the fitted values are physically impossible, or cannot be simulated.
+
+    Source: docs/theory.md, sections 3 and 16.
     """
     runs = as_runs(runs)
     if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
@@ -132,7 +136,13 @@ def identifiability(
 
 
 def load_model(path: Path | str) -> Model | MovingArmModel:
-    """Read `model.json`, as `identify` and `diagnose --out` write it.
+    """Read a model file `model.json`, as written by `identify` and `diagnose --out`.
+
+    Args:
+        path: path of the file
+
+    Returns:
+        `MovingArmModel` for a rig with a free or driven arm, otherwise `Model`
 
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.

@@ -175,7 +175,7 @@ def _spread(problem: ArmProblem, most: int) -> list[int]:
 def _start(problem: ArmProblem, initial: Array) -> Estimate:
     """Initial values from the rig file; the gain is zero if this fits better.
 
-    The unit or the sign of the input may be wrong.
+    This is the case if the unit or the sign of the input is incorrect.
     """
     start = Estimate(problem.unknowns.start, initial)
     if "gain" not in problem.unknowns.free:
