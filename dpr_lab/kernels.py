@@ -1,4 +1,4 @@
-"""Compiled kernels: `njit` with a disk cache that cannot return an outdated result (`dpr_lab.kernel_cache`)."""
+"""Compile numerical kernels by Numba, with a disk cache that is never outdated (`dpr_lab.kernel_cache`)."""
 
 import os
 from collections.abc import Callable
@@ -22,11 +22,11 @@ from dpr_lab.progress import compiling
 # reads this when the first parallel kernel starts.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-# Exceptions of Numba while it reads its own cache; this package itself loads no pickle.
+# Exceptions that Numba can raise while it reads its own cache; this package itself loads no pickle.
 numba_caching: Any = caching
 UNPICKLING_ERROR: type[Exception] = numba_caching.pickle.UnpicklingError
 UNREADABLE = (UNPICKLING_ERROR, EOFError, ValueError, LookupError, AttributeError, TypeError, ImportError)
-"""Errors of loading a kernel from a truncated file, after a kill, a full disk or a power cut."""
+"""Errors that occur when a kernel is loaded from a truncated file, for example after a power cut or on a full disk."""
 
 numba_config: Any = config
 if numba_config.CPU_FEATURES is None and "+avx512f" in (features := get_host_cpu_features()):
@@ -38,7 +38,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class _Compiling(event.Listener):
-    """Report the start of a compilation; a kernel from the cache causes none."""
+    """Numba listener that reports the start of each compilation; loading a kernel from the cache is not reported."""
 
     def on_start(self, event: event.Event) -> None:
         """Handle the start of a compiler pass."""
@@ -59,12 +59,12 @@ def njit(function: Function) -> Function: ...
 @overload
 def njit(*, parallel: bool = False, allocates: bool = True) -> Callable[[Function], Function]: ...
 def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, **options: Any) -> Any:
-    """`numba.njit` for a kernel that Python calls: cached, IEEE strict, without GIL, division by zero gives inf or nan.
+    """Compile a kernel that Python calls, as `numba.njit`: cached, with strict IEEE arithmetic, and without the GIL.
 
-    Strict means no reassociation and no contraction, so that a result has the same bits for any batch size and any
-    number of threads. A kernel that neither `allocates` arrays nor returns views of them needs no reference counting,
-    which takes up to half of the time in a loop over samples. With NUMBA_DISABLE_JIT=1 the kernel is the Python
-    function.
+    Division by zero gives inf or nan. Sums are neither reassociated nor contracted, so that a result has the same bits
+    for any batch size and any number of threads. With `allocates=False`, for kernels that neither allocate arrays nor
+    return views, reference counting is omitted; it can take half of the time of a loop over samples. With the
+    environment variable NUMBA_DISABLE_JIT=1 the kernel is the Python function.
     """
     if function is None:
         return partial(njit, allocates=allocates, **options)
@@ -75,17 +75,16 @@ def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, 
 
 
 def subroutine(function: Function) -> Function:
-    """Decorator of a function for use in kernels, which is compiled as part of each kernel.
+    """Decorate a function that kernels call; it is compiled as part of each of these kernels.
 
-    If called from Python, it is the Python function.
-
-    Omitting the wrapper for calls from Python halves the compilation time.
+    A call from Python executes the Python function. No compiled wrapper for calls from Python is generated, which
+    halves the compilation time.
     """
     return register_jitable(error_model="numpy")(function)
 
 
 def inlined(function: Function) -> Function:
-    """Decorator of a short subroutine that is inlined in every loop that calls it, so that the loop is vectorised.
+    """Decorate a short subroutine that is inlined in every loop that calls it, so that the loop is vectorised.
 
     By default the compiler inlines only small functions, and a loop with a call is not vectorised.
     """
@@ -95,12 +94,12 @@ def inlined(function: Function) -> Function:
 def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
     """Compile a kernel separately, for other kernels that receive it as an argument and call it through a pointer.
 
-    An ordinary call of a kernel compiles all of its code again at each level of callers. A pointer costs some
-    nanoseconds per call instead, and is suitable for long kernels with much work per call.
+    An ordinary call of a kernel compiles its whole code again for each caller. A call through a pointer takes some
+    nanoseconds instead, which is negligible for kernels with much work per call.
 
     Args:
         function: a kernel that returns nothing, not yet compiled
-        examples: arguments of the types of its calls
+        examples: example arguments, which determine the types of the compiled function
     """
     if numba_config.DISABLE_JIT:
         return function
@@ -121,9 +120,9 @@ class KernelCache(caching.FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load a kernel from the cache; None if its file is truncated, so that it is compiled again.
 
-        Numba itself first imports everything that a compilation requires, which takes longer than loading all kernels
-        of a diagnosis. Machine code that allocates arrays requires Numba's reference counting; other imports are made
-        when a kernel is compiled.
+        Before it loads a kernel, Numba by default imports everything that a compilation requires, which takes longer
+        than loading all kernels of a diagnosis. Here only the reference counting is imported, for machine code that
+        allocates arrays. All other imports are made when a kernel is compiled.
         """
         try:
             if self._allocates:
@@ -142,13 +141,13 @@ class KernelCache(caching.FunctionCache):
 
 
 def _cached(kernel: Any, allocates: bool) -> Any:
-    """A kernel with its cache, if it has one."""
+    """Attach the disk cache to a kernel; without a cache folder the kernel is unchanged."""
     kernel._cache = _cache_of(kernel.py_func, allocates) or kernel._cache
     return kernel
 
 
 def _cache_of(function: Callable[..., Any], allocates: bool) -> KernelCache | None:
-    """The cache of one kernel in the folder of this version; None if nothing can be written."""
+    """Create the cache of one kernel in the folder of this version; None if the folder is not writable."""
     if CACHE is None:
         return None
     # Numba reads the folder when it creates a cache; the kernels of other libraries keep their folder.

@@ -1,1 +1,1 @@
-"""Mechanics: base parameters, equation (1), the arm, integration of one swing or of many, and sensitivities."""
+"""Dynamics of the rig: base parameters, equations of motion, time integration, and sensitivities."""

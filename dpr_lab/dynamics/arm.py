@@ -64,7 +64,7 @@ def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[fl
 
 @inlined
 def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: float, d: float) -> tuple[float, float]:
-    """Centrifugal torques of the arm on theta1 and theta2 per squared speed of the arm, kg m^2."""
+    """Centrifugal torques on theta1 and theta2 due to the rotation of the arm, divided by its squared speed, kg m^2."""
     return (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
 
 
@@ -72,7 +72,7 @@ def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: floa
 def push_on_arm(
     motion: Motion, base: BaseParameters, arm: ArmModel, torque0: float, alphas: tuple[float, float]
 ) -> float:
-    """Torque on an arm at rest that friction must balance, N m, for accelerations `alphas` of the rods, rad/s^2."""
+    """Torque that friction must balance to hold the arm at rest, N m; `alphas` are the rods' accelerations, rad/s^2."""
     pull = base.e1 * (motion.sin1 * motion.omega1 * motion.omega1 - motion.cos1 * alphas[0])
     pull += base.e2 * (motion.sin2 * motion.omega2 * motion.omega2 - motion.cos2 * alphas[1])
     return torque0 - arm.stiffness * motion.theta0 + arm.reach * pull

@@ -12,11 +12,11 @@ The base parameters of a run depend on its mounting and on p = m2 L1^2. Swings o
     inner alone      a - p            -    -    e1 - p g / L1     c1    -
     outer alone      b                -    -    d g / L1          c1    -
 
-A clamped elbow, theta2 = theta1 + delta, leaves one degree of freedom, equation (1) with joint 2 held:
+With a clamped elbow, theta2 = theta1 + delta, one degree of freedom remains. Equation (1) becomes
 
     (a + b + 2 d cos(delta)) alpha1 = e1 sin(theta1) + e2 sin(theta1 + delta) - c1 omega1.
 
-A single rod is represented as two equal halves with such an elbow.
+A single rod is represented by two equal halves that are connected by a clamped elbow.
 
 The nine parameters Z are in the order of `dpr_lab.rig.PARAMETERS`, SI.
 """
@@ -60,7 +60,7 @@ _OTHERS = [0, 2, 3, 4, 5]
 
 
 def base_parameters(Z: ArrayLike, L1: float, g: float) -> Array:
-    """Base parameters from the nine parameters.
+    """Compute the base parameters from the nine kinetic parameters.
 
     Args:
         Z: (..., 9) parameters, SI
@@ -140,7 +140,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
         g: gravity, m/s^2
 
     Raises:
-        ValueError: a single rod without p.
+        ValueError: the run has a single rod, but `whole` does not contain p.
     """
     whole = np.asarray(whole, dtype=np.float64)
     if not setup.alone:
@@ -176,7 +176,7 @@ def base_from_ratios(ratios: ArrayLike) -> Array:
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> Array:
-    """Input of the batch kernel for each candidate: b, d, e1, e2, c1 and c2, each divided by a.
+    """Compute the input of the batch kernel for each candidate: b, d, e1, e2, c1 and c2, each divided by a.
 
     Args:
         base: (..., 6) base parameters, at any scale
@@ -209,7 +209,7 @@ def base_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
 
 
 def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
-    """Derivative of the ratios with respect to the nine parameters.
+    """Compute the derivative of the ratios with respect to the nine parameters.
 
     Args:
         Z: (9,) parameters, SI

@@ -1,4 +1,4 @@
-"""Coulomb friction of joints: a joint at rest is held up to a limit torque and slides beyond it.
+"""Coulomb friction of joints: a joint at rest is held by a torque up to a limit, beyond which it slides.
 
 Let u = (omega1, omega2 - omega1) be the speeds of the joints, tau the torques on them and A their mass matrix. Then
 
@@ -93,7 +93,7 @@ def slides(
 
 @subroutine
 def _rubbed(terms: Terms, before: tuple[float, float], after: tuple[float, float], limits: Limits) -> Terms:
-    """Terms with the additional sliding friction of those rod joints that have just started to slide."""
+    """Add the sliding friction of those rod joints that have just started to slide to the terms."""
     _, forward, backward = limits
     torque1, torque2 = terms.torque1, terms.torque2
     if before[0] == 0.0 and after[0] != 0.0:

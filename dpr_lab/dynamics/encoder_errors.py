@@ -1,4 +1,4 @@
-"""Conversion of joint angles to encoder readings: timing, backlash and encoder errors."""
+"""Convert joint angles to encoder readings: timing, backlash and encoder errors."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -90,15 +90,15 @@ def _fill_errors(
 
 @njit
 def held_along(angles: Array, hold: Array, model: RigModel) -> Array:
-    """Angles that the encoders of the rods hold while their joints move.
+    """Compute the angles at the encoders of the rods, which follow their joints with backlash.
 
     Args:
         angles: (n, 2) joint 1 absolute and joint 2 as read by its encoder, rad
-        hold: (2,) angles held before the first row, rad
+        hold: (2,) angles at the encoders before the first row, rad
         model: rig and effects; only backlash is used
 
     Returns:
-        (n, 2) held angles, rad
+        (n, 2) angles at the encoders, rad
     """
     held = np.empty(angles.shape)
     hold1, hold2 = hold

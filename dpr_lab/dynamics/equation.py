@@ -26,7 +26,7 @@ def coupled(
     c1: float,
     c2: float,
 ) -> tuple[float, float, float]:
-    """Coupling inertia d cos(theta1 - theta2) and the two right-hand sides of equation (1) without tau."""
+    """Compute the coupling inertia d cos(theta1 - theta2) and both right-hand sides of equation (1) without tau."""
     sin12 = sin1 * cos2 - cos1 * sin2
     cos12 = cos1 * cos2 + sin1 * sin2
     whirl = d * sin12
@@ -38,7 +38,7 @@ def coupled(
 
 @subroutine
 def solved(a: float, b: float, coupling: float, torque1: float, torque2: float) -> tuple[float, float]:
-    """Accelerations of both rods, rad/s^2, with the mass matrix [[a, coupling], [coupling, b]]."""
+    """Solve for the accelerations of both rods, rad/s^2, with the mass matrix [[a, coupling], [coupling, b]]."""
     scale = 1.0 / (a * b - coupling * coupling)
     return (b * torque1 - coupling * torque2) * scale, (a * torque2 - coupling * torque1) * scale
 

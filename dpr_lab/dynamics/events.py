@@ -38,7 +38,7 @@ class EventSettings(NamedTuple):
     late: float = 4.0
     """Coefficient of the delay by which sliding starts after its estimated instant, in steps times seconds.
 
-    With the delay the limit is certainly exceeded. The delay changes the speed by a term of fourth order.
+    The delay ensures that the friction limit is exceeded. It changes the speed by a term of fourth order in the step.
     """
     shortest: float = 1e-9
     """Fraction of a step up to which an event is assigned to the start of the step."""
@@ -70,7 +70,7 @@ def of_joints(values: Three) -> Three:
 
 @subroutine
 def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tuple[float, int]:
-    """First event in a step of length h.
+    """Find the first event in a step of length h.
 
     Args:
         h: length of the step, s
@@ -100,7 +100,7 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
 def stopped(
     thetas: Three, omegas: Three, alphas: Three, joint: int, later: float, resting2: bool
 ) -> tuple[Three, Three]:
-    """Angles and speeds at a stop, in the order theta0, theta1, theta2, with the joint that stops set to rest.
+    """Set a joint that stops to rest; returns angles and speeds in the order theta0, theta1, theta2.
 
     Args:
         thetas: angles, rad

@@ -1,9 +1,9 @@
-"""Prediction of encoder readings along segments with free initial states: the model of the fits, with all effects.
+"""Predict encoder readings along segments with free initial states and all effects, for the fits.
 
-A segment starts `PAD` before its first sample, so that a reading with a wrong clock is not before the start. The first
-segment of a run starts at the release if this is near (`segment_start`). The segment is integrated by classical
-Runge-Kutta steps of equal length. The angles at the instants of reading are interpolated by the cubic polynomial
-through the states at both ends of a step.
+A segment starts `PAD` before its first sample, so that a reading with a clock error is not before the start. The first
+segment of a run starts at the release if the release is near (`segment_start`). The segment is integrated by classical
+Runge-Kutta steps of equal length. Angles at the sampling instants are interpolated by the cubic polynomial through the
+states at both ends of a step.
 
 Some effects have internal states (`INTERNAL`): presliding, backlash of an encoder, an arm on a spring. At the start of
 a segment, the internal states have the values that the previous segment of the same run has at this instant. Until the
@@ -63,15 +63,15 @@ def predict_batch(
 
     Args:
         bases: (n, 7) base parameters a, b, d, e1, c1, c2, p of the whole rig without an attached mass, SI; or (n, 6) if
-        no run has a single rod
+            no run has a single rod
         params: (n, SIZE) effects, SI; or (n, runs, SIZE) if they differ between runs
         constants: the rig, `dpr_lab.dynamics.rig_constants.rig_constants`
         segments: instants of the readings, in device time, and the Runge-Kutta step of each segment
         initial: (n, S, 4) theta1, theta2, omega1, omega2 at the start of each segment (`segment_start`), rad and rad/s;
-        (n, S, 6) with theta0, omega0 of a free or driven arm
+            (n, S, 6) with theta0, omega0 of a free or driven arm
         internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at the start of each segment. None, or
-        nan: those at the end of the previous segment. Derivatives with respect to the initial states need fixed values,
-        `internal_states` of the point of expansion.
+            nan: those at the end of the previous segment. For derivatives with respect to the initial states, pass
+            fixed values, the result of `internal_states` at the point of expansion.
         arm: whether to return the arm's angle
 
     Returns:
@@ -79,7 +79,7 @@ def predict_batch(
         3), with theta0 as third column. Not finite after a failure of the integration.
 
     Raises:
-        ValueError: wrong shapes.
+        ValueError: an array has another shape.
     """
     return _predicted(bases, params, constants, segments, initial, internal, 3 if arm else 2)[0]
 

@@ -7,7 +7,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.setup import Setup
 
 UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(relative2=1.0)
-"""Constants of a rig without measurements, whose encoder of joint 2 reads the angle of the joint."""
+"""Constants of a rig of which no length or mass is known; encoder 2 reads theta2 - theta1."""
 
 
 def rig_constants(rig: Rig) -> RigConstants:

@@ -1,15 +1,15 @@
-"""Simultaneous simulation of many candidates: the cost of equation (2) for a population.
+"""Simulate many candidates simultaneously to compute the cost of equation (2) for a population.
 
 Theory of operation. `LANES` candidates are simulated together in one flat workspace, with a row of LANES numbers for
 each quantity. Each of the four stages of a Runge-Kutta step is one loop over the lanes with constant row offsets. The
 compiler therefore knows that rows do not overlap and converts the loop to vector instructions. A loop of one stage is
 short enough for the registers and for out-of-order execution.
 
-sin and cos of the angles are not evaluated but updated by short Taylor series of the rotation. From the start of the
-step the rotation is h * omega or half of it. Between the second stage and the third, and between the fourth and the
-end, the angle changes by at most h^2 times accelerations. For these changes ("nudges"), even shorter series are
-sufficient. Each lane stores the sum of its squared rotations in the step. A lane beyond `GUARD` repeats the step from
-its old state with exact sines.
+Sines and cosines of the angles are not evaluated but updated by short Taylor series of the rotation. From the start of
+the step the rotation is h * omega or half of it. Between the second and the third stage, and between the fourth stage
+and the end of the step, the angle changes by at most h^2 times accelerations. For these small rotations ("nudges"),
+even shorter series are sufficient. Each lane stores the sum of its squared rotations in the step. If the sum exceeds
+`GUARD`, the lane repeats the step from its old state with exact sines.
 
 Sums are not reassociated, lanes are independent, and each (block of lanes, segment) is independent. A cost is therefore
 bit-identical for any batch size and any number of threads. The workspace of a block, `ROWS * LANES` numbers, stays in
@@ -55,7 +55,7 @@ ROWS = 32
 
 
 def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike, step: float) -> Array:
-    """Cost E(Z) of equation (2) for each candidate and pose, with one Runge-Kutta step per sample.
+    """Compute the cost E(Z) of equation (2) for each candidate and pose, with one Runge-Kutta step per sample.
 
         E = sum over samples k and axes i of (theta_i - reference_i)^2 [+ (omega_i - reference_i)^2]
 
@@ -69,7 +69,7 @@ def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike,
         (n, poses) rad^2 (plus (rad/s)^2 for speeds); inf if the swing is not finite
 
     Raises:
-        ValueError: wrong shapes.
+        ValueError: an array has another shape.
     """
     reference = np.asarray(reference, dtype=np.float64)
     if reference.ndim != 3:
@@ -87,7 +87,7 @@ def segment_errors(
     targets: ArrayLike,
     whitening: ArrayLike | None = None,
 ) -> Array:
-    """Sum of squared, whitened errors of each candidate over each segment.
+    """Compute the sum of squared, whitened errors of each candidate over each segment.
 
         cost = sum over samples of |W (theta - target)|^2 [+ |omega - target|^2]
 
@@ -102,7 +102,7 @@ def segment_errors(
         (n, S); inf if the swing is not finite
 
     Raises:
-        ValueError: wrong shapes.
+        ValueError: an array has another shape.
     """
     rows = np.ascontiguousarray(rows, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] != 6:

@@ -1,4 +1,4 @@
-"""Division of the time between samples into Runge-Kutta steps, common to all integrators of the package."""
+"""Divide the time between samples into Runge-Kutta steps, in the same way for all integrators of the package."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[Array, Inte
         (n,) step before each instant, s, and (n,) number of these steps; both 0 for the first instant
 
     Raises:
-        ValueError: instants that do not increase, or a step that is not positive.
+        ValueError: the instants do not increase, or `max_step` is not positive.
     """
     t = np.asarray(t, dtype=np.float64)
     if t.ndim != 1 or not len(t):

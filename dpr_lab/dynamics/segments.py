@@ -1,6 +1,6 @@
-"""Segments: parts of runs, in sequence, each with an initial state of its own; the common layout of samples.
+"""Layout of the samples of all runs in segments, each of which has its own initial state.
 
-Initial states are fitted, and not part of the layout: (S, 4) theta1, theta2, omega1, omega2.
+The initial states (S, 4) theta1, theta2, omega1, omega2 are fitted, and are not part of the layout.
 """
 
 from collections.abc import Sequence
@@ -76,10 +76,13 @@ class Segments:
         return means
 
     def turning_as_one(self, initial: Array) -> Array:
-        """(..., S, 4) initial states with one speed for rods that turn as one body, and one angle for a single rod.
+        """Set equal speeds of both rods if they turn as one body, and equal angles if there is a single rod.
 
-        The two halves that represent a single rod are aligned, because the torque on a moving arm depends on both
+        The two halves that represent a single rod must be aligned, because the torque on a moving arm depends on both
         angles.
+
+        Args:
+            initial: (..., S, 4) initial states, rad and rad/s
         """
         if self.held.any():
             alone = np.array([setup.alone for setup in self.setups])[self.run]
@@ -98,7 +101,7 @@ class Segments:
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
     def chosen(self, indices: Integers) -> "Segments":
-        """Layout that contains only some of the segments, given by their indices in order."""
+        """Return a layout that contains only the segments with the given indices, which are in order."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
         return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
 
@@ -109,16 +112,16 @@ def segments(
     setups: Sequence[Setup] = (),
     step: ArrayLike = STEP,
 ) -> Segments:
-    """Layout of segments from the instants of each segment.
+    """Create the layout of segments from the instants of each segment.
 
     Args:
         times: for each segment (n,) increasing times since the release, s
         run: (S,) index of the run of each segment; in order, and within a run in order of time; None: one run
-        setups: mounting and inputs of each run by its index; a missing one means both rods
+        setups: mounting and inputs of each run by its index; a missing entry stands for free swings of both rods
         step: longest Runge-Kutta step, s, for all segments or (S,) for each
 
     Raises:
-        ValueError: no segment, instants that do not increase, segments out of order, or a step that is not positive.
+        ValueError: there is no segment, instants do not increase, segments are not in order, or a step is not positive.
     """
     arrays = [np.asarray(t, dtype=np.float64) for t in times]
     indices = np.zeros(len(arrays), dtype=np.int64) if run is None else np.array(run, dtype=np.int64)
@@ -144,10 +147,10 @@ def segments(
 
 
 def initial_states(states: ArrayLike, segments: Segments) -> Array:
-    """Initial states of segments as (S, 4) theta1, theta2, omega1, omega2, rad and rad/s.
+    """Convert initial states of segments to an array (S, 4) of theta1, theta2, omega1, omega2, rad and rad/s.
 
     Raises:
-        ValueError: another shape.
+        ValueError: the array has another shape.
     """
     states = np.array(states, dtype=np.float64, order="C")
     if states.shape != (len(segments), 4):

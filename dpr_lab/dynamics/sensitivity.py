@@ -4,9 +4,9 @@ With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', 
 dk') + f_p. Up to rounding, the result is the exact derivative of the result of `simulate`, not an approximation of the
 derivative of the true swing.
 
-The columns of S are the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then theta1, theta2, omega1, omega2 at the
-start. The columns are the lanes of the kernel. Within a step, a series that is exact to rounding gives the sines from
-their values at the start.
+The columns of S belong to the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then to theta1, theta2, omega1, omega2 at
+the start. They are the lanes of the kernel. Within a step, sines are computed from their values at the start by a
+series that is exact to rounding.
 """
 
 import math
@@ -40,7 +40,7 @@ ROWS = 14 * WIDTH
 def sensitivities(
     ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int = STATES
 ) -> tuple[Array, Array]:
-    """States of many segments, and their derivatives with respect to ratios and initial state of the segment.
+    """Simulate segments, with the derivatives of the states with respect to the ratios and the initial states.
 
     Args:
         ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) for each segment
@@ -54,7 +54,7 @@ def sensitivities(
         (samples, 4) states of all segments in sequence and (samples, `outputs`, 9) derivatives
 
     Raises:
-        ValueError: not five ratios, or not one state for each segment.
+        ValueError: there are not five ratios, or not one initial state for each segment.
     """
     return _followed(ratios, L1, g, segments, initial, outputs)
 
@@ -62,7 +62,7 @@ def sensitivities(
 def driven(
     values: Array, rig: RigConstants, segments: Segments, initial: ArrayLike, outputs: int
 ) -> tuple[Array, Array, Array]:
-    """States and derivatives with the known torques and arm motions of the runs.
+    """Simulate segments as `sensitivities` does, with the known torques and arm motions of the runs.
 
     Args:
         values: (S, 6) ratios of each segment, and 1 / b, by which torques are multiplied

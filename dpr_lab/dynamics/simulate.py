@@ -1,4 +1,4 @@
-"""Simulation of one swing by the classical Runge-Kutta method at arbitrary instants."""
+"""Simulate one swing by the classical Runge-Kutta method, at arbitrary instants."""
 
 from collections.abc import Sequence
 
@@ -40,14 +40,14 @@ def simulate(
         t: (n,) increasing instants, s
         max_step: longest Runge-Kutta step, s; each interval is divided into equal steps
         effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off. Encoder effects change only the readings,
-        not the states.
+            not the states.
         constants: measured constants of the rig; None: an effect that needs more than L1 and g gives nan
 
     Returns:
         (n, 4) states at `t`; nan after the swing becomes non-finite
 
     Raises:
-        ValueError: wrong shapes, or instants that do not increase.
+        ValueError: an array has another shape, or the instants do not increase.
     """
     parameters = with_gravity(_vector(base, 6, "base"), L1, g)
     params = _effects(effects)
@@ -75,7 +75,8 @@ def rig_model(
         constants: measured constants of the rig; None: the lengths of `frame` and the masses of Z
 
     Raises:
-        ValueError: wrong shapes, an unknown mode, or an unclamped arm together with an effect that moves the arm.
+        ValueError: an array has another shape, the mode is unknown, or the arm is not clamped although an effect moves
+            a clamped arm.
     """
     if arm.mode not in MODES:
         raise ValueError(f"arm mode must be one of {', '.join(MODES)}, not {arm.mode!r}")
@@ -96,12 +97,12 @@ def rig_model(
 
 
 def at_release(state: Sequence[float] | Array) -> RigState:
-    """State at the release with the angles and speeds (6,); internal states have their initial values."""
+    """Create the state at the release from angles and speeds (6,); internal states have their initial values."""
     return RigState._make([*map(float, state), tuple(AT_RELEASE[list(STEPPED)].tolist())])
 
 
 def as_state(values: Sequence[float] | Array) -> AnyState:
-    """State from one row of the result of `integrate`."""
+    """Convert one row of the result of `integrate` to a state."""
     numbers, internal = tuple(map(float, values)), 6 + len(STEPPED)
     fields = [*numbers[:6], numbers[6:internal], *numbers[internal:]]
     return GearedState._make(fields) if len(numbers) > internal else RigState._make(fields)
@@ -110,14 +111,14 @@ def as_state(values: Sequence[float] | Array) -> AnyState:
 def motors_of(states: Array) -> Array:
     """(n, 3) state of the motor behind backlash, from rows of `integrate`.
 
-    The columns are its angle, rad, its speed, rad/s, and the owed impulse, N m s.
+    The columns are its angle, rad, its speed, rad/s, and the impulse that the gear has still to transmit, N m s.
     """
     first = 6 + len(STEPPED)
     return states[:, first : first + 3]
 
 
 def as_row(state: AnyState) -> Array:
-    """Row of the result of `integrate` that represents a state."""
+    """Convert a state to a row as in the result of `integrate`."""
     return np.array([*state[:6], *state.internal, *state[7:]])
 
 
@@ -140,9 +141,7 @@ def integrate(
     max_step: float = MAX_STEP,
     drive: ArrayLike = 0.0,
 ) -> Array:
-    """Simulate a swing from a full state.
-
-    A swing can therefore be computed in parts.
+    """Simulate a swing from a complete state, so that a swing can be computed in several parts.
 
     Args:
         model: rig with its effects
@@ -158,7 +157,7 @@ def integrate(
         arm's gear has backlash; nan after the swing becomes non-finite
 
     Raises:
-        ValueError: instants that do not increase.
+        ValueError: the instants do not increase.
     """
     step, count = steps_between(t, max_step)
     drives = np.broadcast_to(np.asarray(drive, dtype=np.float64), step.shape).copy()

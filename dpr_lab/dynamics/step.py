@@ -83,7 +83,7 @@ def motion_of(
 
 @subroutine
 def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
-    """The same motion with the rotation of the arm since the start of the step, rad, and its direction."""
+    """Return the motion with the rotation of the arm since the start of the step, rad, and its direction."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, motion.force1,
@@ -93,7 +93,7 @@ def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
 
 @subroutine
 def under_load(motion: Motion, force1: float, force2: float) -> Motion:
-    """The same motion with the forces on joints 1 and 2, N."""
+    """Return the motion with the forces on joints 1 and 2, N."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, force1, force2,
@@ -108,7 +108,7 @@ def _length(x: float, y: float) -> float:
 
 @subroutine
 def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants: RigConstants) -> tuple[float, float]:
-    """Forces on joint 1 and joint 2, N: mass times acceleration minus weight of all parts on the joint.
+    """Magnitudes of the forces on joints 1 and 2, N: mass times acceleration minus weight, of all parts on the joint.
 
     The forces are those in the plane of the rods. The component along the arm, which is zero for a held arm, is
     neglected.
@@ -305,7 +305,7 @@ def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMoti
 def advanced(
     t: float, x: RigState, h: float, events: int, model: RigModel, mode: int, drive: float
 ) -> tuple[RigState, float, bool]:
-    """State after a step of length h, or after its part up to the first change of direction of a joint.
+    """Advance the state by a step of length h, or by its part up to the first event of Coulomb friction.
 
     Args:
         t: time since the release, s
@@ -343,7 +343,7 @@ def advanced(
 
 @subroutine
 def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
-    """State after one step of length h, which is divided where a joint stops or starts to slide."""
+    """Advance the state by one step of length h, which is divided where a joint stops or starts to slide."""
     now, events, whole = t, 0, False
     while not whole:
         x, passed, whole = advanced(now, x, t + h - now if events else h, events, model, mode, drive)

@@ -1,4 +1,4 @@
-"""Generalised torques of effects along a known trajectory, without feedback on the motion."""
+"""Compute the generalised torques of effects along a given trajectory, without their effect on the motion."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -52,7 +52,7 @@ class KnownMotion(NamedTuple):
 
 
 def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Torques of effects on the rods along a trajectory; internal states have their values at the release.
+    """Compute the torques of effects on the rods along a trajectory; internal states stay as at the release.
 
     Args:
         motion: motion of the rods
@@ -74,7 +74,7 @@ def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstan
 
 
 def arm_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Torques of a slightly compliant arm along a trajectory; arguments and result as for `effect_torques_along`.
+    """Compute the torques of a slightly compliant arm; arguments and result as for `effect_torques_along`.
 
     The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration acts on the rods:
 
@@ -179,12 +179,12 @@ def _driven(t: Array, run: Integers, force: Array, friction: Array, stiffness: A
 
 
 def _c(values: Array) -> Array:
-    """Copy of an array with the type and memory layout of the compiled kernels."""
+    """Convert an array to the type and memory layout of the compiled kernels."""
     return np.array(values, dtype=np.float64, order="C")
 
 
 def arm_effects_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Torques of the effects at a free or driven arm along a trajectory; arguments as for `effect_torques_along`.
+    """Compute the torques of effects at a free or driven arm; arguments as for `effect_torques_along`.
 
     The motion contains theta0 as third axis.
 
@@ -232,7 +232,7 @@ TRAJECTORY_TORQUES: Mapping[StageName, TrajectoryTorques] = {
     "drive0": arm_effects_along,
     "whole0": arm_effects_along,
 }
-"""Stage of an effect -> function that computes its torques along a trajectory, for the supported stages."""
+"""Functions that compute the torques of effects along a trajectory, by the stage of the effect."""
 
 OF_ARM: tuple[StageName, ...] = ("torque0", "drive0", "whole0")
 """Stages whose torques also depend on the motion of the arm."""

@@ -1,7 +1,7 @@
-"""Physical effects beyond the base model: one file for each concept, one row in the table.
+"""Library of physical effects that the base model does not contain; each file defines one kind of effect.
 
-The order of `EFFECTS` defines the flat parameter vector; effects of plugins (`dpr_lab.plugins`) come last. An effect is
-active if one of its amplitudes is not zero.
+The order of the table `EFFECTS` defines the flat parameter vector; effects of plugins (`dpr_lab.plugins`) come last. An
+effect is active if one of its amplitudes is not zero.
 """
 
 from collections.abc import Iterable, Mapping
@@ -115,10 +115,10 @@ OF_FREE_SWINGS = {name: effect for name, effect in EFFECTS.items() if not (effec
 """Effects that free swings with a clamped arm can show."""
 
 OF_ARM = {name: effect for name, effect in EFFECTS.items() if effect.of_arm and effect not in (FREE_ARM, DRIVE_GAIN)}
-"""Effects that a rig with a free or driven arm may have, except for the arm itself and the gain of its drive."""
+"""Effects that only a rig with a free or driven arm may have, except for the arm itself and the gain of its drive."""
 
 SLICES = slices(EFFECTS.values())
-"""Name of an effect -> slice of its parameters in the flat vector."""
+"""Slice of the parameters of each effect in the flat vector."""
 
 SIZE = sum(len(effect.parameters) for effect in EFFECTS.values())
 
@@ -139,18 +139,18 @@ _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for param
 
 
 def effect_params(values: Mapping[str, Mapping[str, float]]) -> Array:
-    """Flat parameter vector from named coefficients.
+    """Convert named coefficients to a flat parameter vector.
 
     A missing amplitude is zero; a missing shape parameter has its default.
 
     Args:
-        values: effect -> parameter -> value, as in `{"coulomb_joint1": {"torque_Nm": 0.001}}`
+        values: values by effect and parameter, for example `{"coulomb_joint1": {"torque_Nm": 0.001}}`
 
     Returns:
         (SIZE,) parameters, SI
 
     Raises:
-        ValueError: an unknown effect or parameter.
+        ValueError: an effect or a parameter is unknown.
     """
     params = _DEFAULTS.copy()
     for name, coefficients in values.items():
@@ -162,9 +162,9 @@ def effect_params(values: Mapping[str, Mapping[str, float]]) -> Array:
 
 
 def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dict[str, float]]:
-    """Named coefficients of the active effects in a flat vector; the inverse of `effect_params`.
+    """Convert a flat vector to named coefficients of the active effects; the inverse of `effect_params`.
 
-    `among` restricts the result to some effects.
+    Only effects in `among` are included.
     """
     return {
         name: dict(zip((p.name for p in EFFECTS[name].parameters), params[SLICES[name]].tolist(), strict=True))
@@ -174,13 +174,13 @@ def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dic
 
 
 def plausibility(params: Array, effect: str) -> float:
-    """Prior weight of an effect's fitted size: nearly one below its scale, decreasing with the fourth power above it.
+    """Prior weight of the fitted size of an effect: nearly one below its scale, falling with the fourth power above it.
 
         w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each amplitude
 
     w is the prior density per unit of ln | x |. Indistinguishable effects explain the recordings equally well, and
-    their sizes are equally many standard deviations from zero. The ratio of their weights is therefore the ratio of
-    their posterior probabilities.
+    their sizes have equal significance. The ratio of their weights is therefore the ratio of their posterior
+    probabilities.
     """
     amplitudes = EFFECTS[effect].amplitudes
     u = max(abs(float(params[place])) / p.prior_scale for place, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
@@ -214,9 +214,9 @@ def param_index(effect: str, parameter: str) -> int:
 
 
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
-    """Values of the shape parameters that an effect proposes for these recordings.
+    """Values of the shape parameters that an effect proposes for given recordings.
 
-    None if the effect proposes no values; the grid of `scan` is then used.
+    None if the effect has no such function; the grid of `scan` is then used.
     """
     proposed = effect.propose(recorded) if effect.propose else None
     if proposed is None:

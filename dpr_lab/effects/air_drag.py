@@ -1,9 +1,9 @@
-"""Air drag: quadratic resistance, integrated along the rods.
+"""Air drag: force proportional to the squared speed, integrated along the rods.
 
-A point of the inner rod at the distance s from joint 1 moves across the rod at s w1. A point of the outer rod at the
-distance s from joint 2 moves across it at v(s) = L1 w1 cos(theta2 - theta1) + s w2. The drag force is k v |v| per
-metre. A point of the arm moves at its radius times the speed of the arm, so one coefficient describes the drag of the
-arm and of all parts mounted on it.
+The drag force per length is k v |v|, where v is the velocity component perpendicular to the rod. At the distance s from
+joint 1, v = s w1 for the inner rod. At the distance s from joint 2, v = L1 w1 cos(theta2 - theta1) + s w2 for the outer
+rod. The velocity of a point of the arm is its radius times the speed of the arm, so one coefficient describes the drag
+of the arm and of all parts mounted on it.
 """
 
 import math
@@ -67,8 +67,8 @@ _SOURCE = (
     " ch. 3; rotation as in Mungan & Lipscombe, Eur. J. Phys. 34, 1243 (2013)."
 )
 _BENCH_CHECK = (
-    "Tape a light card to the {rod} rod and repeat: its drag increases by a factor of several. Thickness"
-    " and width of the rods, measured with a calliper, give the ratio of their drags."
+    "Tape a light card to the {rod} rod and repeat the recording: the drag of this rod is then several times as large."
+    " The ratio of the widths of the rods, measured with a calliper, is the ratio of their drag coefficients."
 )
 
 AIR_DRAG_OUTER = Effect(
@@ -87,8 +87,8 @@ AIR_DRAG_OUTER = Effect(
         BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
     ),
     symptom=(
-        "Large swings lose a larger share of their amplitude per cycle than small ones; the last small swings last"
-        " long."
+        "Large swings lose a larger fraction of their amplitude per cycle than small swings; the last small swings"
+        " decay slowly."
     ),
     bench_check=_BENCH_CHECK.format(rod="outer"),
     source=_SOURCE,
@@ -97,7 +97,7 @@ AIR_DRAG_OUTER = Effect(
 AIR_DRAG_BOTH = Effect(
     name="air_drag_both",
     words="air drag, all rods",
-    equation="as air_drag_outer, and additionally tau1 = -k L1^4 omega1 |omega1| / 4 for the inner rod",
+    equation="torques of air_drag_outer, plus tau1 = -k L1^4 omega1 |omega1| / 4 on the inner rod",
     parameters=_PARAMETERS,
     site="joint torque",
     stage="torque",
@@ -109,7 +109,8 @@ AIR_DRAG_BOTH = Effect(
         BenchQuantity("drag coefficient of a rod", "k", ("coefficient_kg_per_m2",), definition="rho C_d width / 2"),
     ),
     symptom=(
-        "The symptom is that of air drag of the outer rod; in addition, a large swing of the inner rod alone is damped."
+        "Large swings lose a larger fraction of their amplitude per cycle than small swings, also if the inner rod"
+        " swings alone."
     ),
     bench_check=_BENCH_CHECK.format(rod="inner"),
     source=_SOURCE,
@@ -130,13 +131,13 @@ AIR_DRAG_JOINT0 = Effect(
         BenchQuantity("drag coefficient of the arm", "k", ("coefficient_kg_m2",), definition="rho C_d width L0^4 / 8"),
     ),
     symptom=(
-        "At large speeds the arm is slower than the input would drive it; after the input is switched off, it loses"
-        " high speeds quickly and low speeds slowly."
+        "At large inputs the arm is slower than its viscous friction alone would allow; after the input is switched"
+        " off, high speeds decay quickly and low speeds slowly."
     ),
     bench_check=(
-        "Tape a light card to the arm and repeat: the drag increases by a factor of several. Or remove the rods and"
-        " turn the arm"
-        " at two constant inputs: with drag, the speed increases by a smaller factor than the input."
+        "Tape a light card to the arm and repeat the recording: the drag is then several times as large. Or remove the"
+        " rods and drive the arm with two constant inputs: with drag, the speed increases by a smaller factor than the"
+        " input."
     ),
     source=_SOURCE,
 )

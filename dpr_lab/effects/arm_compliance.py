@@ -1,4 +1,4 @@
-"""Arm compliance: the brake or servo acts like a damped spring, and the rods excite the arm."""
+"""Arm compliance: the brake or servo that holds the arm acts like a damped spring, so that the arm vibrates."""
 
 import math
 
@@ -19,14 +19,14 @@ def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: flo
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]] | None:
-    """Frequencies to try: the whole grid, or none if the arm did not move in any run."""
+    """Propose the frequencies of the grid, or none if the encoder of the arm shows no motion in any run."""
     return [] if all(moves is False for moves in recorded.arm_moves) else None
 
 
 def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 6.25e-4) -> float:
     """Longest integration step, s: 40 steps per period of the arm's vibration, but not below `finest_s`.
 
-    `finest_s` is a quarter of 2.5 ms.
+    The default of `finest_s` is a quarter of 2.5 ms.
     """
     return max(1.0 / (per_period * params["frequency_hz"]), finest_s)
 
@@ -67,12 +67,12 @@ ARM_COMPLIANCE = Effect(
         ),
     ),
     symptom=(
-        "A decaying oscillation that is faster than the swing appears after quick reversals of the rods; the arm or"
-        " its support can be felt to move."
+        "After quick reversals of the rods, a decaying oscillation appears that is faster than the swing; the vibration"
+        " of the arm or of its support can be felt by hand."
     ),
     bench_check=(
-        "Read the arm's encoder while the rods swing, clamp the arm to the table and repeat; tap the arm"
-        " with the rods at rest and measure its frequency."
+        "Read the arm's encoder while the rods swing; clamp the arm to the table and repeat: the oscillation"
+        " disappears. Or tap the arm with the rods at rest and measure the frequency of its vibration."
     ),
     source="Lagrange's equations of the whole rig, `dpr_lab.dynamics.arm`.",
 )

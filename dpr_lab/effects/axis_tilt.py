@@ -1,4 +1,4 @@
-"""Tilt of the arm's axis: the plane of the rods turns with the arm, so that gravity in this plane changes."""
+"""Tilt of the arm's axis: the direction of gravity in the plane of the rods depends on the angle of the arm."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos
@@ -14,9 +14,9 @@ def leaning(
 
         tau0 = K_t - (e1 sin(theta1) + e2 sin(theta2)) p_r,    tau_i = e_i cos(theta_i) p_t
 
-    The horizontal part of gravity, p g, has the component p_r along the arm and p_t across it. K = S g p, where S is
-    the first moment of arm and rods about the axis. S also depends on a counterweight, so K is fitted. K_t is the
-    component of K across the arm.
+    The component of gravity perpendicular to the axis is p g, with the parts p_r along the arm and p_t across it. K = S
+    g p, where S is the first moment of arm and rods about the axis. S also depends on a counterweight, so K is fitted.
+    K_t is the component of K across the arm.
     """
     sin0, cos0 = sincos(motion.theta0)
     radial, tangential = along_rad * cos0 + across_rad * sin0, across_rad * cos0 - along_rad * sin0
@@ -49,10 +49,10 @@ AXIS_TILT_JOINT0 = Effect(
     quantities=(
         BenchQuantity("tilt of the arm's axis", "sqrt(x^2 + y^2)", ("along_rad", "across_rad"), "from the vertical"),
     ),
-    symptom="Without an input the arm drifts from any start to the same angle, at which the rods are lowest.",
+    symptom="Without an input the arm drifts from any initial angle to the same angle, at which the rods are lowest.",
     bench_check=(
-        "Put a spirit level on the arm and rotate the arm by a full turn: the tilt appears in opposite"
-        " directions. Without a motor, the arm comes to rest where the rods are lowest."
+        "Put a spirit level on the arm and rotate the arm by half a turn: if the axis is tilted, the bubble moves."
+        " Without a motor, the arm comes to rest where the rods are lowest."
     ),
     source="Gravity in the frame of a tilted base, Spong, Hutchinson & Vidyasagar (2006), ch. 7: potential energy.",
 )

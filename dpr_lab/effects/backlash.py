@@ -1,4 +1,4 @@
-"""Backlash between a joint and its encoder: a loose coupling, a worn key, or a gear with the encoder at its motor."""
+"""Backlash between a joint and its encoder, caused by a loose coupling, a worn key, or a gear before the encoder."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def play(angle: float, held: float, play_rad: float) -> float:
-    """Angle that the encoder holds, rad. The encoder follows the joint after the joint has crossed the backlash."""
+    """Angle at the encoder, rad: constant while the joint is inside the backlash, otherwise it follows the joint."""
     half = 0.5 * abs(play_rad)
     return min(max(held, angle - half), angle + half)
 
@@ -42,9 +42,10 @@ def geared_motor(
     play_rad: float,
     motor_share: float,
 ) -> Motor:
-    """Motion of the motor after the time `elapsed`: J dw/dt = torque - friction w inside the backlash, solved exactly.
+    """Compute the state of the motor after the time `elapsed`.
 
-    At an end of the backlash the motor takes the speed of the arm.
+    Inside the backlash, the exact solution of J dw/dt = torque - friction w is used. At an end of the backlash the
+    motor takes the speed of the arm.
 
     Args:
         angle: angle of the arm at the end of the time, rad
@@ -76,7 +77,7 @@ def _hidden(params: Params) -> float:
 def _longest_step(params: Params, *, longest_s: float = 1.25e-3) -> float:
     """Longest integration step, s.
 
-    The drive torque is constant in a step, but a light motor inside the backlash follows each change of it.
+    The drive torque is constant within a step, but a light motor inside the backlash follows all its changes.
     """
     return longest_s
 
@@ -97,7 +98,7 @@ def _of_encoder(joint: int, stage: StageName, bench_check: str) -> Effect:
     return Effect(
         name=f"backlash_joint{joint}",
         words=f"encoder backlash, joint {joint}",
-        equation=f"encoder {joint} reads h, which is constant while |q{joint} - h| < x / 2 and then follows the joint",
+        equation=f"encoder {joint} reads h: constant while |q{joint} - h| < x / 2, otherwise h follows the joint",
         parameters=_PARAMETERS,
         site="sensor",
         stage=stage,
@@ -133,8 +134,9 @@ BACKLASH_JOINT0 = Effect(
     name="backlash_joint0",
     words="backlash of the arm's gear, with the encoder at the motor",
     equation=(
-        "encoder 0 reads the angle h of the motor, with the inertia J = share A and all viscous friction of the arm:"
-        " J d^2h/dt^2 = tau - c0 dh/dt while |q0 - h| < x / 2, and the arm is free; at the ends both turn as one"
+        "encoder 0 reads the angle h of the motor, which has the inertia J = share A and all viscous friction c0;"
+        " while |q0 - h| < x / 2: J d^2h/dt^2 = tau - c0 dh/dt, and the motor exerts no torque on the arm; at the ends"
+        " of the backlash motor and arm turn together"
     ),
     parameters=(
         *_PARAMETERS,
@@ -155,7 +157,7 @@ BACKLASH_JOINT0 = Effect(
     ),
     bench_check=(
         "Hold the arm and turn the motor's shaft by hand to either side: the encoder counts through the backlash."
-        " Friction, in contrast, resists the motion of the arm but the encoder counts it at once."
+        " With friction instead of backlash, the encoder counts every motion of the arm immediately."
     ),
     source="Nordin & Gutman (2002), Controlling mechanical systems with backlash - a survey, Automatica 38, 1633.",
 )

@@ -30,7 +30,7 @@ BASE_TILT = Effect(
     exported=lambda params: {"tilt": params["tilt_rad"]},
     twins=("encoder_offset_joint1",),
     quantities=(BenchQuantity("tilt of the base", "tilt", ("tilt_rad",)),),
-    symptom="At rest both rods read the same absolute angle away from hanging; swings to both sides differ.",
+    symptom="At rest, both rods show the same absolute deviation from hanging; swings to the two sides differ.",
     bench_check=(
         "Put a spirit level on the base along the plane of the swing. Or read encoder 1 with the rods at rest, turn the"
         " base by 180 degrees and read it again: half the change is the tilt; the zero error of the encoder"

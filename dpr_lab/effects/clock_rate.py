@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def fast(t: float, excess: float) -> float:
-    """True time minus device time, s, at the device time t, for a clock that is too fast by the relative `excess`."""
+    """True time minus device time, s, at the device time t; `excess` is the relative rate error, > 0 if fast."""
     return t / (1.0 + excess) - t
 
 
@@ -32,7 +32,7 @@ CLOCK_RATE = Effect(
     symptom="All periods differ by the same factor from those measured with a stopwatch.",
     bench_check=(
         "Compare ten minutes of the device's ticks with the host's clock (`dpr-lab run info` shows the rate"
-        " error). A crystal has an error of at most 0.01 %: a larger error indicates a wrong length L1 (or gravity)."
+        " error). A crystal has an error of at most 0.01 %: a larger error indicates an incorrect L1 (or g)."
     ),
     source=(
         "Equation (1) keeps its form when time is scaled, except for gravity. Data sheets of crystals allow"

@@ -1,4 +1,4 @@
-"""Offset of the centre of mass from the axis of a rod: a bent rod, a screw on one side.
+"""Offset of the centre of mass from the axis of a rod, caused for example by a bent rod or a screw on one side.
 
 The centre of mass lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot, where t is the angle of the rod. For the
 outer rod, with p = m2 L1 y and the difference angle D = t1 - t2, the kinetic energy increases by p sin(D) w1 w2 and (m2
@@ -50,9 +50,8 @@ COM_OFFSET_LINK1 = Effect(
     quantities=(BenchQuantity("offset of the centre of mass across the inner rod", "y", ("offset_m",)),),
     symptom="The inner rod rests away from the vertical although its encoder is zeroed correctly.",
     bench_check=(
-        "Mount the inner rod alone and compare its rest position with a plumb line. Attach a known mass on its axis"
-        " and repeat: neither the moment of the centre of mass nor cogging changes. Remove the motor and repeat:"
-        " cogging vanishes."
+        "Mount the inner rod alone and compare its rest position with a plumb line. Remove the motor of joint 1 and"
+        " repeat: a deflection caused by cogging vanishes, a deflection caused by the centre of mass remains."
     ),
     source=_SOURCE,
 )
@@ -73,9 +72,12 @@ COM_OFFSET_LINK2 = Effect(
     twins=("encoder_offset_joint2",),
     quantities=(BenchQuantity("offset of the centre of mass across the outer rod", "y", ("offset_m",)),),
     symptom=(
-        "The outer rod rests away from the vertical although its encoder is zeroed correctly; if the rod is turned"
-        " over, it rests on the other side."
+        "The outer rod rests away from the vertical although its encoder is zeroed correctly. If the rod is turned by"
+        " 180 degrees about its long axis, it rests on the other side."
     ),
-    bench_check="Lay the outer rod on a knife edge along its axis: an offset centre of mass tips it to that side.",
+    bench_check=(
+        "Remove the outer rod and balance it on a knife edge parallel to its axis: it tips to the side of the centre of"
+        " mass."
+    ),
     source=_SOURCE,
 )

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def dry(joint: Joint, torque_Nm: float) -> float:
-    """Friction torque -F sgn(u) on the rod beyond the joint, N m."""
+    """Friction torque -F sgn(u) of the joint on the following rod, N m."""
     return -torque_Nm * joint.direction
 
 
@@ -17,7 +17,7 @@ COULOMB = pair(
     kernel=dry,
     exported=lambda params: {"friction": params["torque_Nm"]},
     twins=("hysteresis",),
-    equation="tau = -F sgn(u) with u the speed of joint {j}; at rest the torque that holds the joint, up to F",
+    equation="tau = -F sgn(u) with u the speed of joint {j}; at rest tau balances the other torques, up to |tau| = F",
     parameters=(EffectParameter("torque_Nm", "N m", 1e-3, "positive"),),
     stage="torque",
     dry=True,

@@ -6,14 +6,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def swallowed(torque: float, width_Nm: float) -> float:
-    """Change of the known torque by the dead zone, N m: minus the torque inside the zone, minus the width outside."""
+    """Difference between acting and known torque, N m: minus the torque inside the zone, -+ its half width outside."""
     return -min(max(torque, -width_Nm), width_Nm)
 
 
 DEAD_ZONE_JOINT0 = Effect(
     name="dead_zone_joint0",
     words="dead zone of the drive, joint 0",
-    equation="tau - clip(tau, -x, x) acts on the arm where its input is known",
+    equation="tau - clip(tau, -x, x) acts on the arm instead of the known torque tau",
     parameters=(EffectParameter("width_Nm", "N m", 1e-3, "positive"),),
     site="drive",
     stage="drive0",

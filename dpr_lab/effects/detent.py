@@ -1,4 +1,4 @@
-"""Cogging (detent): the magnets of a motor pull a joint towards evenly spaced angles."""
+"""Cogging (detent torque): the magnets of a motor pull a joint towards evenly spaced angles."""
 
 import math
 from dataclasses import replace
@@ -11,7 +11,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_Nm: float, order: float) -> float:
-    """Cogging torque on the rod after the joint, N m: two harmonics of the order."""
+    """Cogging torque on the following rod, N m: harmonics of the orders N and 2 N."""
     phase = order * joint.angle
     sin, cos = sincos(phase)
     first = cos1_Nm * cos + sin1_Nm * sin
@@ -62,7 +62,7 @@ DETENT_JOINT1 = replace(
         for parameter in _JOINT1.parameters
     ),
 )
-"""Cogging torque of joint 1, with a scan of the orders from two on.
+"""Cogging torque of joint 1; the scan contains only orders above one.
 
 A torque of order one at joint 1 is indistinguishable from other effects: its sine acts like gravity, and its cosine
 like an offset of the centre of mass of the inner rod.

@@ -1,4 +1,4 @@
-"""Gain error of a drive with unknown constants: part of every model of its recordings, and not a fault."""
+"""Gain of a drive with unknown motor constants; it is always fitted, and is not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined
@@ -6,14 +6,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def regained(torque: float, excess: float) -> float:
-    """Torque in addition to that of the assumed gain, N m."""
+    """Difference between the acting torque and the torque for the assumed gain, N m."""
     return excess * torque
 
 
 DRIVE_GAIN = Effect(
     name="drive_gain",
     words="gain of the arm's drive",
-    equation="(1 + x) tau acts on the arm, tau being the input times an assumed gain",
+    equation="(1 + x) tau acts on the arm, with tau the input times an assumed gain",
     parameters=(EffectParameter("excess", "1", 0.05, most=1e6),),
     site="drive",
     stage="drive0",

@@ -1,4 +1,4 @@
-"""Type of an effect: a physical cause of a difference between simulation and rig, as data and one kernel."""
+"""Definition of an effect, a physical cause of a difference between simulation and rig, by data and one kernel."""
 
 import math
 import re
@@ -30,7 +30,7 @@ class JointIndex(NamedTuple):
 ARM = JointIndex().arm
 
 LEVERS = ("friction_radius_m", "offset_m")
-"""Lengths that convert a force, known from the masses in the rig file, to a torque; they scale like torques."""
+"""Parameters that are lever arms of forces known from the rig file; they scale like torques."""
 
 _UNIT_SUFFIX = re.compile(r"(_(per|Nms?|m2?|rad3?|s2?|kg(m2)?|Hz))+$")
 """Pattern of the unit at the end of a parameter's name."""
@@ -45,7 +45,7 @@ _RATIO_UNITS = {
     "m": "1/(kg m)",
     "1/kg": "m^2",
 }
-"""Unit of an amplitude -> unit of the ratio of the amplitude to b^k, k the `scale_power`."""
+"""Units of the ratio of an amplitude to b^k, by the unit of the amplitude; k is its `scale_power`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +68,11 @@ class EffectParameter:
     scan: tuple[float, ...] = ()
     """Values of a shape parameter to try before it is refined; empty: the recordings define them (runs, instants)."""
     draw: tuple[float, float] | None = None
-    """Range from which blind trials draw a shape parameter; None: from a third of to three times the default."""
+    """Range from which blind trials draw a shape parameter; None: 1/3 to 3 times the default."""
     whole: bool = False
     """Whether only integers are physical; the absolute value of an amplitude is then at least one."""
     one_way: bool = False
-    """Whether blind trials draw only positive values, because a negative value would drive the rods."""
+    """Whether blind trials draw only positive values, because negative values would supply energy to the rods."""
     continuous: bool = False
     """Whether a shape parameter is refined after its scan; false for orders and instants."""
     negative: str = ""
@@ -127,19 +127,19 @@ def shape(
     whole: bool = False,
     continuous: bool = False,
 ) -> EffectParameter:
-    """A positive shape parameter whose typical size is its default.
+    """Create a positive shape parameter; its typical size is its default.
 
     Args:
         name: name with unit
         unit: SI unit
         default: value while it is not fitted
-        scan: values to try first; for a continuous parameter in equal ratios, as initial values of its fit
+        scan: values to try first; for a continuous parameter, initial values of its fit, in a geometric sequence
         draw: range in blind trials
         whole: whether it is an integer
         continuous: whether it is fitted after the scan
 
     Raises:
-        ValueError: a continuous shape with fewer than two values in `scan`.
+        ValueError: the shape is continuous, but `scan` has fewer than two values.
     """
     if continuous and len(scan) < 2:
         raise ValueError(f"{name}: a continuous shape needs two values or more in `scan`")
@@ -185,7 +185,7 @@ class Recorded:
     """Information from the recordings by which effects propose values of shape parameters without a grid."""
 
     arm_moves: tuple[bool | None, ...]
-    """For each run: whether encoder 0 detected a motion of the arm; None if the angle of the arm was not measured."""
+    """For each run, whether encoder 0 detected a motion of the arm; None if the angle of the arm was not measured."""
     steps: Callable[[], list[tuple[int, int, float]]]
     """Function that returns joint (0 or 1), run and instant (s) of apparent steps in the readings, best first."""
 
@@ -262,7 +262,7 @@ class Effect:
     The effect is always fitted if the rig file states the uncertainty of this number (`Rig.unsure`).
     """
     universal: bool = False
-    """Whether every rig has the effect to some degree, so that its presence needs no further explanation."""
+    """Whether every rig has the effect to some degree, so that its presence does not indicate a fault."""
     propose: Callable[[Recorded], list[dict[str, float]] | None] | None = None
     """Function that returns the shape parameters to try on the recordings, by name; [] if there are none.
 
@@ -363,11 +363,11 @@ ARM_STAGES: dict[StageName, StageName] = {
     "encoder": "encoder0",
     "timing": "timing0",
 }
-"""Stage of an effect at the joint of a rod -> stage of the same effect at the arm."""
+"""Stages of effects at the arm, by the stage of the same effect at a joint of the rods."""
 
 
 def at_arm(effect: Effect, *, bench_check: str, symptom: str = "", equation: str = "", **fields: Any) -> Effect:
-    """Copy of an effect of a rod for joint 0, the joint of a free or driven arm.
+    """Derive the effect at joint 0, the joint of a free or driven arm, from an effect at a joint of the rods.
 
     Args:
         effect: effect at joint 1 or 2

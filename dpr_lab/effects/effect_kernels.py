@@ -1,4 +1,4 @@
-"""All effects as compiled functions of one rig, one function for each stage of `dpr_lab.effects.stages.STAGES`.
+"""Compiled functions that evaluate all effects for one rig, one function for each stage in `STAGES`.
 
 `params` is the flat vector (SIZE,), and `active` the mask (effects,) from `active_effects`. `internal` contains the
 internal states that move with a joint, in the order of `STEPPED`.

@@ -1,4 +1,4 @@
-"""Elementary functions without branches or calls, so that a compiler turns a loop over lanes into vector instructions.
+"""Elementary functions without branches or calls, so that loops over them are compiled to vector instructions.
 
 The argument is reduced to a small remainder, for which a polynomial is exact to rounding. The result is then
 reconstructed: e^x = 2^n e^r with |r| <= ln(2) / 2, and sines by quadrant. The error is below 3 units in the last place.
@@ -37,7 +37,7 @@ def _expm1_parts(x: float) -> tuple[float, float]:
 
 @inlined
 def exp(x: float) -> float:
-    """Exponential function e^x; an argument beyond +-700 is replaced by the bound."""
+    """Exponential function e^x; x is clipped to [-700, 700]."""
     scale, rest = _expm1_parts(min(max(x, -700.0), 700.0))
     return scale + scale * rest
 

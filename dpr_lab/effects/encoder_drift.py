@@ -1,4 +1,4 @@
-"""Drift of an encoder's zero during a swing: a potentiometer that warms up, a disc that slips on its shaft."""
+"""Drift of the zero of an encoder during a swing, for example of a warming potentiometer or a slipping disc."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import EncoderReading
@@ -40,8 +40,8 @@ ENCODER_DRIFT = pair(
         BenchQuantity("rate of the zero", "r", ("rate_rad_per_s",)),
     ),
     symptom=(
-        "The centre of the swing moves steadily to one side. The angle of the hanging rods seems to differ between"
-        " the beginning and the end of a recording."
+        "The centre of the swing moves steadily to one side. The readings of the hanging rods differ between the"
+        " beginning and the end of a recording."
     ),
     bench_check=(
         "Let the rods hang at rest after a recording and read encoder {j} for a minute: the reading changes although"

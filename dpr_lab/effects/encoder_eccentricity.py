@@ -1,4 +1,4 @@
-"""Encoder eccentricity: a disc or magnet that is not centred or is tilted causes an error that repeats every turn."""
+"""Encoder eccentricity: a disc or magnet that is off-centre or tilted causes an error that repeats every turn."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.effects.elementary import sincos
@@ -41,7 +41,7 @@ def eccentric(
 LARGEST_RAD = 0.03
 """Largest amplitude of the first harmonic, rad, for a disc with an offset of 3 % of its radius.
 
-The largest amplitude of the k-th harmonic is a k-th of this value.
+The largest amplitude of harmonic k is 1 / k of this value.
 """
 
 ENCODER_ECCENTRICITY = pair(

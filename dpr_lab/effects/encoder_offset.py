@@ -1,4 +1,4 @@
-"""Encoder offset: the zero of an encoder differs from the angle that the rig file states."""
+"""Encoder offset: the zero of an encoder differs from the zero in the rig file."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, Params, at_arm
 from dpr_lab.effects.quantities import RigConstants
@@ -12,7 +12,7 @@ def shifted(offset_rad: float) -> float:
 
 
 def remedy(params: Params, rig: RigConstants, joint: int) -> str:
-    """Text that describes how to correct the zero of an encoder."""
+    """Describe how to correct the zero of an encoder."""
     offset = f"{1e3 * params['offset_rad']:.3g} mrad"
     return (
         f"set the zero of encoder {joint + 1} again while the rods hang at rest, or subtract {offset} from its readings"
@@ -68,8 +68,8 @@ ENCODER_OFFSET_JOINT2 = Effect(
         "While the rods hang at rest, the reading of encoder 2 is not zero; its value is the same in every recording."
     ),
     bench_check=(
-        "Remove the outer rod and turn it by 180 degrees about its long axis: the zero of the encoder does"
-        " not change, an offset of the centre of mass changes its side."
+        "Remove the outer rod, turn it by 180 degrees about its long axis, mount it again and read encoder 2 at rest:"
+        " a zero error does not change, the effect of an offset of the centre of mass changes sign."
     ),
     source=_SOURCE,
 )

@@ -1,4 +1,4 @@
-"""Encoder scale error: wrong counts per turn, from a belt, a gear or a wrong number in the rig file."""
+"""Encoder scale error: incorrect counts per turn, due to a belt, a gear or an incorrect number in the rig file."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, at_arm, pair
 from dpr_lab.effects.quantities import EncoderReading, RigConstants
@@ -18,10 +18,10 @@ def stretched(encoder: EncoderReading, excess: float) -> float:
 
 
 def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -> str:
-    """Text that describes how to correct the counts per turn of an encoder.
+    """Describe how to correct the counts per turn of an encoder.
 
-    A relative error above `exact` is too large for a tolerance. The text then names the common encoder with the
-    corrected number of counts. If there is no such encoder, the text states that another cause is probable.
+    A relative error above `exact` cannot be a tolerance. The text then names the common encoder with the corrected
+    number of counts. If there is no such encoder, the text states that another cause is probable.
     """
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])
@@ -35,7 +35,7 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
 
 
 def usual_counts(counts: float, near: float = 2e-3) -> int | None:
-    """Counts per turn of the nearest common encoder; None if its relative distance is `near` or more."""
+    """Counts per turn of the common encoder nearest to `counts`; None if the relative difference is `near` or more."""
     nearest = min((4 * lines for lines in USUAL_LINES), key=lambda usual: abs(usual / counts - 1.0))
     return nearest if abs(nearest / counts - 1.0) < near else None
 

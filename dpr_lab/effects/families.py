@@ -1,4 +1,4 @@
-"""Families of effects with one cause: the effects of a geared drive on a joint."""
+"""Families of effects that have a common cause, such as the effects of a geared drive at a joint."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """One component of the rig that causes several effects."""
+    """Component of the rig that causes several effects."""
 
     name: str
     words: str
@@ -20,9 +20,9 @@ class Family:
     """Effects that the component always causes, of any size, and that a free swing can show."""
 
     def among(self, effects: Collection[str]) -> tuple[str, ...]:
-        """The given effects that belong to this family.
+        """Select the given effects that belong to this family.
 
-        The result is empty unless at least two effects belong to the family and one of them is specific to it.
+        The result is empty unless at least two of the effects belong to the family, one of which is specific to it.
         """
         parts = tuple(name for name in effects if name in self.parts)
         return parts if len(parts) > 1 and set(parts) & set(self.marks) else ()

@@ -1,4 +1,4 @@
-"""Generation of source code: all effects of a stage in one compiled function, for any set of active effects."""
+"""Generate the source code of functions that evaluate all effects of a stage, for any set of active effects."""
 
 import inspect
 import linecache

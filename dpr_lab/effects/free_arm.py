@@ -1,4 +1,4 @@
-"""The free or driven arm of a rig: part of every model of its recordings, and not a fault."""
+"""Free or driven arm: it is part of every model of its recordings, and is not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import ArmModel, RigConstants

@@ -1,4 +1,4 @@
-"""Free-form friction curve: friction that increases with speed, by non-negative increments between fixed speeds.
+"""Free-form friction curve: friction torque that increases with speed, piecewise linearly between fixed speeds.
 
 The friction at rest may differ between the two directions, as for a skewed seal or a preloaded bearing.
 """
@@ -32,7 +32,7 @@ def curve(
     rise3_Nm: float,
     rise4_Nm: float,
 ) -> float:
-    """Friction torque on the rod after the joint, N m: a step at rest, then one ramp between successive speeds.
+    """Friction torque on the following rod, N m: a step at rest, and one ramp between successive speeds.
 
     Fast swings reach the last speed, 8 rad/s. Above it only viscous friction increases.
     """
@@ -54,8 +54,8 @@ FRICTION_CURVE = pair(
     twins=("stribeck",),
     equation=(
         "tau = -sgn(u) (F + sum_k rise_k ramp_k(|u|)), F = forward for u > 0 and backward for u < 0, each ramp_k going"
-        " from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}; at rest the torque that holds it,"
-        " up to F"
+        " from 0 to 1 between two of the speeds 0, 0.3, 1, 3, 8 rad/s of joint {j}; at rest tau balances the other"
+        " torques, up to |tau| = F"
     ),
     parameters=tuple(
         EffectParameter(f"{name}_Nm", "N m", 5e-4, "positive", label=label) for name, label in _LABELS.items()
@@ -69,8 +69,8 @@ FRICTION_CURVE = pair(
         BenchQuantity("rise of the friction torque from 0 to 0.3 rad/s", "rise_1", ("rise1_Nm",)),
     ),
     symptom=(
-        "The sum of constant and viscous friction does not fit large and small swings together: the loss at joint"
-        " {j} is another function of the speed, or differs between the directions."
+        "Coulomb and viscous friction together do not fit both large and small swings: the friction torque of"
+        " joint {j} is another function of the speed, or differs between the directions."
     ),
     bench_check=(
         "Drive joint {j} at constant speeds with a falling weight, or compare the decay of swings of"

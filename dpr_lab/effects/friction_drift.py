@@ -1,4 +1,4 @@
-"""Drift of viscous friction during a swing: grease that warms up, a seal that runs in."""
+"""Drift of viscous friction during a swing, for example because grease warms up or a seal runs in."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def drifting(joint: Joint, rate_Nm_per_rad: float) -> float:
-    """Torque -r t u on the rod after the joint, N m; t is the time since the release, u the speed of the joint."""
+    """Torque -r t u on the following rod, N m; t is the time since the release, u the speed of the joint."""
     return -rate_Nm_per_rad * joint.t * joint.speed
 
 
@@ -29,8 +29,8 @@ FRICTION_DRIFT = pair(
     stage="torque",
     quantities=(BenchQuantity("drift rate of the viscous friction coefficient", "r", ("rate_Nm_per_rad",)),),
     symptom=(
-        "Late swings of a recording are damped more, or less, than earlier swings of the same amplitude. For"
-        " example, the grease warms up."
+        "Late swings of a recording are damped more, or less, than earlier swings of the same amplitude, for example"
+        " because the grease warms up."
     ),
     bench_check=(
         "After the last release, let the rods hang for ten minutes and repeat the first release: if the friction of"

@@ -17,7 +17,7 @@ def stopped(joint: Joint, stiffness_Nm_per_rad: float, range_rad: float) -> floa
 def within_turns(params: Params, *, most_rad: float = 3 * math.pi) -> bool:
     """Whether the range ends within one and a half turns.
 
-    A torque that starts only after many turns follows another law.
+    A torque that starts only after more turns is not that of a stop.
     """
     return params.get("range_rad", 0.0) <= most_rad
 
@@ -42,6 +42,6 @@ HARD_STOP_JOINT0 = Effect(
     ),
     quantities=(BenchQuantity("stiffness of the stop", "K", ("stiffness_Nm_per_rad",)),),
     symptom="The arm stops or bounces back at the same angle each time.",
-    bench_check="Turn the arm by hand to either side: it hits the stop, or its cable tightens, at the stated range.",
+    bench_check="Turn the arm by hand to either side: it hits the stop, or its cable tightens, at the estimated range.",
     source="Penalty contact: Gilardi & Sharf (2002), Literature survey of contact dynamics modelling, MMT 37.",
 )

@@ -1,4 +1,4 @@
-"""Presliding (Dahl) friction: before sliding, a bearing or a cable is elastic like a spring."""
+"""Presliding (Dahl) friction: before a bearing or a cable slides, it deflects elastically like a spring."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, InternalState, at_arm, pair, shape
 from dpr_lab.effects.elementary import exp, tanh
@@ -23,7 +23,7 @@ def deflected(presliding: float, displacement: float, length_rad: float) -> floa
 
 @inlined
 def dahl(joint: Joint, presliding: float, torque_Nm: float, length_rad: float) -> float:
-    """Friction torque -F z on the rod after the joint, N m, with the presliding state z after the displacement."""
+    """Friction torque -F z on the following rod, N m, with the presliding state z after the displacement."""
     return -torque_Nm * deflected(presliding, joint.displacement, length_rad)
 
 
@@ -50,8 +50,8 @@ HYSTERESIS = pair(
     dissipative=True,
     quantities=(BenchQuantity("friction torque at which presliding ends", "F", ("torque_Nm",)),),
     symptom=(
-        "The last swings become faster as they become smaller; a light push at rest springs back instead of moving"
-        " joint {j}."
+        "The frequency of the last swings increases as their amplitude decreases; after a light push at rest, joint {j}"
+        " springs back."
     ),
     bench_check=(
         "Record the last small swings until joint {j} rests: with presliding the frequency increases as the"

@@ -1,4 +1,4 @@
-"""Input delay: known torques act later than they were logged."""
+"""Input delay: known torques act later, or earlier, than their time stamps."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined

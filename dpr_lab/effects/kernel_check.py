@@ -1,4 +1,4 @@
-"""Test compilation of the kernels of a plugin's effect, before the kernels are compiled together with all others."""
+"""Compile the kernels of a plugin's effect for a test, before they are compiled together with all others."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -30,10 +30,10 @@ QUANTITIES: dict[str, Any] = {
 
 
 def compile_errors(effect: Effect) -> Iterator[str]:
-    """One sentence for each kernel that cannot be compiled or returns a wrong type.
+    """Describe each kernel that cannot be compiled, or that returns another type than its stage requires.
 
-    A kernel returns a number. A kernel of the stages `torque` and `load` without the argument `joint` returns `Terms`.
-    The names of effects whose kernels compile are stored on disk.
+    A kernel must return a number, or `Terms` in the stages `torque` and `load` without the argument `joint`. The names
+    of effects whose kernels compile are stored on disk.
     """
     mark = CACHE / f"checked-{effect.name}" if CACHE is not None else None
     if mark is not None and mark.exists():
@@ -64,7 +64,7 @@ def _error(kernel: Callable[..., Any], effect: Effect) -> str:
 
 
 def _place(kernel: Callable[..., Any], message: str) -> str:
-    """Place of an error as file and line; without one in the message, the place of the kernel."""
+    """File and line of an error; if the message does not contain them, file and line of the kernel."""
     code = kernel.__code__
     lines = re.findall(r'File "([^"]+)", line (\d+)', message) or [(code.co_filename, str(code.co_firstlineno))]
     return f"{lines[-1][0].rpartition('/')[2]}, line {lines[-1][1]}: "

@@ -1,4 +1,4 @@
-"""Latency of joint 2 relative to joint 1."""
+"""Latency of encoder 2, or of the arm's encoder, relative to encoder 1."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter, at_arm
 from dpr_lab.kernels import inlined
@@ -29,8 +29,8 @@ LATENCY_JOINT2 = Effect(
         " zero at the turning points."
     ),
     bench_check=(
-        "Swap the two encoder cables at the board and repeat: a delay of the electronics changes its sign; or"
-        " latch both counters on one edge."
+        "Swap the two encoder cables at the board and repeat: a delay of the electronics changes its sign. Or latch"
+        " both counters on one edge and repeat: the delay vanishes."
     ),
     source=(
         "Polled buses read one encoder after the other; a delay that both encoders share is not visible in a free"

@@ -1,8 +1,8 @@
 """Maximum sizes of effects on a rig, relative to its gravity torques, inertias, lengths and encoders.
 
-For example, the Coulomb friction of a swinging rod is less than its gravity torque. A larger fitted size has another
-cause. The limits depend only on the best known values of the rig file. They bound every fit and every score test. A
-third of a limit is the standard deviation of a normal prior of the size.
+For example, the Coulomb friction of a swinging rod is less than its gravity torque. A larger fitted value therefore
+indicates another cause. The limits depend only on the best known values of the rig file. They bound every fit and every
+score test. One third of a limit is the standard deviation of the normal prior of an amplitude.
 """
 
 import math
@@ -18,7 +18,7 @@ from dpr_lab.effects.rig_scales import LIMITS, RigScales, scales
 
 
 def limit_words(parameter: EffectParameter) -> str:
-    """Text that describes the limit of an amplitude."""
+    """Describe the limit of an amplitude."""
     if math.isfinite(parameter.most):
         return f"{parameter.most:.3g} {parameter.unit}".removesuffix(" 1")
     return LIMITS[parameter.limit or parameter.unit][0]
@@ -44,10 +44,10 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
 
 
 def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
-    """Effects whose fitted sizes are implausible: near a limit, or impossible together. Another cause is then probable.
+    """Effects whose fitted sizes are implausible: at a limit, or not possible together.
 
-    A limit of the equation itself, within the scale of the prior, is not evidence of another cause. An example is the
-    share 1 of a saturated drive.
+    Another cause is then probable. This does not apply to limits that follow from the equation and lie within the scale
+    of the prior, such as the share 1 of a saturated drive.
 
     Args:
         params: (SIZE,) parameters of all effects

@@ -1,4 +1,4 @@
-"""Load-dependent friction: proportional to the force on the bearing."""
+"""Load-dependent friction: Coulomb friction proportional to the force on the bearing."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint
@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def loaded(joint: Joint, friction_radius_m: float) -> float:
-    """Friction torque -mu r |N| sgn(u) on the rod after the joint, N m; |N| is the joint force."""
+    """Friction torque -mu r |N| sgn(u) on the following rod, N m; |N| is the magnitude of the joint force."""
     return -friction_radius_m * joint.force * joint.direction
 
 
@@ -16,8 +16,8 @@ LOAD_FRICTION = pair(
     words="load-dependent friction, joint {j}",
     kernel=loaded,
     equation=(
-        "tau = -mu r |N| sgn(u) with N the force on joint {j} and u its speed; at rest the torque that"
-        " holds it, up to mu r |N|"
+        "tau = -mu r |N| sgn(u) with N the force on joint {j} and u its speed; at rest tau balances the other"
+        " torques, up to |tau| = mu r |N|"
     ),
     parameters=(EffectParameter("friction_radius_m", "m", 1e-4, "positive"),),
     stage="load",
@@ -32,7 +32,7 @@ LOAD_FRICTION = pair(
         "Fast swings lose more than Coulomb friction explains, because the centripetal force loads the bearing of"
         " joint {j}."
     ),
-    bench_check="Attach a known mass to the rod and repeat: load-dependent friction of joint {j} increases with it.",
+    bench_check="Attach a mass to the rod and repeat: load-dependent friction of joint {j} increases with the mass.",
     source=(
         "Duclos et al. (2024), BAM: better actuator models, arXiv 2410.08650, load-dependent friction; the"
         " joint force is computed without this friction, whose influence on it is small."

@@ -9,14 +9,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, time_s: float) -> float:
-    """Error of the readings of one joint after an instant of one run, rad."""
+    """Error of a reading, rad: a constant for one joint after one instant of one run, otherwise zero."""
     if encoder.number != round(joint) or encoder.run != round(run) or encoder.t < time_s:
         return 0.0
     return 2.0 * math.pi / encoder.counts_per_rev * counts
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]]:
-    """Shape parameters to try: joint, run and instant of each apparent step in the readings."""
+    """Propose joint, run and instant of each apparent step in the readings as shape parameters."""
     return [{"joint": 1.0 + joint, "run": float(run), "time_s": t} for joint, run, t in recorded.steps()]
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from dpr_lab.kernels import inlined
 
 SMOOTHING = 0.02
-"""Speed scale of the transition to sliding, rad/s, if the friction law does not define one.
+"""Speed scale, rad/s, at which a smoothed friction torque changes sign, if the friction law defines none.
 
 The value is far below the speeds of any swing.
 """
@@ -64,7 +64,7 @@ class Motion(NamedTuple):
     sin2: float
     cos2: float
     displacement1: float
-    """Rotation of joint 1 since the start of the step, rad."""
+    """Rotation of joint 1 since the start of the integration step, rad."""
     displacement2: float
     force1: float
     """Force on joint 1, N; 0 outside the stage `load`."""
@@ -159,7 +159,7 @@ def joint2(motion: Motion) -> Joint:
 
 @inlined
 def yielding(joint: Joint, push: float) -> Joint:
-    """The joint at rest, with the direction in which the torque `push` would make it slide."""
+    """Return the joint at rest, with the direction in which the torque `push` would make it slide."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
 
 

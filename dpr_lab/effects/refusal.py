@@ -1,4 +1,4 @@
-"""Reasons to refuse an effect of a plugin: wrong arguments or results of its kernel, wrong units or names."""
+"""Check the effect of a plugin: arguments of its kernel, and names and units of its parameters."""
 
 import math
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from dpr_lab.effects.stages import STAGES, StageName
 
 
 def refusal(effect: Effect) -> str:
-    """Text with the reasons to refuse an effect; empty if the effect can be used."""
+    """Describe why an effect is refused; empty if the effect can be used."""
     return "; ".join(list(_reasons(effect)) or compile_errors(effect))
 
 

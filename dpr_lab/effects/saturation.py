@@ -1,4 +1,4 @@
-"""Saturation of a drive that is not logged: the command exceeds the maximum torque."""
+"""Unlogged saturation of a drive: the logged command exceeds the torque that the drive can produce."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter, shape
 from dpr_lab.kernels import inlined
@@ -6,14 +6,14 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def clipped(torque: float, share: float, limit_Nm: float) -> float:
-    """Change of the known torque, N m: minus a share of the excess over the limit."""
+    """Difference between acting and known torque, N m: minus a fraction of the excess over the limit."""
     return share * (min(max(torque, -limit_Nm), limit_Nm) - torque)
 
 
 SATURATION_JOINT0 = Effect(
     name="saturation_joint0",
     words="unlogged saturation of the drive, joint 0",
-    equation="tau + x (clip(tau, -T, T) - tau) acts on the arm where its input is known; x = 1: saturated at T",
+    equation="tau + x (clip(tau, -T, T) - tau) acts on the arm instead of the known torque tau; x = 1: saturated at T",
     parameters=(
         EffectParameter("share", "1", 0.1, "positive", most=1.0, plausible=1.0),
         shape("limit_Nm", "N m", 0.01, tuple(1e-4 * 1.6**k for k in range(20)), draw=(0.005, 0.05), continuous=True),

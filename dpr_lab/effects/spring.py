@@ -1,4 +1,4 @@
-"""Cable spring: a cable or hose across a joint, with a rest angle of its own."""
+"""Cable spring: elastic torque of a cable or hose across a joint, with any rest angle."""
 
 import math
 
@@ -9,10 +9,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float, constant_Nm: float) -> float:
-    """Torque C - k q - k3 q^3 on the rod after the joint, N m.
+    """Torque C - k q - k3 q^3 on the following rod, N m.
 
-    A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3. Its remaining term 3 K3
-    q0 q^2 is neglected, so that the torque is linear in all amplitudes. A twisted hose has C only.
+    A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3. The remaining term 3 K3
+    q0 q^2 is neglected, so that the torque is linear in all amplitudes. For a twisted hose, only C differs from zero.
     """
     return constant_Nm - (stiffness_Nm_per_rad + cubic_Nm_per_rad3 * joint.angle * joint.angle) * joint.angle
 
@@ -35,9 +35,8 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
 
     C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below the fraction
     `tolerance` of this bound is rejected, for example a constant torque with only a hardening term. The tolerance
-    covers the neglected term and the error of the fit. A softening spring must still attract at deflections up to
-    `small_rad`; without stiffness it would repel. A softening term below a tenth of the constant torque counts as an
-    error of the fit.
+    covers the neglected term and the error of the fit. The torque of a softening spring must still be restoring at
+    deflections up to `small_rad`. A softening term below a tenth of the constant torque counts as an error of the fit.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     least = tolerance * 1.5 * math.cbrt(4.0 * max(cubic, 0.0) * constant**2)

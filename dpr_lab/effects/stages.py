@@ -1,8 +1,8 @@
 """Stages: points in the chain from torques to encoder counts at which effects act, one row of `STAGES` each.
 
 Scalar code (`dpr_lab.effects.effect_kernels`, one rig) and lane code (`dpr_lab.dynamics.lanes.effects`, many candidates
-side by side) are both generated from these rows. They differ only in their notation of names: the scalar version uses
-an argument or a local variable, the lane version uses a row of the workspace.
+in parallel) are both generated from these rows. They differ only in their notation of names: the scalar version uses an
+argument or a local variable, the lane version uses a row of the workspace.
 
     stage       quantities of a kernel             returns
     torque      joint                              torque of its joint on the following rod, N m
@@ -45,7 +45,7 @@ StageName = Literal[
 """Name of the stage at which the kernel of an effect is called."""
 
 Combine = Callable[[int, Collection[str]], tuple[str, ...]]
-"""(number of the joint, arguments of the kernel) -> statements that combine the kernel's value `x` with the results."""
+"""Function (joint, arguments of the kernel) -> statements that combine the kernel's value `x` with the results."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,9 +59,9 @@ class Stage:
     arguments: str
     """Arguments of the scalar version, before `params` and `active`."""
     quantities: Mapping[str, str]
-    """Argument of a kernel -> expression of its value."""
+    """Expressions of the values of the kernel arguments, by argument."""
     results: Mapping[str, str]
-    """Result -> its value without effects. The caller of the lane version fills the rows of results with this value."""
+    """Values of the results without effects. In the lane version, the caller fills the rows of results with them."""
     combine: Combine
     returns: str = ""
     """Expression returned by the scalar version; empty: all results."""
@@ -230,7 +230,7 @@ STAGES: dict[str, Stage] = {
         states="old_internal",
     ),
 }
-"""Name of each stage -> its definition."""
+"""Definitions of the stages by name."""
 
 PER_JOINT = ("timing", "encoder")
 """Stages whose kernels are called for each joint of an effect; all others are called for the first joint only."""

@@ -1,4 +1,4 @@
-"""Stribeck friction: Coulomb friction that is larger near standstill than in motion."""
+"""Stribeck friction: dry friction that is larger near zero speed than at higher speeds."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair, shape
 from dpr_lab.effects.elementary import exp
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stribeck(joint: Joint, torque_Nm: float, extra_at_rest_Nm: float, speed_rad_per_s: float) -> float:
-    """Friction torque -(F + S exp(-(u / u_s)^2)) sgn(u) on the rod after the joint, N m."""
+    """Friction torque -(F + S exp(-(u / u_s)^2)) sgn(u) on the following rod, N m."""
     ratio = joint.speed / speed_rad_per_s
     return -(torque_Nm + extra_at_rest_Nm * exp(-ratio * ratio)) * joint.direction
 
@@ -21,8 +21,8 @@ STRIBECK = pair(
     adds="extra_at_rest_Nm",
     twins=("friction_curve",),
     equation=(
-        "tau = -(F + S exp(-(u / u_s)^2)) sgn(u) with u the speed of joint {j}; at rest the torque that holds it, up"
-        " to F + S"
+        "tau = -(F + S exp(-(u / u_s)^2)) sgn(u) with u the speed of joint {j}; at rest tau balances the"
+        " other torques, up to |tau| = F + S"
     ),
     parameters=(
         EffectParameter("torque_Nm", "N m", 1e-3, "positive"),

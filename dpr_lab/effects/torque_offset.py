@@ -1,4 +1,4 @@
-"""Torque offset: the torque of a drive differs from the known torque by a constant, also at zero command."""
+"""Torque offset: the torque of a drive differs from the known torque by a constant, even at zero command."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.kernels import inlined
@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_Nm: float) -> float:
-    """Torque in addition to the known torque, N m: the constant offset."""
+    """Difference between acting and known torque, N m: the constant offset."""
     return offset_Nm
 
 
@@ -33,7 +33,7 @@ TORQUE_OFFSET = pair(
 TORQUE_OFFSET_JOINT0 = at_arm(
     TORQUE_OFFSET[0],
     nested=(),
-    equation="tau + C acts on the arm where its torque, current or voltage is known, while the drive is on",
+    equation="tau + C acts on the arm while the drive is on, with tau the known torque",
     symptom="The arm creeps or leans to one side while the drive is on with an input of zero.",
     bench_check=(
         "Command zero and measure the motor's current or voltage: this value is the offset. A torque that remains with"

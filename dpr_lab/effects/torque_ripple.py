@@ -1,4 +1,4 @@
-"""Torque ripple: the torque constant of a drive changes with the angle of its rotor."""
+"""Torque ripple: the torque constant of a drive depends on the angle of its rotor."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair, shape
 from dpr_lab.effects.elementary import sincos
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rippled(torque: float, joint: Joint, cos_share: float, sin_share: float, order: float) -> float:
-    """Additional torque, N m: proportional to the known torque, and periodic in the joint angle."""
+    """Difference between acting and known torque, N m: proportional to the torque, and periodic in the joint angle."""
     sin, cos = sincos(order * joint.angle)
     return torque * (cos_share * cos + sin_share * sin)
 
@@ -45,7 +45,7 @@ TORQUE_RIPPLE = pair(
 
 TORQUE_RIPPLE_JOINT0 = at_arm(
     TORQUE_RIPPLE[0],
-    equation="tau (1 + A cos(N q) + B sin(N q)) acts on the arm where its input is known, q its angle",
+    equation="tau (1 + A cos(N q) + B sin(N q)) acts on the arm, with tau the known torque and q the angle of the arm",
     symptom=(
         "Under a constant input the acceleration of the arm varies periodically with its angle; without an input it"
         " does not."

@@ -1,4 +1,4 @@
-"""Torque constant error: a drive's torques were computed with a wrong torque constant."""
+"""Torque constant error: the known torques of a drive were computed with an incorrect torque constant."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rescaled(torque: float, excess: float) -> float:
-    """Torque in addition to the known torque, N m: `excess` times the known torque."""
+    """Difference between acting and known torque, N m: `excess` times the known torque."""
     return excess * torque
 
 
@@ -41,16 +41,16 @@ _JOINT1, _JOINT2 = pair(
 )
 
 TORQUE_SCALE = [replace(_JOINT1, twins=(_JOINT2.name,)), replace(_JOINT2, twins=(_JOINT1.name,))]
-"""Torque constant errors of joints 1 and 2. Each is the twin of the other.
+"""Torque constant errors of joints 1 and 2; the two effects are indistinguishable alternatives.
 
-An equal error of both joints is the common scale of the rig. Only the ratio of the two errors is therefore
-identifiable.
+An equal error of both joints only changes the common scale of the rig. Only the ratio of the two gains 1 + x is
+therefore identifiable.
 """
 
 TORQUE_SCALE_JOINT0 = at_arm(
     _JOINT1,
     twins=(),
-    equation="(1 + x) tau acts on the arm where its torque, current or voltage is known",
+    equation="(1 + x) tau acts on the arm, with tau the known torque",
     symptom="The residual of the arm is proportional to the input, and vanishes without an input.",
     bench_check=(
         "Hold the arm's tip against a spring scale and command a steady input: force times length over the input is"

@@ -1,4 +1,4 @@
-"""Accepted units of amplitudes, and conversion to the unit of the library."""
+"""Parse numbers with units, and convert them to the units of the library."""
 
 import math
 import re
@@ -29,7 +29,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "1": {"%": 1e-2, "ppm": 1e-6, "1": 1.0},
     "counts": {"counts": 1.0, "count": 1.0},
 }
-"""Unit of a parameter -> accepted unit, without spaces and signs -> conversion factor to the unit of the parameter."""
+"""Conversion factors to the unit of a parameter, by this unit and by accepted unit (without spaces and signs)."""
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf(?:inity)?)\b)(.*)", re.IGNORECASE)
 _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "°": "deg", "*": "", "·": "", "⋅": "", "^": ""})
@@ -58,7 +58,8 @@ def read_quantity(text: str, unit: str, example: str) -> float:
         example: accepted number with its unit, for the message
 
     Raises:
-        ValueError: no number, no unit, or a unit of another quantity; the message lists the accepted units.
+        ValueError: the number or the unit is missing, or the unit belongs to another quantity; the message lists the
+            accepted units.
     """
     number, written = split_quantity(text)
     given, expected = _normal(written), _normal(unit)

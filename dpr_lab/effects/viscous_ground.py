@@ -1,4 +1,4 @@
-"""Viscous friction of the outer rod relative to the ground instead of the inner rod."""
+"""Viscous friction of the outer rod that acts relative to the ground, not to the inner rod."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Motion, Terms, torques
@@ -25,9 +25,7 @@ VISCOUS_GROUND = Effect(
     quantities=(
         BenchQuantity("viscous friction coefficient of the outer rod relative to the ground", "c", ("friction_Nms",)),
     ),
-    symptom=(
-        "The energy loss of the outer rod depends on its absolute speed, so it occurs even if joint 2 does not turn."
-    ),
+    symptom="The outer rod loses energy according to its absolute speed, even while joint 2 does not turn.",
     bench_check=(
         "Tape a light card to the outer rod: air drag increases by a factor of several, joint friction does not. A"
         " release from upright covers the speeds at which linear and quadratic drag differ."

@@ -1,1 +1,1 @@
-"""Estimation from a recording: noise, velocities, rest and motion."""
+"""Estimate noise, velocities, and intervals of rest from a recording, without a model of the rig."""

@@ -1,4 +1,4 @@
-"""Motion of an arm from its encoder, by a smoothing spline with generalised cross-validation."""
+"""Estimate the motion of an arm from its encoder, by a smoothing spline with generalised cross-validation."""
 
 import numpy as np
 
@@ -13,14 +13,14 @@ FEWEST = 5
 
 
 def prescribed_arm(t: Array, theta0: Array, rig: Rig, name: str) -> ArmMotion:
-    """Motion of a prescribed arm, whose length the rig file must state; arguments and errors as for `arm_motion`."""
+    """Estimate the motion of a prescribed arm as `arm_motion` does; L0 must be in the rig file."""
     if "L0" not in rig.rig.model_fields_set:
         raise RunError(f"{name}: a moving arm needs its length L0 in [rig]")
     return arm_motion(t, theta0, name)
 
 
 def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
-    """Motion of the inner rod of a run with prescribed joint 1; arguments and errors as for `arm_motion`."""
+    """Estimate the motion of a prescribed inner rod; arguments and errors as for `arm_motion`."""
     if not np.ptp(theta1) > 0.0:
         raise RunError(
             f"{name}: joint 1 is prescribed, but stands still. If only the outer rod is mounted, use --rods outer"
@@ -29,11 +29,11 @@ def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
 
 
 def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> ArmMotion:
-    """Motion of the arm, or of another prescribed joint, from its readings.
+    """Estimate the motion of the arm, or of another prescribed joint, from its readings.
 
-    The spline minimises squared errors plus the squared second derivative, with a weight by generalised
-    cross-validation (Woltring 1986, A Fortran package for generalized, cross-validatory spline smoothing and
-    differentiation).
+    The spline minimises the sum of squared errors plus the integral of the squared second derivative. The weight of the
+    second term is determined by generalised cross-validation (Woltring 1986, A Fortran package for generalized,
+    cross-validatory spline smoothing and differentiation).
 
     Args:
         t: (n,) instants, s
@@ -42,7 +42,7 @@ def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> Arm
         angle: name of the angle for messages
 
     Raises:
-        RunError: too few readings, or an angle that was not measured.
+        RunError: there are too few readings, or the angle was not measured in every row.
     """
     from scipy.interpolate import make_smoothing_spline
 

@@ -1,4 +1,4 @@
-"""Chain of integrators driven by white noise: a motion model of one rod that requires no knowledge of the rig."""
+"""Chain of integrators driven by white noise: a kinematic model of one rod, without parameters of the rig."""
 
 import math
 
@@ -12,7 +12,7 @@ SAME_INTERVAL = 1e-8
 
 @njit
 def fill_chain(interval: float, f: Array, q: Array) -> None:
-    """Exact transition matrix and process noise over an interval, for unit strength of the noise, in place.
+    """Compute the exact transition matrix and process noise over an interval in place, for noise of unit strength.
 
         f_ij = h^(j-i) / (j-i)!,    q_ij = h^(l+r+1) / (l! r! (l+r+1)),    l = CHAIN-1-i,  r = CHAIN-1-j
 

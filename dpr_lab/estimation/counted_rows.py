@@ -1,13 +1,13 @@
-"""Rows that a logger sends whenever an encoder counts: each row gives the instant at which a rod passes an edge.
+"""Detect tables with one row per encoder count; the angle of such a row is that of the edge between two counts.
 
 An encoder counts at the edge between two counts n and n + 1. The row is sent with the new count. At this instant the
 rod is at the lower end of count n + 1 if it moves up, and at the upper end of count n if it moves down:
 
     theta = (theta_before + theta_read) / 2
 
-with theta_before the reading of the previous row. The angle of an edge has no rounding error. The count itself would
-have an error of half a count that changes sign with the direction of motion, like the torque of dry friction. The other
-encoders of such a row are within their counts, and the mean does not change them.
+with theta_before the reading of the previous row. The angle of an edge has no rounding error. In contrast, the count
+itself has an error of half a count, with a sign that depends on the direction of motion, like the torque of dry
+friction. The readings of the other encoders are equal in both rows, so the mean does not change them.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Detection of held rods: intervals of a recording in which the rods rest although free rods would move."""
+"""Detect intervals of a recording in which the rods are held: they are at rest although free rods would move."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ class HeldSettings:
     own_zero_s: float = 0.05
     """Maximum time from t = 0 of a table to the first visible motion for which t = 0 counts as the release, s.
 
-    The start of a slow fall becomes visible late.
+    The start of a slow fall is visible only after a delay.
     """
     driven_share: float = 0.02
     """Fraction of the largest torque of the recording below which a torque counts as zero."""
@@ -307,8 +307,8 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 def _short_rest(motion: RodMotion, band: float) -> int:
     """Number of samples of a rest at the beginning that is shorter than a held interval; 0 without such a rest.
 
-    Rods that are released at t0 fall by alpha (t - t0)^2 / 2. The times t1 and t2 at which they have fallen by d and 4
-    d give t0 = 2 t1 - t2.
+    Rods that are released at t0 fall by alpha (t - t0)^2 / 2. From the times t1 and t2 at which they have fallen by d
+    and 4 d follows t0 = 2 t1 - t2.
     """
     t, n = motion.t, len(motion.t)
     waits = not _free(motion) and _hangs(motion.rods[:1])

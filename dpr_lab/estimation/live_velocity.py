@@ -1,4 +1,4 @@
-"""Angular velocities of both rods during a recording: a Kalman filter for one sample at a time.
+"""Estimate the angular velocities of both rods during a recording, sample by sample, by a Kalman filter.
 
 The motion model is that of `dpr_lab.estimation.velocity`: a chain of integrators driven by white noise in the fourth
 derivative of the angle. Internally, angles are in units of the noise and times in units of the filter's memory
@@ -52,7 +52,7 @@ class FilterUnits:
 
     @classmethod
     def of(cls, period: float, covariance: Array, snap: ArrayLike) -> "FilterUnits":
-        """Units for a filter.
+        """Choose the units of a filter.
 
         Args:
             period: sampling period, s
@@ -67,14 +67,14 @@ class FilterUnits:
         return cls(time, angle, covariance / np.outer(angle, angle), scaled)
 
     def scaled(self, snap: Array) -> Array:
-        """(..., 2) other strengths of process noise, rad^2/s^7, converted to these units."""
+        """Convert strengths of process noise (..., 2) from rad^2/s^7 to these units."""
         return snap * self.time ** (2 * CHAIN - 1) / self.angle**2
 
 
 class VelocityFilter:
     """Live Kalman filter for the speeds of both rods; `update` takes each sample as it arrives.
 
-    The creation of a filter imports filterpy, which takes up to seconds, so a filter should be created in advance.
+    Create a filter before the recording starts, because its creation imports filterpy, which can take some seconds.
 
     Args:
         covariance: (2, 2) noise of (theta1, theta2), rad^2

@@ -1,4 +1,4 @@
-"""Minimum content of a recording: number of samples, duration, and motion of both joints."""
+"""Check the minimum content of a recording: number of samples, duration, and motion of both joints."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class MotionSettings:
     duration_s: float = 0.35
     """Minimum duration after the release, s.
 
-    A segment takes 0.25 s and the initial state of a free run 0.3 s. The remainder is compared.
+    One segment takes 0.25 s, and the initial state of a free run is fitted to 0.3 s; the remainder is compared.
     """
     turn_rad: float = 0.01
     """Minimum range of an angle of a swinging rod, rad; a hanging rod that is touched moves by some milliradians."""
@@ -48,7 +48,7 @@ def refuse_without_motion(run: Run, rig: Rig) -> None:
 
     Raises:
         RunError: the run has too few samples or is too short, a joint is at rest, or the noise is as large as the
-        motion.
+            motion.
     """
     swing, name = run.swing, run.file or run.name
     duration = float(np.ptp(swing.t)) if len(swing.t) else 0.0

@@ -1,6 +1,6 @@
-"""Noise floor of recorded angles.
+"""Estimate the noise floor of recorded angles.
 
-A difference from a model that is smaller than the noise floor is not significant.
+A difference between model and readings is not significant if it is below the noise floor.
 """
 
 import math
@@ -35,17 +35,16 @@ class NoiseSettings:
     correlated: float = 4.0
     """Minimum autocorrelation of readings at rest that counts as significant, in standard errors."""
     most_alike: float = 0.98
-    """Maximum autocorrelation of the noise of readings. A larger value is due to the tremble of a hand that holds a
-    rod."""
+    """Maximum autocorrelation of the noise of readings. Larger values indicate a trembling hand."""
     wild: float = 8.0
     """Maximum deviation of a reading at rest, in standard deviations. A larger deviation is a fault of the logger.
 
     The standard deviation follows from the 90 % quantile of the absolute deviations.
     """
     on_grid: float = 0.7
-    """Minimum absolute mean of exp(2 pi i change / step) for a table whose readings are multiples of a step.
+    """Minimum absolute mean of exp(2 pi i change / step) for readings that count as multiples of a step.
 
-    The mean is zero for readings without a step.
+    The expected mean is zero for readings that are not rounded.
     """
     still_s: float = 0.1
     """Minimum time within one step for which rounding errors are dependent, s; a swing reverses faster."""
@@ -95,7 +94,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
         still: whether readings that stay within one step increase the estimate; not needed with `same_rounding`
 
     Raises:
-        RunError: too few samples.
+        RunError: there are too few samples.
     """
     source: Literal["rest", "differences"]
     joints = rig.encoders.joint_angles
@@ -121,9 +120,9 @@ def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
 
 
 def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
-    """Standard deviation of a reading of the arm's encoder, rad.
+    """Estimate the standard deviation of a reading of the arm's encoder, rad.
 
-    It comes from the rest if recorded, otherwise from differences.
+    The estimate uses the rest before the release if there is one, and otherwise high-order differences.
     """
     rest, swing = run.rest[:, 0], run.swing
     quiet = len(rest) >= NOISE.rest_samples
@@ -132,10 +131,10 @@ def arm_noise(run: Run, rig: Rig, *, still: bool = True) -> float:
 
 
 def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Array]:
-    """Readings that stay within one step, and the number of readings that share each rounding error.
+    """Find readings that stay within one step, and count the readings that share each rounding error.
 
-    If a controller balances a rod within one step, many samples have the same value. All these samples have the same
-    error of up to half a step, so together they contain the information of one reading.
+    If a controller balances a rod within one step, many successive samples are equal. They share one error of up to
+    half a step, so together they contain the information of one reading.
 
     Args:
         run: the recording
@@ -143,7 +142,7 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
         counts: (m,) counts of the encoders in the rig file, rad
 
     Returns:
-        (n, m) whether a reading stays within one step; (n, m) length of the sequence of equal readings there, else 1
+        (n, m) whether a reading stays within one step; (n, m) length of its sequence of equal readings there, else 1
     """
     steps = np.abs(counts) if run.counts is not None else _steps(readings, np.abs(counts))
     window = _still_window(run)
@@ -189,9 +188,9 @@ def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool)
 
 
 def _steps(readings: Array, counts: Array) -> Array:
-    """(m,) step of which the changes of the readings are multiples; 0 if there is none.
+    """(m,) rounding step: all changes of the readings are multiples of this step; 0 if there is none.
 
-    The step is a count of the rig or the smallest change.
+    A count of the rig and the smallest change are tried.
     """
     steps = np.zeros(readings.shape[1])
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
@@ -235,7 +234,7 @@ def difference_std(t: Array, values: Array) -> Array:
         (m,) standard deviations in the unit of the signals
 
     Raises:
-        RunError: fewer than seven samples without a gap.
+        RunError: there are fewer than seven samples without a gap.
     """
     if len(t) <= ORDER:
         raise RunError(f"{len(t)} samples are too few to estimate the noise: record at least {ORDER + 1}")
@@ -266,7 +265,7 @@ def difference_weights(windows: Array, period: float) -> Array:
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
-    """(2,) autocorrelation of the errors of joints 1 and 2 at rest, at a lag in samples; 0 if it is not significant.
+    """(2,) autocorrelation of the noise of joints 1 and 2 at a lag of `apart` samples; 0 if it is not significant.
 
     For white noise the estimate is 0 +- 1 / sqrt(n). A tracker or a filter causes a larger value. For a video the value
     is the autocorrelation of the lengths of the rods, modelled as a process of first order.

@@ -1,4 +1,4 @@
-"""Rows of a table that contain no new reading, because the logger writes faster than it reads.
+"""Find rows of a table that contain no new reading, because the logger writes faster than it reads.
 
 Two kinds of loggers write most readings several times:
 
@@ -32,7 +32,7 @@ class RepeatSettings:
     share: float = 0.2
     """Minimum share of rows with held readings for which all equal rows are removed.
 
-    A smaller share is detected by the diagnosis.
+    Smaller shares are left to the sensor screening of the diagnosis.
     """
     apart: float = 10.0
     """Minimum ratio of the time between bursts to the time between the rows of a burst."""
@@ -98,7 +98,7 @@ def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
 def _held(again: Flags, columns: Sequence[Array]) -> bool:
     """Whether most equal rows are held readings.
 
-    After a held reading the next reading is far away, in the direction of the motion.
+    A held reading is followed by a large change in the direction of the motion.
     """
     starts = np.flatnonzero(np.diff(again.astype(int), prepend=0) == 1) - 1
     ends = np.flatnonzero(np.diff(again.astype(int), append=0) == -1)

@@ -35,7 +35,7 @@ def smooth_chains(
     snap: Array,
     prior: Array,
 ) -> tuple[Array, Array, Array]:
-    """States of both rods at every instant, each estimated from all readings, in filter units.
+    """Estimate the states of both rods at every instant from all readings, in filter units.
 
     Args:
         t: (n,) increasing instants
@@ -76,7 +76,7 @@ def smooth_chains(
 
 @subroutine
 def _set_interval(interval: float, before: float, f: Array, q: Array) -> float:
-    """Interval for which f and q are valid after the call; they are recomputed only if the interval changes."""
+    """Recompute f and q if the interval has changed, and return the interval for which they are valid."""
     if abs(interval - before) <= SAME_INTERVAL * before:
         return before
     fill_chain(interval, f, q)

@@ -1,13 +1,13 @@
-"""Angular velocities of a recorded swing by a Kalman smoother.
+"""Estimate the angular velocities of a recorded swing by a Kalman smoother.
 
-Each rod is a chain of integrators driven by white noise in the fourth derivative of its angle,
+The model of each rod is a chain of integrators driven by white noise in the fourth derivative of its angle,
 
     d/dt (theta, omega, alpha, jerk) = (omega, alpha, jerk, w),    E[w(t) w(s)] = snap delta(t - s).
 
-This model requires no knowledge of the rig. Both rods share one state, because their measurement noise is correlated if
-the encoder of joint 2 is relative. Transition and process noise are exact for any interval, so uneven instants and gaps
-need no resampling. Accelerations vary within a swing and decay. Offline, the strength `snap` is therefore estimated by
-maximum likelihood, section by section (`tuned_snap`).
+This model requires no knowledge of the rig. Both rods are combined in one state vector, because their measurement noise
+is correlated if the encoder of joint 2 is relative. Transition matrix and process noise are exact for any interval, so
+uneven instants and gaps need no resampling. The size of the accelerations varies within a swing and decays. For a
+complete recording, the strength `snap` is therefore estimated by maximum likelihood in sections (`tuned_snap`).
 
 The filter has a memory of about T = (sigma^2 h / snap)^(1/8), with sigma the standard deviation of the noise and h the
 sampling interval. Internally, angles are in units of sigma and times in units of T, or of h if this is longer. All
@@ -35,16 +35,16 @@ class FilterSettings:
     """Settings for the estimate of the process noise."""
 
     memories: tuple[float, float, float] = (-1.0, 2.0, 0.25)
-    """Grid of memories, log10 of samples: first, last, step.
+    """Grid of the filter's memory T, log10 of T in samples: first, last, step.
 
     The grid covers fast swings at 30 Hz up to slow ones at 10 kHz.
     """
     section_s: float = 0.4
     """Length of a section with constant process noise, s: slightly less than half a period of a 0.4 m rod."""
     section_samples: int = 100
-    """Minimum number of samples of a section; such a section determines memories of up to ten samples."""
+    """Minimum number of samples of a section; it suffices to estimate a memory of up to ten samples."""
     memories_per_section: int = 10
-    """Minimum ratio of the length of a section to a memory that the section determines."""
+    """Minimum ratio of the length of a section to a memory that is estimated from the section."""
 
 
 SETTINGS = FilterSettings()
@@ -74,7 +74,7 @@ class Smoothed:
 
 
 def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smoothed:
-    """Angles and velocities of the swing by a forward and a backward pass (Rauch-Tung-Striebel).
+    """Estimate angles and velocities of the swing by a forward and a backward pass (Rauch-Tung-Striebel).
 
     Args:
         run: the run; only t >= 0 is used, because the release is not a smooth motion
@@ -82,7 +82,7 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
         snap: strength of the process noise, rad^2/s^7, as one number, (2,) or (n, 2); None: `tuned_snap` of this run
 
     Raises:
-        RunError: fewer than two samples of swing.
+        RunError: the swing has fewer than two samples.
     """
     t, theta, period = _swing(run)
     strengths = tuned_snap(run, noise) if snap is None else np.asarray(snap, dtype=np.float64)
@@ -99,10 +99,11 @@ def smooth(run: Run, noise: NoiseFloor, snap: ArrayLike | None = None) -> Smooth
 
 
 def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
-    """Maximum-likelihood strength of the process noise of each rod, section by section.
+    """Estimate the strength of the process noise of each rod by maximum likelihood, in sections.
 
-    The likelihood of each section is computed for each memory of a grid. A parabola through the neighbours refines its
-    maximum. Between the centres of sections the logarithm is interpolated. The noise of each rod is its marginal noise.
+    The likelihood of each section is computed for a grid of memories, and its maximum is refined by a parabola. The
+    logarithm of the strength is interpolated between the centres of sections. The measurement noise of each rod is its
+    marginal noise.
 
     Args:
         run: the run; only t >= 0 is used
@@ -112,7 +113,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
         (n, 2) strengths for each sample of the swing and each rod, rad^2/s^7
 
     Raises:
-        RunError: fewer than two samples of swing.
+        RunError: the swing has fewer than two samples.
     """
     t, theta, period = _swing(run)
     variance = np.diag(noise.covariance)

@@ -1,1 +1,1 @@
-"""Multiple shooting: segments with free initial states, fitted by the Gauss-Newton method."""
+"""Fit models to segments with free initial states (multiple shooting) by the Gauss-Newton method."""

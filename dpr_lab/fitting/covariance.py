@@ -10,7 +10,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Array:
-    """Consider covariance of the fitted values of a fit.
+    """Compute the consider covariance of the fitted values.
 
         f V + sum over changes c of s_c s_c^T,    V = (A^T A + f P)^-1,    s_c = V A^T c
 
@@ -18,7 +18,7 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 
     Args:
         fit: the fit
-        inflation: f, chi2 of one independent observation (variance inflation)
+        inflation: variance inflation factor f = n / n_eff, chi2 per independent observation
         changes: (segments, m) whitened changes of the readings, one standard deviation each
 
     Returns:
@@ -36,7 +36,7 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 
 
 def shifted(fit: Fit, change: Array) -> Array:
-    """(free,) change of the fitted values if the predicted readings change by `change`, (segments, m) whitened."""
+    """(free,) change of the fitted values if the predicted readings change by the whitened `change` (segments, m)."""
     A, change_of_all = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
     change_of_all[fit.inside] = -_shift(_inner(fit, 1.0), A, change)
     return change_of_all

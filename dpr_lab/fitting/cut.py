@@ -1,4 +1,4 @@
-"""Division of samples into segments with free initial states, so that chaos does not dominate a fit.
+"""Divide samples into segments with free initial states, so that chaos does not dominate a fit.
 
 After a release from near upright an initial error grows by a factor of 2e4 within 5 s. Over a segment of 0.25 to 2 s
 the growth is small, and the initial state is estimated together with the parameters (multiple shooting).
@@ -21,7 +21,7 @@ Fewer samples contain no information about a model.
 
 
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
-    """Segments of about equal length that cover the samples between breaks; segments too short for a fit are omitted.
+    """Cut samples into segments of about equal length that do not span breaks; too short segments are omitted.
 
     If samples are sparse, segments are longer than requested.
 
@@ -42,14 +42,14 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
 
 
 def partition(run: Run, length: float) -> list[slice]:
-    """Segments of about equal length that cover a run from the release on; a segment may contain gaps.
+    """Cut a run into segments of about equal length from the release on; a segment may contain gaps.
 
     Args:
         run: the run from the release on
         length: nominal length of a segment, s
 
     Raises:
-        RunError: fewer than `MIN_SAMPLES` samples.
+        RunError: the run has fewer than `MIN_SAMPLES` samples.
     """
     if len(run.t) < MIN_SAMPLES:
         raise RunError(f"{run.name}: {len(run.t)} samples after the release; at least {MIN_SAMPLES} are needed")
@@ -62,7 +62,7 @@ def partition(run: Run, length: float) -> list[slice]:
 
 
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
-    """Initial states for another division into segments, taken from segments with equal starts.
+    """Transfer initial states to another division into segments, for segments with the same first sample.
 
     Args:
         source: first division of the samples

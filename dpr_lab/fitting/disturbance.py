@@ -1,9 +1,10 @@
 """Process noise: measurement noise of known torques and of the prescribed motion of the arm or the inner rod.
 
-An error v of a torque reading that holds for h is an impulse v h that did not act on the rods. For white v this is
-white noise of intensity std^2 h, propagated along the swing like any torque (`dpr_lab.fitting.response`). The same
-applies to the noise of a prescribed angle, whose second derivative drives the rods. The simulated inner rod follows its
-own readings. The noise of these readings therefore appears only in the readings of joint 2.
+If a torque reading with the error v is held for the time h, the simulation contains an impulse v h that did not act on
+the rods. For white v, this is white process noise of intensity std^2 h. It propagates along the swing like any torque
+(`dpr_lab.fitting.response`). The same applies to the noise of a prescribed angle, because the second derivative of the
+angle drives the rods. A simulated inner rod with prescribed motion follows its own readings, so their noise affects
+only the predicted readings of joint 2.
 """
 
 from collections.abc import Callable
@@ -38,11 +39,11 @@ ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
 
 
 def torque_noise(torques: Torques) -> Array:
-    """(2,) standard deviation of the white noise of measured torques from the release on, N m; zero for other torques.
+    """(2,) standard deviation of the white noise of measured torques after the release, N m; zero for other torques.
 
-    The estimate uses the median absolute value of differences, and is the minimum over their orders, because the torque
-    signal itself can only increase an estimate. Interpolated torques have the noise of their rows, because a cubic has
-    no differences of higher order.
+    It is estimated from the median absolute differences of several orders. The smallest estimate is used, because
+    changes of the torque itself can only increase an estimate. For interpolated torques, the original rows are used,
+    because high-order differences of a cubic polynomial are zero.
     """
     rows = _rows(torques)
     joints = rows.joints[rows.t >= 0.0]
@@ -58,7 +59,7 @@ def disturbance(
     begins: Callable[[float], float] = segment_start,
     most_Nm: ArrayLike = np.inf,
 ) -> Disturbance | None:
-    """Process noise of a problem in terms of the readings; None for free swings.
+    """Compute the effect of the process noise on the readings of a problem; None for free swings.
 
     Args:
         problem: segments with their inputs
@@ -100,8 +101,8 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     """(2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
 
     The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised by halving the
-    variance of each joint, starting from the upper limits `torque_noise`. The torque of a controller varies from sample
-    to sample. An estimate from sample differences cannot distinguish this variation from noise.
+    variance of each joint, starting from the upper limits `torque_noise`. These are upper limits because the torque of
+    a controller varies from sample to sample, which differences cannot distinguish from noise.
 
     Args:
         problem: segments, some of which have measured torques
@@ -170,8 +171,10 @@ def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
 def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
     """First and second time derivative, (n, 4) each, of the equivalent change of the initial state `push`.
 
-    An error e of a prescribed angle acts through its second derivative. Integration by parts gives -out slope e in the
-    readings at the same instant, and the integral of bend e afterwards.
+    They are needed because an error e of a prescribed angle acts through its second derivative. Integrating by parts
+    twice gives two contributions to the readings: -out slope e at the same instant, and out times the integral of bend
+    e afterwards. Here slope and bend are the two derivatives, and out is the derivative of the readings with respect to
+    the initial state.
     """
     slope, bend = np.empty_like(push), np.empty_like(push)
     for first, last in pairwise(reference.edges):

@@ -39,7 +39,7 @@ STRAIGHT = 0.05
 class DifferenceSteps:
     """Increments of forward differences.
 
-    An error of a derivative of 1e-3 does not change the solution of a fit.
+    A relative error of a derivative of 1e-3 does not change the solution of a fit.
     """
 
     ratio: float = 1e-5
@@ -49,12 +49,12 @@ class DifferenceSteps:
     dry_arm: float = 0.1
     """Relative increment of the Coulomb friction of an arm.
 
-    A smaller increment would change the swing by less than the division of integration steps at changes of direction.
+    With a smaller increment, the numerical effect of dividing steps at changes of direction would dominate.
     """
     geared: float = 1.0
     """Relative increment of a backlash with a motor behind it.
 
-    The motor would cross a smaller increment of the backlash within a step.
+    With a smaller increment, the motor would cross the increment of the backlash within one step.
     """
     shape: float = 1e-5
     """Relative increment of a shape parameter.
@@ -88,7 +88,7 @@ class Estimate:
 
     @classmethod
     def of(cls, ratios: Array, params: Array, initial: Array, zeros: Array | None = None) -> "Estimate":
-        """Estimate from its blocks; `zeros` is omitted if the encoders are not zeroed before each run.
+        """Create an estimate from its blocks; `zeros` is omitted if the encoders are not zeroed before each run.
 
         Args:
             ratios: (7,) as in the property `ratios`
@@ -97,7 +97,7 @@ class Estimate:
             zeros: (runs, 2) as in the property `zeros`
 
         Raises:
-            ValueError: a block of another length.
+            ValueError: a block has another length.
         """
         if (len(ratios), len(params)) != (EFFECTS_BEGIN, SIZE):
             raise ValueError(f"an estimate needs {EFFECTS_BEGIN} ratios and {SIZE} effect parameters")
@@ -111,7 +111,7 @@ class Estimate:
         initial: Array | None = None,
         zeros: Array | None = None,
     ) -> "Estimate":
-        """Copy of the estimate with some blocks replaced."""
+        """Return a copy of the estimate with some blocks replaced."""
         return Estimate.of(
             self.ratios if ratios is None else ratios,
             self.params if params is None else params,
@@ -201,11 +201,11 @@ def alone_share(ratios: Array) -> float:
 
 
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
-    """Indices of the unknowns in `Estimate.ratios` that runs determine; all other unknowns keep their values.
+    """Indices of the unknowns in `Estimate.ratios` that the runs determine; all other unknowns keep their values.
 
-    Runs with two free rods determine the five ratios. Runs with only the inner rod also determine p/b. If joint 1 is
-    prescribed, the outer rod determines d/b and c2/b. Without a swing of both rods, some elements contain other
-    quantities:
+    Runs with two free rods determine the five ratios; additional runs with only the inner rod also determine p/b. If
+    joint 1 is prescribed, the outer rod determines d/b and c2/b. If no run has a swing of both rods, some elements have
+    another meaning:
 
         e1/b, c1/b    gravity and friction, divided by the inertia of the swinging part
         d/b           gravity of the outer rod, if it does not hang in line with the inner rod
@@ -289,7 +289,7 @@ def effect_parameters(
 
 
 def moved(estimate: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
-    """Estimate after a step, with all parameters kept within their bounds.
+    """Apply a step to an estimate, with all parameters kept within their bounds.
 
     Args:
         estimate: estimate before the step

@@ -1,17 +1,17 @@
-"""Damped Gauss-Newton within bounds, for the free parameters and the initial states of all segments.
+"""Damped Gauss-Newton method with bounds, for the free parameters and the initial states of all segments.
 
     minimise  sum over segments s, samples k  | w_sk (y_sk - predicted(t_sk; p, x_s)) |^2  +  prior of p
 
-The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude is not a free parameter of a step if the
-recordings cannot distinguish it from the base parameters, the zeros, the initial states or the amplitudes before it.
+The prior is that of the rig file, `dpr_lab.fitting.prior`. An amplitude is fixed during a step if the recordings cannot
+distinguish it from the base parameters, the zeros, the initial states or the preceding amplitudes.
 
 An iteration (`iterate`) solves the projected normal equations of `dpr_lab.fitting.linearise` for the parameters; the
 initial states follow from them. A step that does not reduce the cost is shortened. If the fit becomes worse only in
-some segments, the steps of their initial states are reduced first. Otherwise a swing that passes near the upright would
-slow down the fit of all others. A shorter step starts again from full steps of the initial states, which compensate for
-the change of the parameters. If no step length reduces the cost, the damping is increased. If the predicted reduction
-is below the tolerance, only the full step is tried. If a step reduces the cost as predicted, the Jacobian is frozen:
-the next iteration uses it again.
+some segments, the steps of their initial states are reduced first. Otherwise a swing that passes near the upright
+position would slow down the fit of all others. Each shorter step of the parameters again starts with full steps of the
+initial states, which compensate for the change of the parameters. If no step length reduces the cost, the damping is
+increased. If the predicted reduction is below the tolerance, only the full step is tried. If a step reduces the cost as
+predicted, the Jacobian is frozen, so that the next iteration uses it again.
 
 A fit without free parameters changes only the initial states, as for a held-out run.
 """
@@ -47,7 +47,7 @@ class GaussNewton:
     converged: float = 1e-4
     """Relative reduction of the cost by a full step at which the iteration ends.
 
-    The value is a small part of the effect of noise.
+    The corresponding change of the values is far smaller than their uncertainty due to noise.
     """
     linearity: float = 0.1
     """Maximum relative difference between actual and predicted reduction for which the Jacobian is frozen."""
@@ -74,19 +74,19 @@ class GaussNewton:
     most_damping: float = 0.1
     """Largest damping that is tried; with more damping no step is expected to reduce the cost."""
     same_step: float = 1e-3
-    """Maximum relative difference between a step with more damping and the failed step for which it is not tried."""
+    """Relative difference from a failed step below which a step with more damping is not tried."""
     preliminary: float = 0.0
-    """Relative reduction of the cost at which a fit far from the noise ends. If it is 0, only `converged` ends the
-    fit."""
+    """Relative reduction of the cost at which a fit with a residual far above the noise ends; 0: only `converged` ends
+    the fit."""
     far: float = 20.0
     """Maximum chi2 per reading of a fit that counts as near the noise."""
     to_beat: float = np.inf
-    """chi2 of a better fit.
+    """chi2 of the best fit so far.
 
-    The iteration ends if `exceeded` times the predicted reduction would not reach this value.
+    The iteration ends if even `exceeded` times the predicted reduction would not reach this value.
     """
     exceeded: float = 2.0
-    """Largest expected ratio of the reduction by all further steps to the predicted reduction."""
+    """Largest expected ratio of the reduction by all further steps to that predicted for the next step."""
 
 
 GAUSS_NEWTON = GaussNewton()
@@ -299,8 +299,9 @@ def iterate(
 def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, settings: GaussNewton) -> StopReason | None:
     """Reason to stop after a successful step with a small reduction of the cost; None: continue.
 
-    A preliminary fit far above the noise stops at a larger reduction, because the model error exceeds any small
-    reduction. chi2 cannot be compared if a segment could not be followed before.
+    If the residual is far above the noise, a preliminary fit stops already at a larger reduction, because the model
+    error exceeds any small reduction. The values of chi2 are not compared if the simulation of a segment failed before
+    the step.
     """
     if not np.isfinite(chi2):
         return None
@@ -347,9 +348,10 @@ def _line_search(
     settings: GaussNewton,
     tries: int,
 ) -> tuple[Estimate, Array, float, float] | None:
-    """First estimate along the step that reduces the cost, with its readings, its chi2 and its cost of the prior.
+    """Find a step length that reduces the cost; None if there is none.
 
-    None if no step length reduces the cost.
+    Returns:
+        The estimate after the step, with its predicted readings, its chi2, and the cost of the prior.
     """
     before = state.linear.chi2_by_segment
     followed = np.isfinite(before)

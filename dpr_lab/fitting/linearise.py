@@ -1,12 +1,12 @@
-"""Linearisation of a problem at one estimate, with the initial states of segments eliminated.
+"""Linearise a problem at an estimate, and eliminate the initial states of the segments.
 
 An initial state affects only its own segment. With B = dreadings/dx_s = Q R, weighted like the readings,
 
     A = (I - Q Q^T) dreadings/dp,    e = (I - Q Q^T) residual
 
-give normal equations of the size of the free parameters p for any number of segments. A and e are stored by segment,
-because all later computations are linear algebra on them: the predicted reduction by a further effect, the prediction
-of a held-out run, the similarity of effects, and minimum detectable effects.
+give normal equations for the free parameters p alone, for any number of segments. A and e are stored by segment. All
+later computations are linear algebra with them: the predicted reduction by a further effect, the prediction of a
+held-out run, the similarity of effects, and minimum detectable effects.
 
 Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Pereyra (1973). docs/theory.md.
 """
@@ -22,9 +22,7 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.setup import Setup
 
 BLIND = 1e-12
-"""Minimum information of readings on an initial state, in standard deviations per rad.
-
-A smaller value is due to rounding.
+"""Minimum sensitivity of readings to an initial state, in standard deviations per rad; smaller values are rounding.
 """
 
 
@@ -89,7 +87,7 @@ class Linearisation:
         return np.subtract(columns, absorbed, out=absorbed)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """Copy with these derivatives and other predicted readings, (samples, 2); None if a segment diverges."""
+        """Return a copy with other predicted readings (samples, 2) and the same derivatives; None after a failure."""
         residual = problem.whitened(problem.measured - predicted)
         if not (np.isfinite(self.residual).all() and np.isfinite(residual).all()):
             return None

@@ -9,11 +9,11 @@ With J the derivative of the ratios, b and p/b with respect to the nine paramete
 F widens the ratios of friction by a fixed damping ratio, because bounds of friction are guesses. The amplitude of an
 effect has a normal prior about zero, with a third of its limit (`dpr_lab.effects.limits`) as standard deviation.
 
-Residuals larger than the noise are treated as noise of their size. The cost of a fit is therefore
+If the residuals exceed the noise, they are treated as noise of their size. The cost of a fit is therefore
 
     chi2 + w (v - mean)^T P^-1 (v - mean),    w = max(1, chi2 / readings),
 
-with the free unknowns v; the prior of all other unknowns is marginalised.
+where v are the free unknowns and P is their marginal prior covariance.
 """
 
 from collections.abc import Sequence
@@ -48,14 +48,11 @@ class PriorStrength:
     An incomplete model may need other values than the measured ones.
     """
     damping: float = 0.3
-    """Standard deviation of the damping ratio of a small swing.
-
-    It widens the prior in addition to the bounds of friction.
-    """
+    """Standard deviation of the damping ratio of a small swing, which widens the prior of the friction ratios."""
     amplitude: float = 1.0 / 3.0
     """Standard deviation of an amplitude relative to its limit."""
     absorbed: float = 2e-3
-    """Minimum norm of a column after projection on earlier columns, relative to its norm before.
+    """Minimum norm of a column after earlier columns are projected out, relative to its norm before.
 
     The initial states are projected out of both.
     """

@@ -26,7 +26,7 @@ class OutputModel(Protocol):
         ...
 
     def with_constants(self, constants: RigConstants) -> "OutputModel":
-        """Copy of the model with other measured constants."""
+        """Return a copy of the model with other measured constants."""
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -63,12 +63,10 @@ class Problem:
     """(samples, 2) reciprocal standard deviation of each reading times the square root of a robust weight, 1/rad."""
     model: OutputModel
     masses_weighed: bool = False
-    """Whether the masses of the rig were weighed; load-dependent friction then determines the scale of torques."""
+    """Whether the masses of the rig were measured; load-dependent friction then determines the scale of torques."""
 
     always: tuple[str, ...] = ()
-    """Effects that are free in every fit.
-
-    For each of them the rig file states an uncertainty of the quantity that the effect corrects.
+    """Effects that are free in every fit, because the rig file gives an uncertainty of the quantity that they correct.
     """
     noise_correlation: float = 0.0
     """Correlation of the noise of neighbouring readings, due to a filter or a tracker."""
@@ -115,7 +113,7 @@ class Problem:
         return np.repeat(np.arange(len(self.segments)), np.diff(self.segments.offsets))
 
     def whitened(self, values: Array) -> Array:
-        """Weighted values of all segments, padded with zeros: (segments, m[, k]) from (samples, 2[, k]).
+        """Weight values (samples, 2[, k]), and arrange them by segment, padded with zeros: (segments, m[, k]).
 
         With process noise, the results are innovations, which are independent and have unit variance.
         """
@@ -124,10 +122,7 @@ class Problem:
         return blocks.reshape(*blocks.shape[:2], *values.shape[2:])
 
     def decorrelated(self, weighed: Array) -> Array:
-        """(segments, m, k) whitened values, from weighted and padded values (segments, longest, 2, k).
-
-        The input is overwritten.
-        """
+        """Convert weighted and padded values (segments, longest, 2, k) to whitened values (segments, m, k) in place."""
         if (noise := self.disturbance) is not None:
             innovations(weighed, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
         return weighed.reshape(len(weighed), -1, weighed.shape[3])
@@ -147,9 +142,9 @@ class Problem:
         return whitened.reshape(len(whitened), -1, self.axes)[owner, row]
 
     def with_zeros(self, estimate: Estimate) -> Estimate:
-        """Estimate that contains encoder zeros for each run of these segments if the zeros are free.
+        """Return the estimate with encoder zeros for each run of these segments, if the zeros are free.
 
-        The zeros are the zeros of the given estimate, or 0 if the estimate contains none for these runs.
+        Zeros that the given estimate does not contain are set to 0.
         """
         runs = len(self.segments.setups)
         return (
@@ -200,10 +195,7 @@ class Problem:
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
 
     def prior_weight(self, chi2_by_segment: Array) -> float:
-        """Weight of the prior: at least 1, and larger if the residual exceeds the noise.
-
-        A residual above the noise is treated as noise of its size.
-        """
+        """Weight of the prior, max(1, reduced chi2): a residual above the noise is treated as noise of its size."""
         return max(1.0, float(chi2_by_segment[np.isfinite(chi2_by_segment)].sum()) / max(self.evidence, 1))
 
     def chi2(self, estimate: Estimate) -> float:
@@ -211,5 +203,5 @@ class Problem:
         return float(self.chi2_by_segment(self.predict(estimate)).sum())
 
     def weighted(self, factor: Array) -> "Problem":
-        """Copy of the problem with every weight multiplied by a factor, (samples, 1 or 2)."""
+        """Return a copy of the problem with every weight multiplied by `factor` (samples, 1 or 2)."""
         return replace(self, weight=self.weight * factor)

@@ -1,9 +1,9 @@
-"""Columns of a linear least-squares problem, and the reduction of the residual by all or by some of them.
+"""Linear least squares, and the reduction of the residual by all or some of the columns.
 
     min_x  | e - A x |^2
 
-Columns are scaled to unit norm, so that units have no influence. Every normal matrix has the same ridge. Collinear
-columns therefore share the reduction, instead of having large coefficients of opposite sign.
+Columns are scaled to unit norm, so that units have no influence. A small ridge is added to the diagonal of every normal
+matrix. Collinear columns therefore share the reduction, instead of having large coefficients of opposite sign.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ TINY = 1e-140
 
 @dataclass(frozen=True, slots=True)
 class ColumnSpace:
-    """Columns A and a residual e of a least-squares problem, represented by their inner products."""
+    """Least-squares problem with columns A and residual e, represented by their inner products."""
 
     scale: Array
     """(k,) reciprocal norm of each column."""
@@ -36,7 +36,7 @@ class ColumnSpace:
 
     @classmethod
     def of(cls, A: Array, e: Array) -> "ColumnSpace":
-        """Column space of columns (..., k) and a residual (...)."""
+        """Create the problem from columns (..., k) and a residual (...)."""
         flat = A.reshape(e.size, A.shape[-1])
         H = flat.T @ flat
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
@@ -46,24 +46,24 @@ class ColumnSpace:
         return len(self.scale)
 
     def chosen(self, columns: Indices) -> "ColumnSpace":
-        """The problem with only some of the columns."""
+        """Return the problem with only some of the columns."""
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
-        """Copy of the problem with prior rows (n, k) A and (n,) e; the columns have unit norm including these rows."""
+        """Add prior rows (n, k) A and (n,) e; the columns have unit norm including these rows."""
         H = self.H / self.scale[:, None] / self.scale + A.T @ A
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
 
     def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
-        """Column space of some columns, projected orthogonally to the columns `held`, with unchanged scale."""
+        """Return the problem with only `columns`, projected orthogonally to the columns `held`; scales are kept."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
     def gains_given(self, across: Array, within: Array, gradient: Array, positive: bool) -> Array:
-        """(sets,) reduction of |e|^2 by each of many small sets of columns, each fitted together with these columns.
+        """(sets,) additional reduction of |e|^2 by each of many small sets of columns, fitted with these columns.
 
         Args:
             across: (k, sets, n) inner products of these columns with the columns of the sets
@@ -137,11 +137,10 @@ def _ridged(H: Array, ridge: float = RIDGE) -> Array:
 
 
 def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> Array:
-    """Minimise x^T H x / 2 - gradient^T x over lower <= x <= upper.
+    """Minimise x^T H x / 2 - gradient^T x over lower <= x <= upper by an active-set method.
 
-    The active-set method fixes coordinates that would cross a bound at this bound. It then releases the fixed
-    coordinate that would reduce the cost most by leaving its bound, until no release reduces the cost
-    (Karush-Kuhn-Tucker).
+    Coordinates that would cross a bound are fixed at this bound. Then the fixed coordinate with the largest reduction
+    of the cost is released, until no release reduces the cost (Karush-Kuhn-Tucker conditions).
 
     Args:
         H: (k, k) symmetric positive definite

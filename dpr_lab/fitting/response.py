@@ -1,11 +1,11 @@
-"""Response of the readings to small torques along a known trajectory, by variation of constants.
+"""Compute the response of the readings to small torques along a given trajectory, by variation of constants.
 
 With Phi(t) the sensitivity of the state to the initial state and M the mass matrix,
 
     dx(t) = Phi(t) integral Phi(s)^-1 [0; M(s)^-1 tau(s)] ds.
 
-Each torque along the same trajectory therefore needs only one matrix product. The method serves for hundreds of
-torques: maps over angle, speed and time, and scanned shapes (orders, frequencies).
+Each torque along the same trajectory therefore needs only one matrix product. The method is used for hundreds of
+torques: maps over angle, speed and time, and scans of shape parameters (orders, frequencies).
 """
 
 from collections.abc import Callable
@@ -60,7 +60,7 @@ class _Grid(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Swings of all segments on a fine grid, with their response to a torque."""
+    """Simulated motion of all segments on a fine time grid, with its response to torques."""
 
     motion: KnownMotion
     """Motion of the rods at n grid points."""
@@ -135,7 +135,7 @@ def trajectory(
     begins: Callable[[float], float] = segment_start,
     spacing: float = TRAJECTORY.grid_s,
 ) -> Trajectory:
-    """Simulate the swings of an estimate with its ratios and initial states; its effects are neglected as small.
+    """Simulate the segments of a problem with the ratios and initial states of an estimate; effects are neglected.
 
     Args:
         problem: segments to simulate

@@ -20,7 +20,8 @@ def without_outstanding(
 ) -> Fit:
     """Fit with down-weighted outlying segments, then refit all segments from the result.
 
-    Without the down-weighting, a single swing that passes near the upright can keep all parameters in a local minimum.
+    Without the down-weighting, a single swing that passes near the upright position can keep all parameters in a local
+    minimum.
 
     Args:
         problem: measured readings, weights and model
@@ -47,9 +48,9 @@ def without_outstanding(
 
 
 def relative_chi2(fitted: Fit) -> Array:
-    """(segments,) chi2 of each segment relative to the median of the segments that the model can simulate.
+    """(segments,) chi2 of each segment relative to the median; inf for a segment whose simulation fails.
 
-    It is inf for a segment whose simulation fails.
+    The median is that of the segments that the model can simulate.
     """
     chi2 = np.nan_to_num(fitted.linear.chi2_by_segment, nan=np.inf, posinf=np.inf)
     finite = chi2[np.isfinite(chi2)]
@@ -59,15 +60,15 @@ def relative_chi2(fitted: Fit) -> Array:
 
 
 def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: int = 20, lost: float = 9.0) -> Fit:
-    """Refit those segments that converged to a wrong minimum from other initial states.
+    """Refit segments that converged to an incorrect local minimum, starting from other initial states.
 
     Args:
         problem: measured readings, weights and model
         first_fit: fit of all segments
         initial: (segments, 4) other initial states
         iterations: maximum number of iterations of each of two fits
-        lost: ratio of the chi2 of a segment to the median above which the segment may be in a wrong minimum; a new chi2
-        must be lower by half of this factor
+        lost: ratio of the chi2 of a segment to the median above which the segment may be in an incorrect minimum; the
+            new chi2 must be lower by half of this factor
 
     Returns:
         the better of the first fit and the refit

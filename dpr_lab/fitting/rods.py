@@ -1,8 +1,8 @@
 """Model of the rods without effects, with exact derivatives of the Runge-Kutta map.
 
-A segment starts at its first sample. The base parameters of a run follow from b (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b),
-its mounting and a known attached mass (`dpr_lab.dynamics.base.base_of_run`). Such a mass can make b or p/b
-identifiable.
+A segment starts at its first sample. The base parameters of a run follow from the base parameters of the whole rig, b
+times (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b), the mounting, and a known attached mass
+(`dpr_lab.dynamics.base.base_of_run`). Such a mass can make b or p/b identifiable.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class RodsAlone:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsAlone":
-        """Copy of the model with other measured constants."""
+        """Return a copy of the model with other measured constants."""
         return RodsAlone(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -73,7 +73,7 @@ class RodsAlone:
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """Derivatives (..., 4) with respect to an initial state, adapted to rods that turn as one body."""
+    """Adapt derivatives (..., 4) with respect to an initial state to rods that turn as one body."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]

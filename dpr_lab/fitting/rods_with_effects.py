@@ -1,11 +1,11 @@
 """Model of the rods with effects: readings by Runge-Kutta steps in lanes, derivatives by forward differences.
 
 A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). All differences are computed in one
-batch, with twice the step of the integrator. This halves the time. The resulting error of a derivative, 1e-3, does not
-change the solution of a fit. With nearly singular inertias, however, a swing computed with twice the step diverges, and
-no step of a fit along its derivatives reduces the cost. Segments whose swing differs from the readings by more than
-`coarse_error` therefore use the integrator's own step. Encoder errors do not move the rods, so one simulated swing is
-sufficient for all of them.
+batch with twice the integration step, which halves the time. The resulting relative error of a derivative, 1e-3, does
+not change the solution of a fit. With nearly singular inertias, however, the simulation with twice the step diverges,
+and its derivatives are useless for a fit. The normal step is therefore used for segments in which the two simulations
+differ by more than `coarse_error`. Encoder errors do not affect the motion, so one simulation is sufficient for all of
+them.
 
 Derivatives with respect to initial states keep the internal states of effects fixed. Internal states are passed from
 segment to segment and must not depend on the initial state of another segment.
@@ -35,11 +35,11 @@ class DerivativeSettings:
     coarser: float = 2.0
     """Step of the integrator for derivatives, relative to the step for readings."""
     coarse_error: float = 0.01
-    """Maximum rms error of the swing of a segment with the coarser step for its derivatives, rad.
+    """Maximum rms error of the readings of a segment due to the coarser step, rad.
 
-    Above this error the derivatives use the integrator's own step. Readings change by about 1 rad if a ratio changes by
-    its own size, so this is the relative error of a derivative. Usual swings are below 1e-3; those that diverge are
-    above 0.1.
+    Above this error, the derivatives are computed with the normal step. Readings change by about 1 rad if a ratio
+    changes by 100 %, so the value is also the relative error of a derivative. The error of usual swings is below 1e-3,
+    that of diverging simulations above 0.1.
     """
 
 
@@ -55,7 +55,7 @@ ENCODER_AMPLITUDES = [
 
 
 STEP_LIMITS = {name: effect.longest_step for name, effect in EFFECTS.items() if effect.longest_step is not None}
-"""Name of an effect -> function that returns the longest suitable step, s, for its parameters."""
+"""Functions that return the longest suitable step, s, for the parameters of an effect, by its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class RodsWithEffects:
     constants: RigConstants
 
     def with_constants(self, constants: RigConstants) -> "RodsWithEffects":
-        """Copy of the model with other measured constants."""
+        """Return a copy of the model with other measured constants."""
         return RodsWithEffects(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -105,7 +105,7 @@ class RodsWithEffects:
     def _differences(
         self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter]
     ) -> tuple[Array, Array]:
-        """Forward differences, (samples, 2, free + 4), and readings, (samples, 2), with the steps of these segments."""
+        """Compute forward differences (samples, 2, free + 4) and readings (samples, 2) with the steps of `segments`."""
         ratios, params, initial = _varied(estimate, free)
         states, axes = segments.states, 3 if segments.arm_moves else 2
         of_encoders = np.array(
@@ -144,17 +144,17 @@ def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
 
 
 def resolved(segments: Segments, params: Array) -> Segments:
-    """Copy of the segments with steps that are short enough for every active effect."""
+    """Return a copy of the segments with steps that are short enough for every active effect."""
     named = named_params(params, among=STEP_LIMITS)
     limits = [STEP_LIMITS[name](values) for name, values in named.items()]
     return replace(segments, step=np.minimum(segments.step, min(limits))) if limits else segments
 
 
 def _varied(estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array, Array]:
-    """Estimates for forward differences: ratios (n, 7), parameters (n, SIZE) and initial states (n, segments, states).
+    """Create the estimates for forward differences: ratios (n, 7), effects (n, SIZE), states (n, segments, states).
 
-    There is one row for each free parameter and each component of the initial states, with its increment. The last row
-    is the estimate itself, so n = free + states + 1.
+    In each row, one free parameter or one component of the initial states is incremented. The last row is the estimate
+    itself, so n = free + states + 1.
     """
     states = estimate.initial.shape[1]
     rows = len(free) + states + 1

@@ -1,12 +1,13 @@
-"""Weighting of columns of readings by segment, and whitening under process noise.
+"""Weight readings by segment, and whiten them if there is process noise.
 
 Noise of the inputs accumulates along a swing. Its effect on the readings of sample k is C_k z_k, where z_k is a sum of
-independent steps of covariance D_k in the coordinates of the initial state. Together with the white noise of the
-readings, the errors of one segment are correlated. A Kalman filter converts them to innovations of unit variance,
+independent steps of covariance D_k in the coordinates of the initial state. The errors of the readings of one segment
+are therefore correlated. A Kalman filter converts them to innovations of unit variance,
 
     P <- P + D_k,    e = (y - C z) / sqrt(S),    S = 1 + C P C^T,    z <- z + P C^T (y - C z) / S
 
-one reading after the other. This is the inverse of the Cholesky factor of their covariance, in linear time.
+one reading after the other. This is equivalent to multiplication by the inverse Cholesky factor of their covariance,
+but takes linear time.
 
 Source: F. C. Schweppe (1965), Evaluation of likelihood functions for Gaussian signals, IEEE Trans. Inf. Theory 11.
 """

@@ -1,1 +1,1 @@
-"""Lanes: simultaneous Runge-Kutta integration of sixteen tracks, each one candidate on one or several segments."""
+"""Simultaneous Runge-Kutta integration of sixteen tracks in vector lanes; a track is one candidate on some segments."""

@@ -1,4 +1,4 @@
-"""Known torques and motions of the arm in the lanes, as means over each step, so that impulses are exact.
+"""Known torques and motions of the arm in the lanes, averaged over each step so that impulses are exact.
 
 An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.md (15):
 
@@ -55,7 +55,7 @@ def drive_of(setups: tuple[Setup, ...]) -> Drive:
 
 
 def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
-    """Concatenation of the knots of all runs, each given as times (K,) and values (K,) or (K, columns)."""
+    """Concatenate the knots of all runs, each given as times (K,) and values (K,) or (K, columns)."""
     values = np.concatenate([values for _, values in runs])
     t = np.concatenate([t for t, _ in runs])
     return Knots(t, values if values.ndim > 1 else values[:, None], np.cumsum([0, *(len(t) for t, _ in runs)]))
@@ -65,7 +65,7 @@ def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
 def _interval(knots: Knots, run: int, i: int, t: float, near: int = 16) -> int:
     """Index of the knot at the start of the interval that contains t in a run; -1 for a run without knots.
 
-    The interval is searched in sequence in the `near` intervals after interval i, and elsewhere by bisection.
+    The `near` intervals after interval i are searched in sequence, all others by bisection.
     """
     first, last = int(knots.first[run]), int(knots.first[run + 1]) - 2
     if i < first or i > last or knots.t[i] > t or (i + near < last and knots.t[i + near] <= t):

@@ -1,4 +1,4 @@
-"""Predicted encoder readings of tracks: candidates on segments, integrated in lanes."""
+"""Predict the encoder readings of tracks (candidates on segments), integrated in lanes."""
 
 from typing import Any
 

@@ -57,7 +57,7 @@ def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
 
 @subroutine
 def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
-    """Index of the sample after j; its instant becomes the next due time of lane k."""
+    """Return the index of the sample after j, and set its instant as the next due time of lane k."""
     due[k] = t[k, j + 1] if j + 1 < count else np.inf
     return j + 1
 

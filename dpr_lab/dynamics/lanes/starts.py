@@ -1,4 +1,4 @@
-"""Starts of tracks and of segments in the lanes: constants, sampling instants, initial states and internal states."""
+"""Load tracks and segments into the lanes: constants, sampling instants, initial states and internal states."""
 
 import numpy as np
 
@@ -67,9 +67,9 @@ def params_row(r: int, block: LaneBlock) -> int:
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """Start of a segment, s since the release, whose first reading is `first` seconds after the release.
+    """Start of a segment, s since the release, from the instant `first` of its first reading, s since the release.
 
-    A start less than `near` after the release is moved to the release, where all internal states are known.
+    A start less than `near` seconds after the release is moved to the release, where all internal states are known.
     """
     start = first - PAD
     return 0.0 if 0.0 < start and start < near else start

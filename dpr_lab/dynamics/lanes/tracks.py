@@ -1,4 +1,4 @@
-"""Assignment of candidates and segments to the lanes."""
+"""Assign candidates and segments to the lanes."""
 
 from functools import lru_cache
 from itertools import pairwise
@@ -45,9 +45,9 @@ required_in = compiled(
 
 
 def tracks_of(active: Flags, chained: Flags, run: Integers, chains: Integers) -> Tracks:
-    """Tracks of candidates on segments.
+    """Arrange candidates on segments as tracks.
 
-    The result is cached, because the steps of a fit predict the same segments with the same effects.
+    The result is cached, because all steps of a fit predict the same segments with the same effects.
 
     Args:
         active: (n, runs or 1, effects) mask of the active effects by candidate and run

@@ -185,7 +185,7 @@ _RECORD = np.dtype(
 
 
 def lane_workspace() -> LaneWorkspace:
-    """A workspace of zeros; the workspace of one track fits in the first-level cache."""
+    """Create a workspace of zeros, which fits in the first-level cache."""
     record: Any = np.zeros(1, _RECORD).view(np.recarray)[0]
     return record
 

@@ -1,1 +1,1 @@
-"""Simulation of segments with an arm that is clamped, free or driven."""
+"""Simulate segments with an arm that is clamped, free or driven."""

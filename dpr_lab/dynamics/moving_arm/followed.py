@@ -1,4 +1,4 @@
-"""Simulated swings with a free or driven arm on a time grid, with their sensitivity to the initial states."""
+"""Simulate swings with a free or driven arm on a time grid, with their sensitivity to the initial states."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -46,12 +46,12 @@ _INERTIA, _VISCOUS, _EXCESS = (
 
 @dataclass(frozen=True, slots=True)
 class FollowSettings:
-    """Increment for the derivatives of simulated swings, and limits beyond which swings are discarded."""
+    """Increment for the derivatives of simulated swings, and limits beyond which a simulation counts as failed."""
 
     step: float = 1e-5
     """Increment of each component of an initial state for forward differences, rad and rad/s."""
     wildest: float = 1e6
-    """Largest absolute angle, rad, or speed, rad/s; beyond it a simulated swing counts as failed."""
+    """Largest absolute angle, rad, or speed, rad/s, of a valid simulation."""
     singular: float = 1e-9
     """Minimum determinant of a sensitivity; below it torques and initial states are indistinguishable."""
     order: tuple[int, ...] = (4, 0, 1, 5, 2, 3)

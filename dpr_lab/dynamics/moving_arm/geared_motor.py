@@ -58,7 +58,7 @@ def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tupl
 
 @subroutine
 def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode: int, drive: float) -> GearedState:
-    """State after one step of length h; `drive` is the known torque of the motor, N m.
+    """Advance the state by one step of length h; `drive` is the known torque of the motor, N m.
 
     The effects of the drive act on the motor; the model of the rig does not require them.
     """

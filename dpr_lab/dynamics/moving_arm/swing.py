@@ -1,4 +1,4 @@
-"""Simulation of segments in three coordinates by the classical Runge-Kutta method.
+"""Simulate segments in three coordinates by the classical Runge-Kutta method.
 
 The equation is that of `dpr_lab.dynamics.arm`. The torque on a free or driven arm is
 
@@ -46,9 +46,14 @@ class ArmSegments(NamedTuple):
 def arm_segments(
     t: list[Array], mode: list[int], drive: list[Array], max_step: float = 2.5e-3, slope: list[Array] | None = None
 ) -> ArmSegments:
-    """Layout of segments from the instants, s, the mode, the input and its derivative, 1/s, of each segment.
+    """Arrange segments in sequence, from the data of each segment.
 
-    Without `slope` the derivatives are zero.
+    Args:
+        t: for each segment, (n,) increasing instants, s
+        mode: mode of the arm in each segment
+        drive: for each segment, (n,) mean input from each instant to the next
+        max_step: longest Runge-Kutta step, s
+        slope: for each segment, (n,) derivative of the input, per second; None: zero
     """
     offsets = np.concatenate([[0], np.cumsum([len(piece) for piece in t])]).astype(np.int64)
     step, count = sample_steps(np.concatenate(t), offsets, np.full(len(t), max_step))
