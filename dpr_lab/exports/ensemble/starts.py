@@ -1,8 +1,8 @@
 """Draw random initial states of segments from their distribution given the readings and the model.
 
-Let V be the covariance of the encoder zeros of one recording, J_x and J_z the weighted derivatives of the readings with
-respect to initial state and zeros, W the weak prior of `dpr_lab.fitting.linearise`, and f the variance inflation n /
-n_eff (`dpr_lab.gap.hypothesis.residuals`). A draw is then
+Let V be the covariance of the encoder zeros of one recording. J_x and J_z are the weighted derivatives of the readings
+with respect to initial state and zeros. W is the weak prior of `dpr_lab.fitting.linearise`, and f the variance
+inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). A draw is then
 
     z ~ N(0, V),    x = x0 - P^-1 J_x^T J_z z / f + n,    n ~ N(0, P^-1),    P = J_x^T J_x / f + W.
 

@@ -6,9 +6,10 @@ readings under A and the nearest readings under B, with ratios and all other eff
     D^2(A, B) = a^T (G_AA - G_AB G_BB^-1 G_BA) a + trace((G_AA - G_AB G_BB^-1 G_BA) cov(a)),
 
 where G is the information about both, given the fitted unknowns. The trace is the contribution of the posterior
-uncertainty of a. A further recording increases the log odds of the true cause by a normally distributed amount of mean
-d^2 / 2 and variance d^2, where d^2 = Delta D^2 / T and T is the temperature of the probabilities of a diagnosis. The
-value of the recording is the expected reduction of the entropy between both causes, given their present probabilities.
+uncertainty of a. Let d^2 = Delta D^2 / T, where T is the temperature of the probabilities of a diagnosis. A further
+recording increases the log odds of the true cause by a normally distributed amount of mean d^2 / 2 and variance d^2.
+The value of the recording is the expected reduction of the entropy between both causes, given their present
+probabilities.
 
 **Library.** A plan must not assume that the causes named so far are correct. Therefore the same bits are computed for
 each pair of amplitudes of the library, and for each amplitude against no effect, at several sizes and even odds. The
