@@ -43,7 +43,7 @@ from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.effort import EFFORT
-from dpr_lab.gap.which.sizes import rises, significantly_oversized
+from dpr_lab.gap.which.sizes import off_axis, rises, significantly_oversized
 from dpr_lab.gap.which.softening import springs_like_scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
@@ -118,7 +118,7 @@ class FittedSets:
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
         """Effects of a set whose sizes are physically impossible or typical of another cause."""
         sizes = significantly_oversized(model, self.problem.limits)
-        return (*sizes, *springs_like_scale(self.problem, self.library, model))
+        return (*sizes, *off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
         """Whether the sizes of a set are possible on a rig; true also if those of the other set are impossible."""

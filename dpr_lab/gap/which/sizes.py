@@ -12,6 +12,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_of_run
 from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects.com_offset import COM_OFFSET_LINK1
 from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.limits import oversized
 from dpr_lab.fitting.covariance import considered
@@ -62,20 +63,42 @@ def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, floa
     return not any(effect.possible(dict(zip(sizes, chosen, strict=True))) for chosen in every)
 
 
+def off_axis(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> tuple[str, ...]:
+    """Offset of the centre of mass of the inner rod, if it is significantly larger than the distance along the rod.
+
+    Such a rod would hang at more than 45 degrees of its readings. A wrong zero of the angles, or a constant torque, is
+    more probable.
+    """
+    effect, constants = COM_OFFSET_LINK1, problem.model.constants
+    free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
+    torque = _gravity_torque(problem, model)
+    if not free or torque is None:
+        return ()
+    (offset,) = named_params(model.fit.estimate.params)[effect.name].values()
+    error = np.sqrt(considered(model.fit, model.residuals.inflation)[free[0], free[0]])
+    least = constants.m1 * constants.g * (abs(offset) - deviations * error)
+    return (effect.name,) if least > torque * model.fit.estimate.ratios[SCALE] else ()
+
+
 def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
     """Whether the gravity torque of the inner rod is significantly negative, so that gravity would lift the rod.
 
     In swings of similar amplitude, an effect that depends on the angle can replace gravity, and compensate for a
     gravity torque of the wrong size or sign.
     """
-    estimate, constants, place = model.fit.estimate, problem.model.constants, RATIOS.index("e1/b")
+    place, torque = RATIOS.index("e1/b"), _gravity_torque(problem, model)
     free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
-    setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
-    if not (free and setups and constants.g > 0.0):
-        return False
-    whole = estimate.whole / estimate.ratios[SCALE]
-    torque = max(base_of_run(whole, setup, constants.L1, constants.g)[BASE.index("e1")] for setup in setups)
-    if torque >= 0.0:
+    if not free or torque is None or torque >= 0.0:
         return False
     variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
     return bool(torque + deviations * np.sqrt(variance) < 0.0)
+
+
+def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
+    """Largest gravity torque of the inner rod, divided by b, 1/s^2; None without inner rod or gravity."""
+    estimate, constants = model.fit.estimate, problem.model.constants
+    setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
+    if not (setups and constants.g > 0.0):
+        return None
+    whole = estimate.whole / estimate.ratios[SCALE]
+    return max(float(base_of_run(whole, setup, constants.L1, constants.g)[BASE.index("e1")]) for setup in setups)
