@@ -1,5 +1,6 @@
 """Forms of text tables of real loggers: the same swing is read with the same angles from each."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +50,8 @@ FORMS = {
     "empty last column": "\tmass A\t\nt\tangle_deg\t\n" + lines("{t:.2f}\t{angle:.4f}\t\n"),
     "time in the last column": lines("{angle:.6f},{t:.2f}\n", SWING),
     "time and angle with their errors": "x y dx dy\n" + lines("{t:.2f}\t{angle:.6f}\t0.001\t{angle:.2f}\n", SWING),
+    "an absolute angle and rates": "timestamp,omega,absolute_theta,gyroZ\n"
+    + lines("{t:.2f},0,{angle:.6f},{angle:.3f}\n", SWING),
     "a comment of names with another separator": "# t   theta   error\n" + lines("{t:.2f}\t{angle:.6f}\t0\n", SWING),
     "a row for each quantity": "".join(",".join(f"{x:.6f}" for x in row) + "\n" for row in (T, SWING)),
     "a name before each row": "".join(
@@ -148,6 +151,12 @@ def test_rates_are_no_angles(tmp_path, one):
     )
     with pytest.raises(RunError, match="These are rates and accelerations: an angle is required"):
         import_csv(tmp_path / "a.csv", one)
+
+
+def test_the_error_and_the_speed_of_a_controller_are_no_angles(tmp_path, one):
+    (tmp_path / "a.json").write_text(json.dumps([{"err": a, "vel": 2 * a} for a in SWING.tolist()]))
+    with pytest.raises(RunError, match="no single column found for theta1; the table has: err, vel"):
+        import_csv(tmp_path / "a.json", one, ImportOptions(rate_hz=100.0))
 
 
 def test_a_message_names_only_the_first_of_many_columns(tmp_path, one):

@@ -37,7 +37,9 @@ _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 _ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNIT}?"
 _COUNT_NAME = rf"(counts?|enc|encoder){{axis}}(counts?|ticks?)?|{_ANGLE_WORD}{{axis}}(counts?|ticks?)"
 _ONE_COUNT = re.compile("(enc|encoder|counts?|ticks?)(counts?|ticks?|val|value)?")
-_ONE_ROD = re.compile(f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}".format(axis=""))
+_ONE_ROD = re.compile(
+    f"{_ANGLE_NAME}|{_COUNT_NAME}|{_ROD_NAME}|(abs|absolute|{_MEASURED}){_ANGLE_WORD}{_ANGLE_UNIT}?".format(axis="")
+)
 _PLACE = re.compile("pos(ition)?([cm]?m)?")
 """Pattern of a position. It is the angle of the rod if no other column is an angle; otherwise it is the position of a
 cart."""
@@ -47,7 +49,7 @@ _SAID_UNIT = re.compile(
     r"(?<![a-z])(rad|deg|counts)(ians|rees|r[eé]s)?(?![a-z])|°|(?<![a-z])gra(us|dos|di|den|d)(?![a-z])"
 )
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
-_ERROR = re.compile(r"d[xyt]|(delta|δ|err|error|unc|uncertainty|sigma|std)\w*")
+_ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
 _RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|gyro|acc")
 """Pattern of angular rates and accelerations."""
