@@ -51,6 +51,8 @@ def load_private_key(path: Path, passphrase: Callable[[], str] | None = None) ->
             key = _private(data, passphrase().encode())
         except (ValueError, TypeError) as wrong:
             raise ConfigError(f"{path}: cannot be opened with this passphrase") from wrong
+        except UnsupportedAlgorithm as missing:  # cryptography without bcrypt
+            raise ConfigError(f"{path}: its protection is not supported: {missing}. {MISSING}") from missing
     except (ValueError, UnsupportedAlgorithm) as error:
         raise ConfigError(f"{path}: is not a private key in PEM or OpenSSH form; {MAKE_A_KEY}") from error
     if not isinstance(key, Ed25519PrivateKey):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dpr_lab.certificate import signature
 from dpr_lab.certificate.document import Signature, load_certificate
 from dpr_lab.certificate.signature import compare_signature, fingerprint, load_private_key, load_public_key, sign
 from dpr_lab.errors import ConfigError, RunError
@@ -16,6 +17,7 @@ from tests.certificate.conftest import request_of, reseal
 from tests.certificate.test_edits import edits
 
 pytest.importorskip("cryptography")
+from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import (
@@ -146,6 +148,18 @@ def test_a_key_that_cannot_sign_is_refused_before_the_diagnosis(
     with pytest.raises(ConfigError, match=message):
         certify(request_of(folder), tmp_path / "c.json", sign_with=keys / name)
     assert not (tmp_path / "c.json").exists()
+
+
+def test_a_protected_key_without_the_library_of_its_protection_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def opened(data: bytes, password: bytes | None) -> object:
+        raise TypeError("protected") if password is None else UnsupportedAlgorithm("Need bcrypt module")
+
+    monkeypatch.setattr(signature, "_private", opened)
+    (tmp_path / "key").write_text("key")
+    with pytest.raises(ConfigError, match="Need bcrypt module"):
+        load_private_key(tmp_path / "key", lambda: PASSPHRASE)
 
 
 @pytest.mark.parametrize("name", ["ssh_protected", "pem_protected"])
