@@ -70,7 +70,7 @@ class RatioUncertainty:
     def cramer_rao_std(self) -> Array:
         """(n,) Cramér-Rao bound of the standard deviation, with the prior; zero for unknowns fixed at zero."""
         std, free = np.zeros(len(self.values)), self.values > 0
-        std[free] = [self.cramer_rao_with(place) for place in np.flatnonzero(free)]
+        std[free] = [self.cramer_rao_with(place) for place in np.flatnonzero(free).tolist()]
         return std
 
     def cramer_rao_with(self, place: int) -> float:
@@ -165,7 +165,7 @@ def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tu
         free: (n,) mask of the free unknowns
     """
     prior, weight = ratio_fit.prior_information, max(1.0, ratio_fit.chi2_per_dof)
-    bread = np.linalg.inv((H + weight * prior)[np.ix_(free, free)])
+    bread = np.asarray(np.linalg.inv((H + weight * prior)[np.ix_(free, free)]), dtype=np.float64)
     if not (np.diag(bread) > 0.0).all():
         raise np.linalg.LinAlgError("the information matrix is numerically singular")
     white = bread * ratio_fit.chi2_per_dof
@@ -178,7 +178,7 @@ def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tu
     before = np.diag(np.linalg.inv(prior))[free] if prior.any() else np.inf
     variance = np.maximum(np.minimum(variance, before), np.diag(white))
     widen = np.sqrt(variance / np.diag(white))
-    return bread, white * np.outer(widen, widen)
+    return bread, np.asarray(white * np.outer(widen, widen), dtype=np.float64)
 
 
 def _prior_gradient(ratio_fit: RatioFit) -> Array:
