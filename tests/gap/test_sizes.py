@@ -1,6 +1,7 @@
 """Sizes that no rig can have, beyond the errors of the fit."""
 
 from types import SimpleNamespace as Fake
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,5 +24,6 @@ def test_a_rod_does_not_hang_at_more_than_45_degrees_of_its_axis(monkeypatch, of
     )
     monkeypatch.setattr(sizes, "considered", lambda *_: np.array([[std**2]]))
     monkeypatch.setattr(sizes, "_gravity_torque", lambda *_: 3.0)
-    problem = Fake(model=Fake(constants=Fake(m1=1.0, g=9.81)))
-    assert sizes.off_axis(problem, Fake(fit=fit, residuals=Fake(inflation=1.0))) == ((OFFSET,) if off else ())
+    problem: Any = Fake(model=Fake(constants=Fake(m1=1.0, g=9.81)))
+    model: Any = Fake(fit=fit, residuals=Fake(inflation=1.0))
+    assert sizes.off_axis(problem, model) == ((OFFSET,) if off else ())
