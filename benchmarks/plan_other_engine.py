@@ -14,7 +14,7 @@ number of all strategies.
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -88,10 +88,17 @@ class Plant:
     size: float
     rig: Rig
     """Rig file, whose masses are accurate to 0.1 %."""
+    others: Mapping[str, float] = field(default_factory=dict)
+    """Sizes of further effects."""
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Size of every effect in `AMPLITUDES`; zero for an absent effect."""
+        return {name: self.others.get(name, self.size * (name == self.effect)) for name in AMPLITUDES}
 
     def model(self) -> Any:
         """Compiled model with the effects that act on the rods."""
-        size = {name: self.size * (name == self.effect) for name in AMPLITUDES}
+        size = self.sizes
         values = dict(zip(PARAMETERS, self.Z.tolist(), strict=True))
         text = RODS.format(
             **values,
@@ -133,20 +140,18 @@ class Plant:
 
     def _misread(self, t: Array, theta: Array) -> Array:
         """Angles with the errors of the encoders."""
+        size, bend = self.sizes, theta[:, 2] - theta[:, 1]
+        if delay := size["latency_joint2"]:
+            bend = CubicSpline(t, bend)(np.maximum(t - delay, t[0]))
         read = theta.copy()
-        if self.effect == "latency_joint2":
-            bend = CubicSpline(t, theta[:, 2] - theta[:, 1])(np.maximum(t - self.size, t[0]))
-            read[:, 2] = theta[:, 1] + bend
-        elif self.effect == "encoder_scale_joint1":
-            read[:, 1:] += self.size * (theta[:, 1:2] - np.pi)
-        elif self.effect == "encoder_scale_joint2":
-            read[:, 2] += self.size * (theta[:, 2] - theta[:, 1])
+        read[:, 1] += size["encoder_scale_joint1"] * (theta[:, 1] - np.pi)
+        read[:, 2] = read[:, 1] + (1.0 + size["encoder_scale_joint2"]) * bend
         return read
 
 
-def drawn(seed: int) -> Plant:
-    """Draw a random plant. Every fifth plant has no effect."""
-    rng, paper = np.random.default_rng([seed, 28]), load_rig("paper")
+def near_paper(rng: np.random.Generator) -> tuple[Array, Rig]:
+    """Random parameters near those of the rig `paper`, (9,) SI, and the rig file of this plant."""
+    paper = load_rig("paper")
     Z = paper.nominal * rng.uniform(1 - WITHIN, 1 + WITHIN, len(PARAMETERS))
     described = paper.model_dump(exclude_none=True)
     for name, value in zip(PARAMETERS, Z.tolist(), strict=True):
@@ -154,6 +159,13 @@ def drawn(seed: int) -> Plant:
             described["parameters"][name].update(measured=value, std=1e-3 * value)
     rig = Rig.model_validate(described)
     assert rig.encoders.joint2 == "relative", "the encoder errors of this file are those of a relative encoder 2"
+    return Z, rig
+
+
+def drawn(seed: int) -> Plant:
+    """Draw a random plant. Every fifth plant has no effect."""
+    rng = np.random.default_rng([seed, 28])
+    Z, rig = near_paper(rng)
     if seed % 5 == 4:
         return Plant(Z, "", 0.0, rig)
     effect = str(rng.choice(list(AMPLITUDES)))

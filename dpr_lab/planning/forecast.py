@@ -31,8 +31,9 @@ of its size. Their probabilities have the ratio
 so that an effect at the limit of exclusion is as probable as no effect. If effect i is present, its next estimate has
 mean z sqrt(g) and variance g - 1, in the new standard deviations. If no effect is present, the largest estimate has
 mean z / sqrt(g) and variance 1 - 1/g. The releases leave the answer open if the next estimate is too large to exclude
-the effect and too small to decide it (`named`). Effects that are excluded now are included, because the estimate of an
-effect that is present grows.
+the effect and too small to decide it. The second limit is normally distributed (`decided`, `spread`). Effects that are
+excluded now are included, because the estimate of an effect that is present grows. Earlier releases do not count as
+`failed`, because the reason is known.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
@@ -70,13 +71,15 @@ class ForecastSettings:
     """Minimum d^2 at which two causes count as separable; odds of 20 to 1 then result on average."""
     repeats: int = 6
     """Maximum number of further releases whose d^2 may be summed to reach this value."""
-    named: float = 9.0
-    """Minimum estimate of an effect that several releases decide, in standard deviations.
+    decided: float = 7.7
+    """Estimate of an effect, in standard deviations, at which several releases decide it with a probability of 1/2.
 
-    An effect is named from 6.2 on, but its alternatives must also be improbable. Of the causes in blind trials that
-    were named in at least two releases, five with 7.9 to 9.3 or 11.0 standard deviations were undecided, and those with
-    9.8 and more were decided.
+    An effect is named from 6.2 on, but its alternatives must also be improbable. In blind trials with at least two
+    releases, causes were decided at 6.3, 6.5, 7.3, 7.5, 8.0, 8.8 standard deviations and above, and undecided at up to
+    7.0, 7.2, 7.7, 7.9, 9.2, 9.3, 9.6 and 11.0.
     """
+    spread: float = 1.5
+    """Standard deviation of this limit between effects and recordings."""
     least: float = 1e-9
     """Minimum relative increase of the information, which keeps variances positive."""
 
@@ -98,11 +101,10 @@ class SmallEffect(NamedTuple):
     def undecided(self, present: bool) -> float:
         """Probability that the next estimate neither excludes nor decides the effect, if it is present or absent."""
         scale = self.gain**0.5
-        if present:
-            estimate = NormalDist(self.z * scale, (self.gain - 1.0) ** 0.5)
-        else:
-            estimate = NormalDist(self.z / scale, (1.0 - 1.0 / self.gain) ** 0.5)
-        return estimate.cdf(FORECAST.named) - estimate.cdf(self.excluded)
+        mean, variance = (self.z * scale, self.gain - 1.0) if present else (self.z / scale, 1.0 - 1.0 / self.gain)
+        not_excluded = 1.0 - NormalDist(mean, variance**0.5).cdf(self.excluded)
+        decided = NormalDist(FORECAST.decided, (FORECAST.spread**2 + variance) ** 0.5).cdf(mean)
+        return max(not_excluded - decided, 0.0)
 
 
 def decision_probability(

@@ -113,11 +113,11 @@ def _forecast(
     diagnosis = objective.known.diagnosis
     if diagnosis is None or _state(objective.known, together) != "record":
         return None
-    failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
-    settled = 1.0
     if diagnosis.verdict == "no_gap":  # two releases decide a named cause although other effects are not excluded
         settled = settled_probability(OpenAmplitudes.of(objective.known, F, excluded=True))
-    return settled * decision_probability(objective.pairs, gained, releases, together, failed)
+        return settled * decision_probability(objective.pairs, gained, releases, together)
+    failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
+    return decision_probability(objective.pairs, gained, releases, together, failed)
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:

@@ -1,0 +1,146 @@
+"""Calibration of the forecast of a plan, on plants in MuJoCo whose effects are near the limit of detection.
+
+    python benchmarks/plan_forecast.py --plants 30 --seed 1011000
+
+A plant has no effect, one effect or two effects of 0.5 to 2 times the minimum detectable size in the first release, and
+two further effects of 0.05 to 0.2 times this size. The poses of a first plan for the rig `paper` are recorded, 10 s
+each. After each release that leaves the causes undecided, a forecast is made for the next one, two and three of these
+releases, as far as they are recorded. It is compared with the diagnoses of these releases. The sampling error of the
+calibration error is found by drawing plants with replacement.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from _bars import Bar, at_most, options, show
+from plan_other_engine import AMPLITUDES, Plant, near_paper
+
+from dpr_lab.gap.diagnose import diagnose
+from dpr_lab.gap.hypothesis.detectable import SIGMAS
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.information import informed
+from dpr_lab.planning.knowledge import known_after, known_before
+from dpr_lab.planning.limits import PlanLimits
+from dpr_lab.planning.plan import plan
+from dpr_lab.planning.release import CandidateRelease
+from dpr_lab.planning.result import Plan
+from dpr_lab.planning.sequence import SequenceStep
+from dpr_lab.planning.stopping import decided
+from dpr_lab.planning.summary import summed_up
+from dpr_lab.planning.worth.criteria import detectable
+from dpr_lab.planning.worth.objective import Objective
+from dpr_lab.rig import Rig, load_rig
+from dpr_lab.run import Run
+from dpr_lab.trials.next_release import EQUAL_TIMES
+from dpr_lab.trials.score import Claim
+from dpr_lab.trials.summary import brier, calibration_error, error_if_exact
+
+EFFECTS_OF_PLANT = (1, 1, 2, 1, 0, 1)
+"""Number of effects near the limit of detection, by the seed modulo 6."""
+FURTHER = 3
+"""Number of releases after the first one."""
+SIZES, SMALL = (0.5, 2.0), (0.05, 0.2)
+"""Ranges of sizes, in units of the minimum detectable size in the first release."""
+
+
+@dataclass(frozen=True, slots=True)
+class Menu:
+    """Releases that are recorded, and the minimum detectable sizes in the first one."""
+
+    releases: list[CandidateRelease]
+    least: dict[str, float]
+
+
+def menu() -> Menu:
+    """Releases of a first plan for the rig `paper`."""
+    rig = load_rig("paper")
+    made = plan(rig, limits=PlanLimits(recording=EQUAL_TIMES), count=1 + FURTHER)
+    releases = [CandidateRelease(one.theta1_rad, one.theta2_rad, one.duration_s) for one in made.releases]
+    known = known_before(rig)
+    (first,) = informed(releases[:1], known.model)
+    sizes = detectable(known, known.prior + first.information, SIGMAS, AMPLITUDES)
+    return Menu(releases, {name: sizes[name][amplitude] or np.nan for name, amplitude in AMPLITUDES.items()})
+
+
+def faint(seed: int, least: dict[str, float]) -> Plant:
+    """Random plant with effects near the limit of detection, and two smaller effects."""
+    rng = np.random.default_rng([seed, 68])
+    Z, rig = near_paper(rng)
+    names, count = rng.permutation(list(AMPLITUDES)).tolist(), EFFECTS_OF_PLANT[seed % len(EFFECTS_OF_PLANT)]
+    ranges = [SIZES] * count + [SMALL] * 2
+    sizes = {
+        name: least[name] * float(np.exp(rng.uniform(*np.log(limits))))
+        for name, limits in zip(names, ranges, strict=False)
+    }
+    return Plant(Z, names[0] if count else "", sizes[names[0]] if count else 0.0, rig, sizes)
+
+
+def forecast_of(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, releases: Sequence[CandidateRelease]) -> Plan:
+    """Plan that consists of given releases."""
+    known, limits = known_after(runs, rig, diagnosis), PlanLimits()
+    steps = [
+        SequenceStep(one.release, one.information / known.inflation, one.horizon_s, 1.0, 0.0, 1.0)
+        for one in informed(releases, known.model)
+    ]
+    return summed_up(Objective.of(known, limits), steps, limits, 0.0)
+
+
+def claims_of(plant: Plant, releases: Sequence[CandidateRelease], rng: np.random.Generator) -> list[Claim]:
+    """Forecasts along the releases of one plant, and whether they were right."""
+    runs, forecasts, ended = list[Run](), list[list[float]](), False
+    for k, release in enumerate(releases):
+        runs.append(replace(plant.record(release, rng), name=f"P{k}"))
+        diagnosis = diagnose(runs, plant.rig)
+        ended, later = decided(diagnosis), releases[k + 1 :]
+        if not ended:
+            made = forecast_of(runs, plant.rig, diagnosis, later or [release])
+            ended = made.state == "bench check"
+            forecasts.append(made.forecast[: len(later)])
+        if ended:
+            break
+    return [
+        Claim(probability, ended and len(runs) - 1 - k <= number)
+        for k, each in enumerate(forecasts)
+        for number, probability in enumerate(each, 1)
+    ]
+
+
+def interval90(plants: Sequence[Sequence[Claim]], draws: int = 500) -> tuple[float, float]:
+    """90 % interval of the calibration error, by drawing plants with replacement."""
+    rng = np.random.default_rng(0)
+    drawn = [
+        calibration_error([claim for k in rng.integers(len(plants), size=len(plants)) for claim in plants[k]])
+        for _ in range(draws)
+    ]
+    low, high = np.nanquantile(drawn, [0.05, 0.95]).tolist()
+    return low, high
+
+
+def main() -> None:
+    """Draw, record, diagnose, compare, print."""
+    parser = options(__doc__)
+    parser.add_argument("--plants", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    args = parser.parse_args()
+    chosen, plants = menu(), list[list[Claim]]()
+    for seed in range(args.seed, args.seed + (2 if args.quick else args.plants)):
+        plants.append(claims_of(faint(seed, chosen.least), chosen.releases, np.random.default_rng([seed, 69])))
+        judged = [f"{claim.probability:.2f} {'yes' if claim.true else 'no'}" for claim in plants[-1]]
+        print(f"plant {seed}: {judged}", file=sys.stderr, flush=True)
+    claims, (low, high) = [claim for each in plants for claim in each], interval90(plants)
+    bars = [
+        at_most(f"calibration error of {len(claims)} forecasts", calibration_error(claims), 0.05),
+        Bar("90 % interval: from", "-", low, None),
+        Bar("90 % interval: to", "-", high, None),
+        Bar("of an exact forecast", "-", error_if_exact(claims), None),
+        Bar("Brier score", "-", brier(claims), None),
+        Bar("mean forecast", "-", float(np.mean([claim.probability for claim in claims])), None),
+        Bar("share that occurred", "-", float(np.mean([claim.true for claim in claims])), None),
+    ]
+    show("forecast of a decision", bars, args.json)
+
+
+if __name__ == "__main__":
+    main()
