@@ -357,7 +357,7 @@ def _effects(diagnosis: Diagnosis) -> list[str]:
     return [*_table(["effect", "probability", "unique contribution", "size (90 % interval)"], rows), ""] if rows else []
 
 
-HEAD = """# Real rigs
+HEAD = """# Diagnoses of real rigs
 
 This page is for readers who judge dpr-lab by real data. It lists diagnoses of recordings that other laboratories
 published. `benchmarks/real.py` computes all figures. Each recording of a rig is held out once and predicted from the
