@@ -81,13 +81,13 @@ PAGES = ("README.md", "CONTRIBUTING.md", *(f"docs/{path.name}" for path in (ROOT
 
 
 def numbered() -> list[int]:
-    """The numbers at the ends of lines of the theory's code blocks."""
+    """Numbers at the ends of lines in the code blocks of the theory."""
     formulas = re.findall(r"```\n(.*?)```", THEORY, flags=re.DOTALL)
     return [int(n) for block in formulas for n in re.findall(r" \((\d+)\)$", block, flags=re.MULTILINE)]
 
 
 def placed() -> dict[int, list[str]]:
-    """Equation -> the files that the theory's table names."""
+    """Files that the table in the theory names for each equation."""
     found = {}
     for numbers, files in re.findall(r"^\| ([\d, -]+) \| (`.+`) \|$", THEORY, flags=re.MULTILINE):
         for first, last in re.findall(r"(\d+)(?:-(\d+))?", numbers):

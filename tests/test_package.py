@@ -44,12 +44,12 @@ load()
 load_plant("paper")
 app(["rig", "show", "paper"], standalone_mode=False)
 """
-"""Loads every module, the C sources, the plants and a rig; prints where the packages are, and the rig."""
+"""Program that loads every module, the C sources, the plants and a rig, and prints the folders of the packages."""
 
 
 @pytest.fixture
 def installed(built: Path, tmp_path: Path) -> tuple[Path, Callable[..., str]]:
-    """A folder with the content of the wheel, and (what follows `python`) -> its output with nothing but that."""
+    """Folder with the content of the wheel, and a function that runs Python in an empty environment."""
     (wheel,) = built.glob("*.whl")
     place = tmp_path / "place"
     with zipfile.ZipFile(wheel) as archive:
@@ -115,7 +115,7 @@ def test_the_description_of_the_package_has_no_broken_links(built: Path) -> None
 
 
 def commands_of(target: str, venv: Path) -> str:
-    """What make would run for a target, with the environment in a folder."""
+    """Commands that make would run for a target, with the environment in a folder."""
     command = ["make", "--dry-run", target, f"VENV={venv}"]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 

@@ -23,7 +23,7 @@ QUICK = (
     "docs/tutorials/your-hardware.md",
     "docs/tutorials/your-table.md",
 )
-"""Pages that take seconds; the others record and diagnose for minutes."""
+"""Pages that take seconds. The other pages record and diagnose for minutes."""
 
 VERDICTS = {
     "README.md": {"diagnosis/diagnosis.json": {}},
@@ -45,7 +45,7 @@ extern const dpr_identity_t IDENTITY;
 void board(void);
 void board(void) { uint8_t byte; dpr_frame_t frame;
 """
-"""What the sketches of the porting guide leave out."""
+"""Code that the sketches of the porting guide omit."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
@@ -73,7 +73,7 @@ def test_what_a_page_shows_of_a_file_is_read_by_what_reads_it(page: Path, tmp_pa
 
 
 def compiled(file: Path) -> None:
-    """A sketch: whole functions as they are, statements inside of one."""
+    """Compile a sketch: complete functions unchanged, statements inside a function."""
     if not (compiler := shutil.which("cc")):
         pytest.skip("no C compiler")
     sketch = file.read_text(encoding="utf-8")
@@ -86,7 +86,7 @@ def compiled(file: Path) -> None:
 
 
 def settings_read(file: Path) -> None:
-    """A rig file, a part of a project file, or the keys of the screen."""
+    """Read a rig file, a part of a project file, or key bindings."""
     if "[project" in file.read_text(encoding="utf-8"):
         assert tomllib.loads(file.read_text(encoding="utf-8"))["project"]
         return

@@ -40,7 +40,7 @@ def announce(tmp_path: Path) -> Announce:
 
 
 def run(code: str, site: Path | None, cwd: Path | None = None, **variables: str) -> "subprocess.CompletedProcess[str]":
-    """A program in which `site` is a folder of installed packages."""
+    """Run a program for which `site` is a folder of installed packages."""
     path = os.pathsep.join([str(ROOT), *([str(site)] if site else [])])
     environment = {**os.environ, "PYTHONPATH": path, **variables}
     done = subprocess.run(
@@ -243,7 +243,7 @@ def test_the_help_of_a_command_lists_the_plugins_that_extend_it(announce: Announ
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A fresh environment with the template installed by pip, without a network; it sees the lab of this one."""
+    """New environment with the template package, installed by pip without a network."""
     folder = tmp_path_factory.mktemp("environment")
     subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", "--without-pip", str(folder)], check=True)
     python = str(folder / "bin" / "python")

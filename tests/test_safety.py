@@ -28,12 +28,12 @@ SOURCES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob
 
 
 def containing(words: str) -> list[Path]:
-    """The sources in which some of these words occur: only they need to be parsed."""
+    """Sources that contain some of these words. Only they need to be parsed."""
     return [path for path in SOURCES if re.search(words, path.read_text(encoding="utf-8"))]
 
 
 def status_of(device: Device) -> Status:
-    """The device's next status."""
+    """Next STATUS of the device."""
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
         told = [message for batch in device.poll(0.2) for message in batch.messages if isinstance(message, Status)]
@@ -78,7 +78,7 @@ def test_only_an_explicit_release_after_passed_checks_sends_release(
 
 
 def _shaky(folder: Path) -> Path:
-    """The plant `paper` with an encoder noise far above what a rod at rest shows."""
+    """Plant `paper` with an encoder noise far above that of a rod at rest."""
     from sim_device.plant.config import BUILTIN
 
     text = (BUILTIN / "plants" / "paper.toml").read_text(encoding="utf-8")
@@ -180,7 +180,7 @@ def test_no_source_runs_what_a_file_says() -> None:
 
 
 class Bomb:
-    """What a pickle runs when it is loaded."""
+    """Object whose loading from a pickle runs code."""
 
     def __init__(self, trace: Path) -> None:
         self.trace = trace

@@ -35,7 +35,7 @@ IMPORT = ("--rig", "tables/bench.toml", "--angles", "relative", "--zero", "hangi
 
 
 def run(folder: Path, *commands: tuple[str, ...]) -> subprocess.CompletedProcess[str]:
-    """Run commands one after the other, in one process."""
+    """Run commands one after another in one process."""
     command = [sys.executable, "-c", WITHOUT, json.dumps(commands)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
@@ -44,7 +44,7 @@ def run(folder: Path, *commands: tuple[str, ...]) -> subprocess.CompletedProcess
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder whose name is neither ASCII nor one word, with runs that were imported there."""
+    """Folder with a name with spaces and non-ASCII characters, and runs that were imported there."""
     folder = tmp_path_factory.mktemp("Prüfstand 双摆")
     imports = [("import", "table", f"tables/{pose}.csv", *IMPORT, "--pose", pose) for pose in POSES]
     run(folder, ("demo", "--table", "--out", "tables"), *imports)

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def one_rod(rig: Rig, dry: float, t: Array, start: float) -> Array:
-    """(n, 2) rad: the rods of a rig as one, with dry friction relative to the weight torque, started near upright."""
+    """Angles (n, 2) of rods that move as one, with Coulomb friction, released near upright, rad."""
     a, b, d, e1, *_ = mounted_base(rig, rig.nominal).tolist()
     gravity = (e1 + d * rig.g / rig.L1) / (a + b + 2 * d)
 

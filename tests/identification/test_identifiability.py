@@ -24,7 +24,7 @@ SCALE = {"m1", "m2", "mb", "c1", "c2", "J1", "J2"}
 
 @pytest.fixture(scope="module")
 def rig() -> Rig:
-    """A rig of whose true values none is special, read at 200 Hz."""
+    """Rig without special parameter values, read at 200 Hz."""
     return Rig.model_validate(
         {
             "rig": {"name": "test", "L1": 0.4, "L2": 0.42},
@@ -58,7 +58,7 @@ def measured(rig: Rig, *names: str) -> Rig:
 
 
 def swings(Z: NDArray, starts: NDArray, t: NDArray, rig: Rig) -> NDArray:
-    """(n, 2, lanes) angles by DOP853 from docs/theory.md equation (1) in the nine parameters themselves."""
+    """Angles (n, 2, lanes) by DOP853 from docs/theory.md equation (1) in the nine parameters."""
     l1, l2, m1, m2, mb, c1, c2, J1, J2 = Z
     L1, g = rig.rig.L1, rig.rig.g
     a, b, d = J1 + m1 * l1**2 + (m2 + mb) * L1**2, J2 + m2 * l2**2, m2 * L1 * l2
@@ -191,7 +191,7 @@ def differences(function, at: NDArray) -> NDArray:
 
 
 def brute_force_gains(information: NDArray, rig: Rig) -> dict[str, float]:
-    """Bits of each measurement, from explicit inverses and finite differences of what each one reads."""
+    """Information of each measurement, bits, from explicit inverses and finite differences of its reading."""
 
     def unloaded(Z: NDArray) -> NDArray:
         return ratios(base_parameters(Z, rig.rig.L1, rig.rig.g))

@@ -35,12 +35,12 @@ PI = np.pi
 
 @pytest.fixture(scope="module")
 def swings(paper: Rig) -> list[Run]:
-    """One release: the time to examine interpretations is proportional to their number."""
+    """One release, because the time is proportional to the number of releases."""
     return record(load_plant("paper", 1), paper, 1.5, 250)[:1]
 
 
 def read_as(runs: list[Run], angles: Callable) -> list[Run]:
-    """The runs as another reading of the same table gives them."""
+    """Runs as given by another interpretation of the same table."""
     made = []
     for run in runs:
         inner, outer = angles(run.theta[:, 1], run.theta[:, 2])

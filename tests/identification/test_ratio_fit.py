@@ -43,7 +43,7 @@ def swing(state: NDArray, t: NDArray, base: NDArray, rig: Rig, error: float = 1e
 
 
 def record(rig: Rig, rng: np.random.Generator, *, base: NDArray | None = None, duration: float = 4.0, keep=None):
-    """Three releases at 200 Hz with white noise, and states as a smoother would give them."""
+    """Three releases at 200 Hz with white noise, and smoothed states."""
     base = base_parameters(TRUE, rig.rig.L1, rig.rig.g) if base is None else base
     t = np.arange(0.0, duration, 0.005)
     if keep is not None:
@@ -63,7 +63,7 @@ def absolute(rig: Rig) -> Rig:
 
 
 def problem_of(rig: Rig, runs, states, length: float):
-    """The segments of runs, and the smoothed states where they begin."""
+    """Segments of runs, and the smoothed states at their starts."""
     noise = NoiseFloor(np.full(2, NOISE), "rest", JointAngles(relative2=False))
     prepared = [PreprocessedRun(run, noise, x) for run, x in zip(runs, states, strict=True)]
     return segmented(prepared, absolute(rig), length)

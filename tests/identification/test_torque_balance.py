@@ -24,7 +24,7 @@ def clamped(paper: Rig) -> Rig:
 
 
 def balance(rig: Rig, *, driven: bool, coulomb: tuple[float, float] = COULOMB, **factors: float) -> TorqueBalance:
-    """Balance of random motion with the accelerations of equation (1); an elbow is clamped if the rig's is."""
+    """Torque balance of random motion with the accelerations of equation (1), with the elbow mode of the rig."""
     rng = np.random.default_rng(7)
     a, b, d, e1, c1, c2 = (
         factors.get(name, 1.0) * value for name, value in zip(NAMES, mounted_base(rig, rig.nominal), strict=True)

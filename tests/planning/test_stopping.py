@@ -32,7 +32,7 @@ TWO_NAMED = Path(__file__).parents[1] / "tui" / "data" / "diagnosis.json"
 
 
 def one_cause(sizes: float = 20.0, **changed: object) -> Diagnosis:
-    """A diagnosis of one release whose only cause is Coulomb friction, `sizes` standard deviations large."""
+    """Diagnosis of one release whose only cause is Coulomb friction with a size of `sizes` standard deviations."""
     whole = load_diagnosis(TWO_NAMED)
     half_width = 1.645 * 1e-3 / sizes
     size = {"value": 1e-3, "interval90": [1e-3 - half_width, 1e-3 + half_width]}
@@ -55,7 +55,7 @@ def one_cause(sizes: float = 20.0, **changed: object) -> Diagnosis:
 
 
 def of_runs(diagnosis: Diagnosis, *names: str, exclusions: Sequence[Exclusion] = ()) -> Diagnosis:
-    """The diagnosis as one of these recordings."""
+    """The diagnosis, assigned to these recordings."""
     recordings = [RecordingUsed.model_construct(name=name) for name in names]
     evidence = Evidence.model_construct(recordings=recordings, exclusions=list(exclusions))
     return diagnosis.model_copy(update={"evidence": evidence})

@@ -22,7 +22,7 @@ NOISE_RAD = np.array([2e-4, 3e-4])
 
 @pytest.fixture(scope="session")
 def comparison() -> Callable[..., Comparison]:
-    """Make a comparison of sine swings: a free run that drifts away, segments that leave white noise."""
+    """Create a comparison of sine swings: a free run that diverges, and segments that leave white noise."""
 
     def make(run="first", *, pose="X1", held_out=False, samples=2000, horizon_s=1.2, residual=1.0) -> Comparison:
         rng = np.random.default_rng(samples)
@@ -51,7 +51,7 @@ def comparison() -> Callable[..., Comparison]:
 
 @pytest.fixture(scope="session")
 def model() -> Callable[..., Model]:
-    """Make a model whose residual is `times_noise` times its noise floor."""
+    """Create a model whose residual is `times_noise` times its noise floor."""
 
     def make(times_noise=1.0, **changes) -> Model:
         ratios = {"a/b": 10.2458, "d/b": 1.50094, "e1/b": 263.563, "c1/b": 0.18762, "c2/b": 0.0071234}

@@ -43,7 +43,7 @@ def rival(name: str, probability: float, instead_of: str) -> dict:
 
 @pytest.fixture
 def diagnosis():
-    """Make a diagnosis of two effects, one with an open alternative and one in a class of two; `changes` by key."""
+    """Create a diagnosis of two effects, one with a probable alternative and one in a class of two."""
 
     def make(**changes) -> Diagnosis:
         by_joint = {"joint1": 3e-3, "joint2": 4e-3}

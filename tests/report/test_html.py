@@ -11,7 +11,7 @@ VOID = {"meta", "link", "img", "br", "hr"}
 
 
 class Page(HTMLParser):
-    """What a browser would see: text, attributes, headings; every element must be closed in order."""
+    """Parser that collects text, attributes and headings as in a browser; every element must be closed in order."""
 
     def __init__(self, source: str) -> None:
         super().__init__()

@@ -51,7 +51,7 @@ def _without_key(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_text(document: dict[str, Any]) -> dict[str, Any]:
-    """A text instead of the first number or object inside a table."""
+    """Replace the first number or object inside a table by a text."""
     changed = copy.deepcopy(document)
     table = changed.get("ratios") or changed["choices"]
     table[next(iter(table))] = "a text"

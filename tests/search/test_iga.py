@@ -12,7 +12,7 @@ BOX = np.array([np.full(9, 0.8), np.full(9, 1.2)])
 
 
 def batches(objective, generations, box=BOX, **changed):
-    """Sizes of the batches that each generation evaluated."""
+    """Sizes of the batches that each generation evaluates."""
     sizes = []
 
     def counted(z):

@@ -14,7 +14,7 @@ OFF_GRID = np.array([0.137, 0.521, 0.863, 0.294, 0.448, 0.712, 0.369, 0.081, 0.6
 
 
 def by_turns(names, cases):
-    """Every algorithm in every case; `make test` tries each algorithm, and each case, by turns."""
+    """Every algorithm in every case. Fast tests use each algorithm and each case, in turn."""
     argnames = ("algorithm", *names)
     some = thinned(list(product(cases, ALGORITHMS)), 4)
     values = [pytest.param(ALGORITHMS[a], *c, marks=p.marks, id=f"{c[0]}-{a}") for p in some for c, a in [p.values[0]]]

@@ -50,7 +50,7 @@ usual = [Hello(1), (Hold(pose=1), 2), 3, (Stream(rate_hz=1000), 3), 5, (Release(
 
 
 def both(**options):
-    """Two boards that differ in nothing but the firmware."""
+    """Two boards that differ only in their firmware."""
     devices = []
     for firmware in ("python", "c"):
         device, link, _ = assemble(Options(link="tcp:0", seed=3, firmware=firmware, **options))

@@ -12,7 +12,7 @@ from sim_device.firmware import c_library
 
 @pytest.fixture
 def fresh(tmp_path, monkeypatch):
-    """The module without anything that was built before."""
+    """Module without a previously built library."""
     monkeypatch.setattr(c_library, "BUILT", tmp_path / "none")
     monkeypatch.setattr(c_library, "user_cache_path", tmp_path.joinpath)
     monkeypatch.delenv(c_library.CHOSEN, raising=False)

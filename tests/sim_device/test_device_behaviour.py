@@ -28,21 +28,21 @@ from sim_device.plant.plant import Plant
 
 NOISE_COUNTS = 0.5
 FAR = 6 * NOISE_COUNTS + 0.5
-"""Counts that noise and rounding reach in no test."""
+"""Difference in counts that noise and rounding do not reach."""
 
 
 def off(counts: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Distances of low words from positions, counts."""
+    """Differences of low words from positions, counts."""
     return np.mod(counts - positions + 32768, 65536) - 32768
 
 
 def away(counts: np.ndarray, positions: np.ndarray) -> float:
-    """Greatest distance of low words from positions, counts."""
+    """Largest difference of low words from positions, counts."""
     return np.abs(off(counts, positions)).max()
 
 
 def true_positions(rig, t: np.ndarray, pose: int, release: int = 1, seed: int = 1) -> np.ndarray:
-    """(n, 3) what ideal encoders read `t` seconds after a release."""
+    """Counts (n, 3) of ideal encoders `t` seconds after a release."""
     config = load_plant("paper", seed)
     start = placement(config.hand, list(rig.poses.values())[pose - 1], seed, release)
     omega = release_speed(config.hand, seed, release)

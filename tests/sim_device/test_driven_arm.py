@@ -41,7 +41,7 @@ def rig() -> Rig:
 
 
 def plant_with(effects: dict[str, dict[str, float]], **drive: object) -> PlantConfig:
-    """The plant `furuta` with hidden effects and another drive."""
+    """Plant `furuta` with hidden effects and another drive."""
     plant = load_plant("furuta")
     assert plant.arm_drive is not None
     still = plant.hand.model_copy(update={"placement_std": 0.0, "release_speed_std": 0.0})
@@ -60,7 +60,7 @@ def released(plant: PlantConfig, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
 
 
 def by_mujoco(plant: PlantConfig, rig: Rig, torque: np.ndarray, name: str) -> np.ndarray:
-    """The same release by MuJoCo under the logged torque, with the fault written again."""
+    """The same release in MuJoCo under the logged torque, with a separate implementation of the fault."""
     rod = {key: plant.parameters[key] for key in ("l1", "m1", "c1", "J1")}
     drive, size = plant.arm_drive, dict(plant.effects.get(name, {}))
     assert drive is not None

@@ -21,7 +21,7 @@ def rods_at(theta1: float, theta2: float) -> np.ndarray:
 
 
 def independent(config: PlantConfig, rig, start: np.ndarray) -> np.ndarray:
-    """Docs/theory.md equation (1), written out of the matrices, with dry friction whose events are located."""
+    """Solve docs/theory.md equation (1), written without matrices, with located events of Coulomb friction."""
     p, L1, g = config.parameters, rig.rig.L1, rig.rig.g
     carried = p["m2"] + p["mb"]
     a, b = p["J1"] + p["m1"] * p["l1"] ** 2 + carried * L1**2, p["J2"] + p["m2"] * p["l2"] ** 2

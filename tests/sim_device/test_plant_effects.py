@@ -34,7 +34,7 @@ def typical(name):
 
 
 def shown(effects, rate_hz=1000.0):
-    """(TICKS, 3) angles as the encoders misread them."""
+    """Angles (TICKS, 3) with the encoder errors."""
     plant = plant_with(effects)
     theta = Swing(plant, POSE, REST, rate_hz).theta(0, TICKS)
     return plant.misread(theta, np.arange(TICKS) / rate_hz, 0)

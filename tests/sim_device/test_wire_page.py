@@ -47,7 +47,7 @@ def angles(turns: np.ndarray) -> np.ndarray:
 
 
 class Stranger:
-    """Frames as the page describes them, on a socket."""
+    """Client that sends and receives frames on a socket as the page describes."""
 
     def __init__(self, line: socket.socket) -> None:
         self._dbc: Any = cantools.database.load_file(DBC_FILE)
@@ -64,7 +64,7 @@ class Stranger:
         self._line.sendall(b"".join(bytes([len(run) + 1]) + run for run in data.split(b"\0")) + b"\0")
 
     def listen(self) -> None:
-        """What came, by the name of its message; and the sign of life."""
+        """Received messages by name. Also sends a KEEPALIVE."""
         self.send("KEEPALIVE")
         try:
             self._rest += self._line.recv(65536)
@@ -90,7 +90,7 @@ class Stranger:
             self.listen()
 
     def ask(self, name: str, **fields: int) -> str:
-        """ACK, or the name of the refusal."""
+        """Send a command, and return ACK or the name of the refusal."""
         self._token += 1
         self.heard.pop("ACK", None)
         self.heard.pop("NAK", None)
@@ -99,7 +99,7 @@ class Stranger:
         return str(self.heard["NAK"]["code"]) if "NAK" in self.heard else "ACK"
 
     def state(self) -> tuple[str, bool]:
-        """State and latch, from a status report after this request."""
+        """State and latch, from the next STATUS."""
         self.heard.pop("STATUS", None)
         self.until(lambda: "STATUS" in self.heard)
         return str(self.heard["STATUS"]["state"]), bool(self.heard["STATUS"]["latched"])
@@ -112,7 +112,7 @@ class Stranger:
         return angles(np.array([self.positions[joint] / turn[joint] for joint in range(3)]))
 
     def off(self, pose: np.ndarray) -> float:
-        """How far a rod is off a pose, whole turns aside, degrees."""
+        """Distance of a rod from a pose without whole turns, degrees."""
         return float(np.abs((self.angles() - pose + 180) % 360 - 180).max())
 
 

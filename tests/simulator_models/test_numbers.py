@@ -65,7 +65,7 @@ PLACES = [
     (SDF, "<gravity>0 0 -9.81</gravity>", "<world> 'x': element <gravity>"),
     (SDF, "<xyz>0 1 0</xyz>", "<axis> of joint 's': element <xyz>"),
 ]
-"""File, a number in it, and what the message calls its place."""
+"""File, a number in it, and the place that the message names."""
 
 
 def read(folder: Path, text: str):

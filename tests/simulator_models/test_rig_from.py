@@ -22,7 +22,7 @@ OUTER = 'pos="0 0 -.07" mass=".1" diaginertia="3e-4 4e-4 2e-4"'
 def two_hinges(
     *, first: str = "", second: str = "", arm: str = "", more: str = "", inside: str = "", axis: str = "0 1 0"
 ) -> str:
-    """Inner rod upright and outer rod hanging at zero, as few models have it."""
+    """Model with inner rod upright and outer rod hanging at zero, which is unusual."""
     b = f'<body name="b" pos="0 0 .25"><joint name="elbow" axis="{axis}" {second}/><inertial {OUTER}/>{inside}</body>'
     rods = f'<body name="a" pos="0 -.2 0"><joint name="shoulder" axis="0 1 0" {first}/><inertial {INNER}/>{b}</body>'
     weight = '<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>'
@@ -37,7 +37,7 @@ def written(folder: Path, text: str, name: str = "model.xml", **options):
 
 
 def base(z: dict[str, float], L1: float, g: float) -> list[float]:
-    """a, b, d, e1, e2 of docs/theory.md, c1 and c2, written out here once more."""
+    """a, b, d, e1, e2 of docs/theory.md, c1 and c2, computed separately."""
     tip = z["m2"] + z["mb"]
     return [
         z["J1"] + z["m1"] * z["l1"] ** 2 + tip * L1**2,

@@ -42,7 +42,7 @@ def whole(tmp_path_factory):
 
 
 def assert_only_true_samples(path):
-    """Reads what can be read; every sample must be the one written for its tick."""
+    """Read all readable samples, and check that each equals the sample written for its tick."""
     try:
         run = load_run(path, verify=False)
     except RunError:
@@ -238,7 +238,7 @@ def header_of_second_chunk(content):
 
 
 def chunk_of(whole, data):
-    """A chunk with the head of a run's second one and other compressed data."""
+    """Chunk with the header of a run's second chunk and other compressed data."""
     content = whole.read_bytes()
     header = header_of_second_chunk(content)
     length = 8 + 8 + 8 + 4 + 4 + 4 + 8 + len(data)

@@ -48,7 +48,7 @@ def same(one: Table, other: Table) -> bool:
 
 
 def both_ways(path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Table, Table]:
-    """The table by small blocks, and a line at a time."""
+    """Read the table in small blocks, and line by line."""
     monkeypatch.setattr(table_module, "LIMITS", TableLimits(block_bytes=700))
     by_block = read_table(path)
     monkeypatch.setattr(table_module, "clean_rows", lambda *_: None)

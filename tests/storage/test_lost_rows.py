@@ -25,7 +25,7 @@ def write(folder: Path, header: str, *columns: np.ndarray) -> Path:
 
 
 def tracked(theta: np.ndarray) -> list[np.ndarray]:
-    """Pixels of elbow and tip, y downwards."""
+    """Pixel coordinates of elbow and tip, y downwards."""
     inner, outer = PIXELS * np.stack([-np.sin(theta), -np.cos(theta)], axis=2).swapaxes(0, 1)
     return [*(700 + inner).T, *(700 + inner + outer).T]
 

@@ -14,7 +14,7 @@ from tests.storage.mutated_tables import MUTATIONS, MutatedTable, mutated_tables
 from tests.thinned import FULL, thinned
 
 TURNS = 5
-"""As many as there are base tables."""
+"""Number of turns, equal to the number of base tables."""
 
 
 @pytest.fixture(scope="module")

@@ -335,7 +335,7 @@ def test_a_run_that_was_imported_with_its_held_start_is_cut_when_it_is_read(
 
 
 def as_imported_before(file: Path, out: Path) -> Path:
-    """A run file as a version wrote it that did not know of held rods."""
+    """Run file as written by a version that did not detect held rods."""
     from dataclasses import replace
 
     from dpr_lab.storage.metadata import RunSummary

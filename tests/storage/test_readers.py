@@ -62,7 +62,7 @@ def test_records_of_a_logger_are_a_table_however_they_are_nested(tmp_path: Path)
 
 
 def damaged(path: Path) -> list[Path]:
-    """The file cut short, and with bytes changed."""
+    """Truncated file, and file with changed bytes."""
     content = path.read_bytes()
     found = []
     rng = np.random.default_rng(5)

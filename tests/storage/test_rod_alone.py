@@ -224,7 +224,7 @@ def test_a_zero_of_rods_with_a_clamped_elbow_is_questioned(paper: Rig, tmp_path:
 
 
 def fallen(a0: float = 1.2, seconds: float = 3.0) -> tuple[np.ndarray, np.ndarray]:
-    """Instants and angle from hanging, rad, of the rod of `ONE_ROD`."""
+    """Instants, and angle from hanging of the rod of `ONE_ROD`, rad."""
     t = np.arange(0.0, seconds, 0.01)
     rod = solve_ivp(lambda _, x: [x[1], -45.3 * np.sin(x[0]) - 0.1 * x[1]], (0, seconds), [a0, 0], t_eval=t, rtol=1e-8)
     return t, rod.y[0]

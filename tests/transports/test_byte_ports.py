@@ -20,7 +20,7 @@ FRAMES = tuple(Frame(65, bytes(range(n))) for n in range(9))
 
 @pytest.fixture
 def terminal() -> Iterator[tuple[int, str]]:
-    """The device's end of a pseudo-terminal and the path of the host's end."""
+    """Device end of a pseudo-terminal, and path of the host end."""
     device, host = pty.openpty()
     tty.setraw(host)
     yield device, os.ttyname(host)

@@ -24,7 +24,7 @@ def peer() -> Iterator[can.BusABC]:
 
 @pytest.fixture
 def adapter() -> Iterator[tuple[int, str]]:
-    """The adapter's end of an slcan line and the path of the host's end."""
+    """Adapter end of an SLCAN line, and path of the host end."""
     device, host = pty.openpty()
     tty.setraw(host)
     yield device, os.ttyname(host)

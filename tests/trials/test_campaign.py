@@ -172,7 +172,7 @@ VOID = {"meta", "link", "img", "br", "hr"}
 
 
 class Page(HTMLParser):
-    """Every element closed in order, nothing fetched."""
+    """Parser that checks that every element is closed in order and no other file is loaded."""
 
     def __init__(self, source: str) -> None:
         super().__init__()
@@ -334,7 +334,7 @@ def test_a_local_cluster_does_it_too(tmp_path: Path) -> None:
 
 
 def comparable(folder: Path) -> list[dict]:
-    """Trials in order, without what is another each time."""
+    """Trials in order, without fields that differ between runs."""
     kept = (json.loads(line) for line in (folder / "trials.jsonl").read_text().splitlines())
     ordered = sorted(kept, key=lambda line: line["number"])
     return [line["outcome"] | {"seconds": None, "seal": None} for line in ordered]

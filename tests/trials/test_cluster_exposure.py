@@ -30,7 +30,7 @@ def test_what_the_network_reaches_is_warned_of(address: str) -> None:
 
 
 def recipe(page: str) -> list[str]:
-    """The commands of a page that start a scheduler and workers on this machine."""
+    """Commands of a page that start a scheduler and workers on this machine."""
     return re.findall(r"^(dask (?:scheduler|worker) .*127\.0\.0\.1.*)$", (ROOT / page).read_text(), re.MULTILINE)
 
 

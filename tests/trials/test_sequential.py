@@ -73,7 +73,7 @@ def test_a_driven_plant_replays_the_input_of_a_plan() -> None:
 
 
 def look(decided: bool, *forecast: float, bench_check: bool = False, seconds: float = 1.0) -> dict[str, object]:
-    """A look of one strategy, as `run_sequential_case` writes it."""
+    """Result of one strategy, as written by `run_sequential_case`."""
     return {"forecast": list(forecast), "decided": decided, "bench_check": bench_check, "plan_seconds": seconds}
 
 

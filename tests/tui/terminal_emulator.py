@@ -43,7 +43,7 @@ class VirtualScreen:
         self._rest = b""
 
     def text(self) -> str:
-        """What is shown."""
+        """Displayed text."""
         return "\n".join("".join(row).rstrip() for row in self._cells)
 
     def take(self, data: bytes) -> None:
@@ -130,11 +130,11 @@ class Terminal(VirtualScreen):
         self._thread.start()
 
     def press(self, keys: str) -> None:
-        """Type."""
+        """Press keys."""
         os.write(self._master, keys.encode())
 
     def until(self, condition: Callable[[], object]) -> None:
-        """Wait."""
+        """Wait for a condition."""
         deadline = time.monotonic() + PATIENCE_S
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain; the terminal shows\n{self.text()}"
@@ -142,11 +142,11 @@ class Terminal(VirtualScreen):
             time.sleep(0.02)
 
     def until_shown(self, text: str) -> None:
-        """Wait until that stands on the screen."""
+        """Wait until a text is displayed."""
         self.until(lambda: text in self.text())
 
     def ended(self, patience_s: float = PATIENCE_S) -> int:
-        """Exit code."""
+        """Wait for the end and return the exit code."""
         return self.process.wait(patience_s)
 
     @property
@@ -163,7 +163,7 @@ class Terminal(VirtualScreen):
         self._master = self._slave = -1
 
     def close(self) -> None:
-        """End the program, and what it started, if it still runs."""
+        """End the program and its child processes if they still run."""
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()

@@ -37,7 +37,7 @@ class Faulty(Step):
     stake = ""
 
     class Asked(Step.Done):
-        """For the handler that fails."""
+        """Message for a handler that fails."""
 
     def compose(self) -> ComposeResult:
         yield Static("content")

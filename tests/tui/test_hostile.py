@@ -25,7 +25,7 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069
 
 
 def strips(app: App[None]) -> Iterator[str]:
-    """Every line as it goes to the terminal, segment by segment."""
+    """Every line as it is sent to the terminal, segment by segment."""
     for strip in app.screen._compositor.render_strips():
         yield from (segment.text for segment in strip)
 
@@ -38,7 +38,7 @@ def drawn(app: App[None]) -> str:
 
 @pytest.fixture
 def hostile(paper, tmp_path: Path) -> Path:
-    """A whole run whose file, note and device would write to the terminal."""
+    """Valid run whose file name, note and device contain control characters."""
     path = tmp_path / f"bench{EVIL}" / "runs" / f"20261121T101500Z_{EVIL}_1.mcap"
     path.parent.mkdir(parents=True)
     meta = RunMetadata(paper, "X1", 1000, note=EVIL, url=EVIL, uid=EVIL, firmware=EVIL)

@@ -17,10 +17,10 @@ from firmware_protocol.identity import DeviceInfo
 INFO = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000)
 COUNT = math.tau / 16384
 LOOKS = 24
-"""How often the screen looks for news: for two seconds."""
+"""Number of times that the screen checks for reports in two seconds."""
 MOST_FIRST_PICTURES = 20
 MOST_OF_A_CORE = 0.25
-"""It takes 0.05 on a slow machine."""
+"""Maximum CPU load. It is 0.05 on a slow machine."""
 
 
 @pytest.mark.slow

@@ -80,7 +80,7 @@ async def test_a_new_key_works_and_the_old_one_does_not(tmp_path: Path) -> None:
 
 
 MOVES = {"left", "right", "up", "down", "home", "end", "shift+up", "shift+down", "escape", "enter"}
-"""Keys that move, choose and leave, in any list."""
+"""Keys for moving, selecting and leaving in all lists."""
 
 
 def test_a_key_means_one_thing_on_all_screens() -> None:
@@ -134,7 +134,7 @@ NAMED_KEY = re.compile(r"\b[Pp]ress (?:[a-zA-Z/]|f\d+)\b|(?:^|[ (])(?:[a-zA-Z/]|
 
 
 def texts(path: Path) -> set[str]:
-    """Every text of a file but docstrings."""
+    """All texts of a file except docstrings."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     strings = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and id(node) not in said)

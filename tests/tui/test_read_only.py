@@ -16,7 +16,7 @@ from dpr_lab.tui.workspace import Workspace
 
 @pytest.fixture
 def bench(recorded: list[Path], tmp_path: Path) -> Workspace:
-    """Runs of one's own, a rig file of one's own, a table."""
+    """Folder with runs, a rig file and a table."""
     runs = tmp_path / "bench" / "runs"
     runs.mkdir(parents=True)
     for run in recorded:
@@ -30,7 +30,7 @@ def bench(recorded: list[Path], tmp_path: Path) -> Workspace:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file but the log of messages, which a page's own process may not write either."""
+    """Content of every file except the log of messages, which a read-only process may not write either."""
     return {
         str(path.relative_to(folder)): path.read_bytes() if path.is_file() else b""
         for path in sorted(folder.rglob("*"))
@@ -46,7 +46,7 @@ KEYS = {
     "5": ("s",),
     "6": ("s", "h"),
 }
-"""By step, the keys of actions that do more than show."""
+"""Keys of the actions of each step that do more than display."""
 
 
 @pytest.mark.slow

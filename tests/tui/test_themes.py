@@ -7,19 +7,19 @@ from textual.theme import Theme
 from dpr_lab.tui.themes import THEMES
 
 LEAST = {"dpr-dark": 4.5, "dpr-light": 4.5, "dpr-contrast": 7.0}
-"""Levels AA and, for the theme of high contrast, AAA."""
+"""Minimum contrast: level AA and, for the high-contrast theme, AAA."""
 TEXTS = ("foreground", "primary", "secondary", "accent", "success", "warning", "error")
 GROUNDS = ("background", "surface", "panel")
 
 
 def luminance(color: Color) -> float:
-    """Relative luminance of a colour of sRGB."""
+    """Relative luminance of an sRGB colour."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color.normalized]
     return sum(weight * c for weight, c in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
 def contrast(one: Color, other: Color) -> float:
-    """(L1 + 0.05) / (L2 + 0.05), L1 the lighter."""
+    """Contrast ratio (L1 + 0.05) / (L2 + 0.05), with L1 the lighter colour."""
     low, high = sorted((luminance(one), luminance(other)))
     return (high + 0.05) / (low + 0.05)
 

@@ -27,7 +27,7 @@ RODS: dict[str, dict[str, str]] = {
     "elbow": {"elbow": "clamped"},
 }
 KINDS = ("both", *RODS, "driven", "prescribed arm", "free arm")
-"""What hangs on the rig and moves it."""
+"""Mounted rods, and their drives."""
 
 Change = Callable[[Sheet, np.random.Generator], Sheet]
 
@@ -86,11 +86,11 @@ CHANGES: dict[str, Change] = {
 }
 CASES = [f"{kind}/{change}" for kind in KINDS for change in CHANGES]
 EACH = 58
-"""Of the cases, those that `make test` takes: one in so many."""
+"""Fast tests use every n-th case."""
 
 
 def table_of(kind: str, paper: Rig) -> tuple[Sheet, Rig]:
-    """A table of a rig without a mistake, and the rig with what hung on it."""
+    """Table of a rig without a mistake, and the rig with its mounted rods."""
     if kind == "driven":
         return base_tables(rig=paper)["driven"], paper
     rig = paper.with_rods(**RODS[kind]) if kind in RODS else paper

@@ -34,7 +34,7 @@ BASES = ("free", "wild", "degrees", "counts", "driven")
 CASES = [f"{base}/{mutation}" for mutation in MUTATIONS for base in BASES]
 SEEDS = 60
 EACH = 302
-"""Of some 400 tables, those that `make test` takes."""
+"""Fast tests use every n-th of about 400 tables."""
 SURE = 0.9
 QUICK = 'algorithm = "iga"\ngenerations = 2\n'
 
@@ -69,7 +69,7 @@ def finite(value: Any) -> bool:
 
 
 def answer(analysis: Callable[[], Any]) -> Any:
-    """What an analysis gives; its sentence where it refuses."""
+    """Result of an analysis, or its message if it refuses the table."""
     try:
         return analysis()
     except DprError:

@@ -24,7 +24,7 @@ SEARCH = Path(__file__).parents[2] / "configs" / "search" / "segments.toml"
 
 
 class Heard(list[events.Event]):
-    """Every event, in order."""
+    """List of all events, in order."""
 
     def __call__(self, event: events.Event) -> None:
         self.append(event)

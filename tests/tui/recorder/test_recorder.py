@@ -241,7 +241,7 @@ if __name__ == "__main__":
 
 @pytest.fixture
 def bench(tmp_path: Path, cable) -> Iterator[tuple[subprocess.Popen[str], int, Path]]:
-    """A bench screen in a process of its own that records at 1 kHz: the process, its recorder's, the folder of runs."""
+    """Screen in a separate process that records at 1 kHz: the process, its recorder and the folder of runs."""
     script = tmp_path / "bench_screen.py"
     script.write_text(BENCH)
     process = subprocess.Popen(
@@ -256,7 +256,7 @@ def bench(tmp_path: Path, cable) -> Iterator[tuple[subprocess.Popen[str], int, P
 
 
 def recorded_until(process: subprocess.Popen[str], t: float) -> float:
-    """Read what the bench shows until its recording is that long; the time shown last."""
+    """Read the screen until its recording has a given duration, and return the displayed time."""
     assert process.stdout is not None
     while (shown := float(process.stdout.readline())) < t:
         pass

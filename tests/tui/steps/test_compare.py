@@ -34,7 +34,7 @@ def series(app: App[None], chart: str) -> dict[str, np.ndarray]:
 
 
 def swing(name: str, horizon_s: float, held_out: bool = False) -> Comparison:
-    """A swing that the model follows to the noise, and whose free run drifts away."""
+    """Comparison in which the segments are at the noise floor and the free run diverges."""
     noise = np.array([2e-4, 3e-4])
     t = np.arange(5000) / 1000
     tracked = np.pi + np.stack([0.5 * np.cos(5 * t), 2 * np.cos(4 * t)], axis=1)

@@ -34,7 +34,7 @@ from dpr_lab.tui.widgets.stepper import Stepper
 from tests.a_diagnosis import made
 
 PATIENCE_S = 60.0
-"""What a loaded machine may need between two lines of a test."""
+"""Time limit for two lines of a test on a busy machine, s."""
 
 
 def step(app: App[None]) -> DiagnoseStep:
@@ -114,13 +114,13 @@ def test_each_bar_is_as_long_as_the_gap_that_it_states() -> None:
 
 
 class Silent(JobProcess):
-    """A job that tells nothing by itself."""
+    """Job that sends no events by itself."""
 
     def __init__(self) -> None:
         self.paused = False
 
     def cancel(self) -> None:
-        """Nothing runs."""
+        """Do nothing, because no job runs."""
 
 
 async def test_the_first_start_reports_the_compilation_and_then_the_remaining_time(

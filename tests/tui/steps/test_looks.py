@@ -61,7 +61,7 @@ def judged(ok: bool) -> AttemptFinished:
 
 
 NOW = 0.0
-"""When everything was seen; in these pictures nothing grows old."""
+"""Time of all readings. In these snapshots no reading becomes outdated."""
 PLACING = (AttemptSeen(1, OFF, True, NOW, NONE_LOST),)
 READY = (*PLACING, AttemptSeen(1, STILL, True, NOW, NONE_LOST), GoAheadAsked(1))
 SWINGING = (

@@ -24,7 +24,7 @@ from tests.warm_process import started
 
 
 class Browser(VirtualScreen):
-    """A page with `dpr-lab tui` on it: packets of a type, a length and data both ways."""
+    """Page with `dpr-lab tui`: packets with type, length and data in both directions."""
 
     def __init__(self, *options: str, environment: dict[str, str]) -> None:
         super().__init__((80, 24), self._send)
@@ -33,11 +33,11 @@ class Browser(VirtualScreen):
         threading.Thread(target=self._read, daemon=True).start()
 
     def press(self, keys: str) -> None:
-        """Type."""
+        """Press keys."""
         self._send(keys.encode())
 
     def until_shown(self, text: str) -> None:
-        """Wait."""
+        """Wait until a text is displayed."""
         deadline = time.monotonic() + PATIENCE_S
         while text not in self.text():
             assert time.monotonic() < deadline, self.text()
@@ -60,7 +60,7 @@ class Browser(VirtualScreen):
 
 @pytest.fixture
 def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Browser]]:
-    """(words of the command) -> the screen on a page."""
+    """Fixture (arguments of the command) that returns the screen on a page."""
     monkeypatch.setenv("TEXTUAL_DRIVER", "textual.drivers.web_driver:WebDriver")
     monkeypatch.setenv("TERM", "xterm-256color")
     opened: list[Browser] = []
@@ -123,7 +123,7 @@ def answers(port: int) -> bool:
 
 
 def opened(url: str, **headers: str) -> tuple[int, str, str]:
-    """Status, what the page may load, text."""
+    """Open a page, and return status, permitted sources and text."""
     try:
         with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=PATIENCE_S) as page:
             return page.status, page.headers["Content-Security-Policy"], page.read().decode()
@@ -133,7 +133,7 @@ def opened(url: str, **headers: str) -> tuple[int, str, str]:
 
 @dataclass
 class Served:
-    """`dpr-lab tui --serve`, and the address that it printed."""
+    """Process `dpr-lab tui --serve`, and the address that it printed."""
 
     process: subprocess.Popen[str]
     port: int
@@ -224,7 +224,7 @@ def test_without_the_token_there_is_neither_page_nor_screen(served: Callable[...
 
 
 def session_of(leader: int) -> list[str]:
-    """The processes of a session that still run."""
+    """Processes of a session that still run."""
     found = subprocess.run(["ps", "-o", "pid=,args=", "-s", str(leader)], capture_output=True, text=True).stdout
     return [line for line in found.splitlines() if "<defunct>" not in line]
 
@@ -255,7 +255,7 @@ def test_screens_that_hold_a_device_end_with_the_server(number: int, served: Cal
 
 @asynccontextmanager
 async def screen(url: str) -> AsyncIterator[tuple[Any, VirtualScreen]]:
-    """A websocket, and what it draws."""
+    """Websocket of a page, and the screen that it draws."""
     from aiohttp import ClientSession  # pyright: ignore[reportMissingImports]
 
     origin = f"http://{url.split('/')[2]}"
@@ -272,7 +272,7 @@ async def until(websocket: Any, shown: VirtualScreen, text: str) -> None:
 
 
 async def screen_of(url: str, text: str, *then: str) -> str:
-    """What is shown once a text is; then keys and further texts by turns."""
+    """Wait for a text on the screen, then press keys and wait for further texts in turn."""
     async with screen(url) as (websocket, shown):
         await until(websocket, shown, text)
         for key, answer in zip(then[::2], then[1::2], strict=True):

@@ -68,7 +68,7 @@ def test_a_reply_that_is_cut_or_endless_does_not_swallow_the_keys_that_follow() 
 
 
 class Tmux:
-    """A detached session of tmux that runs a command; nobody sees it."""
+    """Detached tmux session that runs a command without a viewer."""
 
     def __init__(self, socket: Path, command: list[str]) -> None:
         self._socket = socket
@@ -76,15 +76,15 @@ class Tmux:
         self._tmux("new-session", "-d", "-x", "80", "-y", "24", *command, env=environment)
 
     def press(self, *keys: str) -> None:
-        """Type, as a script does that has no eyes."""
+        """Press keys, as a script does without seeing the screen."""
         self._tmux("send-keys", *keys)
 
     def text(self) -> str:
-        """What is shown, in one line."""
+        """Displayed text in one line."""
         return " ".join(re.sub(r"[^ -~]", " ", self._tmux("capture-pane", "-p")).split())
 
     def until_shown(self, text: str) -> None:
-        """Wait."""
+        """Wait until a text is displayed."""
         deadline = time.monotonic() + PATIENCE_S
         while text not in self.text():
             assert time.monotonic() < deadline, self.text()

@@ -11,7 +11,7 @@ from tests.tui.terminal_emulator import Terminal, to_ready
 
 SIM = "sim://?seed=1"
 CONSOLE = 11520.0
-"""115200 baud, bytes/s."""
+"""Rate of a line with 115200 baud, bytes/s."""
 
 
 def first_shown(terminal: Terminal, text: str) -> float:

@@ -24,7 +24,7 @@ class Charted(App[None]):
 
 
 def drawn(app: App[None]) -> str:
-    """The picture as text, without its frame."""
+    """Picture as text, without its frame."""
     canvas = app.query_one("#plot", Canvas)
     return "\n".join("".join(row[1:-1]) for row in canvas._buffer[1:-1])
 

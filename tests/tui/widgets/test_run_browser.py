@@ -27,7 +27,7 @@ class Answer:
 
 @pytest.fixture
 def folder(recorded: list[Path], tmp_path: Path) -> Path:
-    """The recorded runs, and one that was incomplete: the end is missing."""
+    """Folder with the recorded runs, and one incomplete run."""
     out = tmp_path / "bench" / "runs"
     out.mkdir(parents=True)
     for name, run in zip(("first", "second", "third"), recorded, strict=True):
