@@ -196,7 +196,7 @@ async def test_the_unit_of_angles_is_one_key_away(lab) -> None:
         await pilot.pause()
         chart = pilot.app.query_one("#angle", Chart)
         assert "(°)" in chart._content.y_label
-        assert "rms 0.0115, 0.0172 °" in figures(pilot.app)
+        assert "rms residual 0.0115, 0.0172 °" in figures(pilot.app)
         await pilot.press("g")
         await pilot.pause()
         assert "(rad)" in chart._content.y_label
