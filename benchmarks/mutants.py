@@ -9,8 +9,9 @@ tests pass. A survivor shows a missing test, or a change without effect. With --
 (--json) runs against the current tests.
 
 The tests are collected once, and each mutant runs in a forked process (`_forked_mutants.py`). Mutants of compiled
-functions and of values outside functions need a process of their own, which runs the fast tests only. Compiled
-functions are compiled again for each mutant, which takes one to two minutes; --uncompiled leaves them out.
+functions and of values outside functions need a process of their own, which runs the fast tests only. So do mutants
+that survive, because their code may run only when a module is imported. Compiled functions are compiled again for each
+mutant, which takes one to two minutes; --uncompiled leaves them out.
 """
 
 import ast
@@ -86,7 +87,7 @@ AREAS = {
         "firmware_protocol", ("tests/firmware_protocol/test_*.py", "tests/firmware_c/test_c_generated.py"), 12
     ),
     "transports": Area("dpr_lab/transports", ("tests/transports/test_*.py",), 8),
-    "acquisition": Area("dpr_lab/acquisition", ("tests/acquisition/test_*.py",), 10),
+    "acquisition": Area("dpr_lab/acquisition", ("tests/acquisition/test_*.py", "tests/faults/test_*.py"), 10),
     "sim_device": Area("sim_device", ("tests/sim_device/test_*.py",), 6),
     "identification": Area("dpr_lab/identification", ("tests/identification/test_*.py",), 10),
     "gap": Area("dpr_lab/gap", ("tests/gap/test_*.py",), 12),
@@ -286,7 +287,8 @@ def main() -> None:
     parser.add_argument("--compare", type=Path, help="earlier table: the same mutants again")
     arguments = parser.parse_args()
     if arguments.compare:
-        earlier = [Mutant(**row) for row in json.loads(arguments.compare.read_text(encoding="utf-8"))["mutants"]]
+        table = json.loads(arguments.compare.read_text(encoding="utf-8"))["mutants"]
+        earlier = [Mutant(**{**row, "killer": "", "slow": False}) for row in table]
         mutants = [each for each in earlier if each.area in arguments.only]
     else:
         share = 3 if arguments.quick else 1
@@ -297,8 +299,9 @@ def main() -> None:
         for area in arguments.only:
             if broken := failed_test(copy, tests_of(area, ""), cache):
                 sys.exit(f"The tests of {area} fail without any mutant: {broken}. Repair them first.")
-        done = forked(list(filter(can_fork, mutants)), copy, cache)
-        done += [tried(mutant, copy, cache) for mutant in mutants if not can_fork(mutant)]
+        first = forked(list(filter(can_fork, mutants)), copy, cache)
+        first += [mutant for mutant in mutants if not can_fork(mutant)]
+        done = [mutant if mutant.killer else tried(mutant, copy, cache) for mutant in first]
     for mutant in done:
         change = f"{' '.join(mutant.before.split())} -> {' '.join(mutant.after.split())}"
         state = f"killed by {mutant.killer}" if mutant.killer else "SURVIVED"

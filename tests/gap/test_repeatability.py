@@ -122,3 +122,13 @@ def test_too_few_segments_cannot_decide() -> None:
     assert of(found).undecided.startswith("Recordings of fewer than 3 segments")
     assert of(found).of_reproducible is None
     assert "do not show which part of the gap is reproducible" in repeatability_sentences(found)[0]
+
+
+def test_a_budget_without_decided_shares_has_a_part_of_the_gap_if_effects_explain_one() -> None:
+    def of_gap(explained: float, undecided: str) -> float | None:
+        shares = {"explained": explained, "not_reproducible": 0.5 - explained, "undecided": undecided}
+        return GapBudget(basis="recordings", varying=0.0, unmodelled=0.0, noise=0.5, **shares).of_gap
+
+    assert of_gap(0.0, "too few segments") is None
+    assert of_gap(0.2, "too few segments") == pytest.approx(0.4)
+    assert of_gap(0.0, "") == 0.0
