@@ -248,7 +248,8 @@ def forked(mutants: list[Mutant], copy: Path, cache: Path) -> list[Mutant]:
     options = ("-q", "-n0", "-m", "not long and not hardware", f"--timeout={TEST_TIMEOUT_S}")
     plugins = ("-p", "_forked_mutants", "-p", "no:cacheprovider")
     files = sorted({test for row in rows for test in row["tests"]})
-    subprocess.run([sys.executable, "-m", "pytest", *options, *plugins, *files], cwd=copy, env=environment, check=True)
+    command = [sys.executable, "-m", "pytest", *options, *plugins, *files]
+    subprocess.run(command, cwd=copy, env=environment, check=True, stdout=sys.stderr)
     names = [field.name for field in fields(Mutant)]
     lines = place.with_suffix(".done").read_text(encoding="utf-8").splitlines()
     return [Mutant(**{name: row[name] for name in names}) for row in map(json.loads, lines)]
