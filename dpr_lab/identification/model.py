@@ -319,12 +319,12 @@ class Model(Shown, _Record):
 
     @property
     def scale_sentence(self) -> str:
-        """Sentence on the inertia that all masses, inertias and torques assume, with its uncertainty."""
+        """Sentence on the inertia b with which masses, inertias and torques are computed, with its uncertainty."""
         if self.scale is not None:
             share = self.fitted[0].value - (self.p_over_b or 0.0) if self.fitted else 1.0
             return (self.scale.as_inertia("a", share) if self.fitted else self.scale).sentence
         end = "." if self.base["b"].fixed_by != "bound" else " (not measured)."
-        return f"Masses, inertias and torques assume b = {self.base['b'].value:.4g} kg m^2{end}"
+        return f"Masses, inertias and torques are computed with b = {self.base['b'].value:.4g} kg m^2{end}"
 
     @property
     def unknowns(self) -> Array:

@@ -1,4 +1,4 @@
-"""Combine the parts that move with each joint to the rods and the arm of a double pendulum."""
+"""Combine the parts that move with each joint into the rods and the arm of a double pendulum."""
 
 import math
 from collections.abc import Sequence

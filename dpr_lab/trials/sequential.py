@@ -78,7 +78,7 @@ class SequentialLook:
     The plan that recommended the release computed these probabilities.
     """
     plan_seconds: float | None
-    """Processor time of this plan, s; None if no plan was used."""
+    """Processor time of the plan that recommended the release, s; None if no plan was used."""
 
     @property
     def is_last(self) -> bool:

@@ -96,7 +96,7 @@ def in_file(chain: ModelChain, name: str) -> dict[str, float]:
 def unseen(
     diagnosis: Diagnosis, chain: ModelChain, named: Collection[str], joints: Collection[int]
 ) -> dict[str, dict[str, float]]:
-    """Find effects in the file that the diagnosis does not name, but that are too small to be detectable.
+    """Find effects in the file that the diagnosis does not name, and could not detect at their size in the file.
 
     The changed file keeps the values of these effects. Only effects of the given joints are returned.
     """
