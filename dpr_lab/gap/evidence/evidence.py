@@ -7,7 +7,7 @@ from dpr_lab.gap.evidence.exclusions import exclusions
 from dpr_lab.gap.evidence.joint_friction import joint_friction
 from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
-from dpr_lab.gap.result.evidence import Closing, Evidence, RecordingUsed
+from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.state import Advised
 from dpr_lab.version import __version__
@@ -25,7 +25,7 @@ def evidence(state: Advised) -> Evidence:
         rig_sha256=rig.sha256,
         recordings=[*_used(recordings, held_out=False), *_used(state.held_out, held_out=True)],
         coverage=coverage(recordings, state.held_out),
-        closing=[Closing(effect=name, left_rad=left, closed=closed) for name, left, closed in state.transfer.closing],
+        closing=list(state.transfer.closing),
         residuals=residual_look(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, selection.detectable),
         friction=joint_friction(problem, selection.chosen, rig.motor is not None and rig.motor.input == "voltage"),

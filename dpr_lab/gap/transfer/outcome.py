@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.result.diagnosis import Basis
+from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.lone_recording import LoneRecording
 
@@ -93,12 +94,8 @@ class Transfer:
     """Share of the gap that all effects together close."""
     gap_ratio: float
     """Ratio of the residual of the bare model on held-out data to the noise, both rms."""
-    closing: tuple[tuple[str, float, float], ...]
-    """Gap after each added effect, on data that were not fitted.
-
-    Each entry has the name of the effect ("" for none), the remaining gap as rms of a reading, rad, and the share
-    closed so far.
-    """
+    closing: tuple[Closing, ...]
+    """Gap after each added effect, on data that were not fitted; the first entry is the bare model."""
     left_out: Mapping[str, Interval]
     """Share of the gap that closes in a fitted run when it is predicted from the other runs, by run."""
     held_out: Mapping[str, Interval]

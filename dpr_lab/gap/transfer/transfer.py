@@ -33,6 +33,7 @@ from dpr_lab.arrays import Array, Flags
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import Basis
+from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.state import Selected
 from dpr_lab.gap.transfer.free_run import FreeRunError, FreeRuns
@@ -167,13 +168,13 @@ def worse_free_run(
     return WorseFreeRun(of_before**0.5, of_after**0.5, max(ends))
 
 
-def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[tuple[str, float, float]]:
-    """Added effect, remaining gap, rad, and closed share, for each set from the bare model to the selected set."""
+def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
+    """Remaining gap and closed share of each set from the bare model to the selected set (`ends`)."""
     between = [test.above_noise(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
         rms = test.data.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.data.dof.sum())
-        yield name, float(rms), share(np.stack([ends[0], above]))
+        yield Closing(effect=name, left_rad=float(rms), closed=share(np.stack([ends[0], above])))
 
 
 def _helps(test: OutOfSample, reductions: Array) -> bool:
