@@ -18,9 +18,9 @@ from dpr_lab.setup import ArmMotion, Setup, Torques, inner_torques
 from dpr_lab.shown import Shown
 
 LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
-"""Causes of missing samples, in this order: the device was too slow, the sample was damaged on the link, two values
-arrived for one tick, or the sample never arrived. Devices with drives also have the cause `torque`: the torques of the
-sample never arrived."""
+"""Causes of missing samples. `device_overrun`: the device was too slow. `crc`, `framing`: the sample was damaged on the
+link. `contradicted`: two values arrived for one tick. `tick_gap`: the sample never arrived. Devices with drives also
+have the cause `torque`: the torques of the sample never arrived."""
 
 
 @dataclass(frozen=True, slots=True)
