@@ -63,7 +63,8 @@ SIGNALS = SignalSettings()
 def multisine(t: Array, lowest_hz: float, highest_hz: float) -> Array:
     """(n,) sum of harmonics between two frequencies, scaled to a peak of one."""
     length = t[-1] + t[1]
-    harmonics = np.arange(max(1, round(lowest_hz * length)), max(2, int(highest_hz * length)) + 1)
+    last = max(1, int(highest_hz * length))
+    harmonics = np.arange(min(max(1, round(lowest_hz * length)), last), last + 1)
     k = np.arange(1, len(harmonics) + 1)
     phases = -np.pi * k * (k - 1) / len(k)
     values = np.cos(2 * np.pi * np.outer(t / length, harmonics) + phases).sum(axis=1)
@@ -126,8 +127,9 @@ def _instants(limits: PlanLimits, rate_hz: int) -> Array:
 
 def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
     """Yield a signal of each kind; its highest frequency is at most a quarter of the sampling rate."""
+    highest_hz = min(highest_hz, 0.25 / t[1])
     for kind, shape in SHAPES.items():
-        yield kind, shape(t, SIGNALS.lowest_hz, min(highest_hz, 0.25 / t[1]))
+        yield kind, shape(t, min(SIGNALS.lowest_hz, highest_hz), highest_hz)
 
 
 def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:

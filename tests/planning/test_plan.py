@@ -140,6 +140,18 @@ def test_the_range_of_an_elbow_may_contain_the_half_turn() -> None:
     assert reachable.tolist() == [True, True, True, False]
 
 
+@pytest.mark.parametrize("highest_hz", [0.2, 0.26, 5.0])
+def test_a_signal_has_no_frequency_above_its_limit(paper: Rig, highest_hz: float) -> None:
+    allowed = limits(recording={}, drive={"torque_Nm": [0.02, 0.01], "rate_hz": 100, "highest_hz": highest_hz})
+    signals = driven_releases(known_before(paper, Acting.of(paper, allowed)).model, allowed, paper)
+    assert {one.signal for one in signals} == {"multisine", "chirp"}
+    for one in signals:
+        assert one.torques is not None
+        values = one.torques.joints.sum(axis=1)
+        signs = np.sign(values[values != 0.0])
+        assert np.count_nonzero(np.diff(signs)) <= 2 * highest_hz * one.duration_s
+
+
 @pytest.mark.slow
 def test_the_outer_rod_alone_is_proposed_where_it_costs_no_more_than_a_release_of_both(paper: Rig) -> None:
     cheap, usual = (
