@@ -34,7 +34,7 @@ def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
     of_both: list[Mounting] = ["clamped" if elbow == "clamped" else "both" for elbow in elbows]
     permitted: list[Mounting] = []
     for mounted in limits.rods.mounted or (rig.rods.mounted,):
-        permitted += of_both if mounted == "both" else [mounted]
+        permitted.extend(of_both if mounted == "both" else (mounted,))
     return tuple(sorted(dict.fromkeys(permitted), key=lambda mounting: mounting != rig.rods.mounting))
 
 
