@@ -47,8 +47,8 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
     Args:
         options: options of the device
-        at_once: whether a device in real time answers while its kernels are still being compiled; its operator does not
-            move the rods until then
+        at_once: whether a device in real time answers before its kernels are compiled. Its operator moves the rods only
+            after the compilation.
 
     Raises:
         ConfigError: an invalid file or fault.

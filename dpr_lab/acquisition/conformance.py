@@ -223,7 +223,7 @@ def _step(peer: _Peer, step: Step, where: str) -> str:
     for answer, (_, fields) in zip(answers, expected, strict=True):
         values = {name: getattr(answer, name) for name in fields}
         if values != fields:
-            return f"{where}, {asked}: answered {answer}, not with {fields}"
+            return f"{where}, {asked}: the device answered {answer}, but the required values are {fields}"
     if "then" in step:
         state, latched, fault = step["then"]
         status = peer.status()

@@ -28,9 +28,10 @@ def nominal_ratios(rig: Rig) -> Array:
 
 
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
-    """Fit the ratios, robustly at the first segment length and then at the working length.
+    """Fit the ratios in two steps: robustly in the short first segments, then in segments of the working length.
 
-    Isolated outliers are excluded afterwards, because at a low rate they are visible only in the residual of a model.
+    `dpr_lab.gap.screen.recordings.SegmentLengths` defines both lengths. Isolated outliers are excluded
+    after the first step, because at a low rate they are visible only in the residual of a model.
 
     Args:
         recordings: the runs

@@ -228,7 +228,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
     """Simulate a free run from the beginning of the segment that contains a given instant.
 
     Args:
-        followed: run with its fitted initial states
+        followed: the run and the initial states fitted to its segments
         at_s: the instant, s since the release
     """
     laid_out = followed.bare.problem.segments

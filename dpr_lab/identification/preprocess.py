@@ -41,9 +41,9 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
 
 
 def _thinned(swing: Run, every: int) -> Run:
-    """Swing with every n-th sample.
+    """Swing that contains only every n-th sample.
 
-    Held torques are means until the next kept sample, so that their impulse stays the same.
+    A torque that is constant between samples is averaged until the next kept sample. Its impulse is thereby conserved.
     """
     mask = np.arange(len(swing.t)) % every == 0
     thinned, first = swing.only(mask), np.flatnonzero(mask)

@@ -210,8 +210,8 @@ def _assumptions(known: Knowledge, releases: Sequence[PlannedRelease]) -> list[s
     ]
     if f"{known.inflation:.2g}" != "1":
         assumptions.append(
-            f"One reading counts as 1/{known.inflation:.2g} of an independent reading, because the residual of"
-            " the model exceeds the noise."
+            f"The information of a reading is divided by the variance inflation {known.inflation:.2g}, because the"
+            " residual of the model exceeds the noise."
         )
     return assumptions
 

@@ -57,7 +57,7 @@ class RunMetadata:
 
     def __post_init__(self) -> None:
         if self.pose is not None and self.pose not in self.rig.poses:
-            raise ValueError(f"pose {self.pose!r} is not one of the rig's: {', '.join(self.rig.poses) or 'none'}")
+            raise ValueError(f"the rig has no pose {self.pose!r}; its poses: {', '.join(self.rig.poses) or 'none'}")
         if not 0 < self.rate_hz < np.inf:
             raise ValueError(f"rate_hz must be positive, not {self.rate_hz}")
 

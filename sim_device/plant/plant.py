@@ -318,7 +318,7 @@ class Swing:
 
 
 def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None) -> Iterator[Theta]:
-    """Blocks (ticks, 4) of angles and requested input, with the delays and the play of the encoders."""
+    """Blocks (ticks, 4): three angles and the requested input, after the delays and the backlash of the encoders."""
     rate_hz /= plant.pace
     if plant.delay == 0.0 and plant.arm_delay == 0.0 and not plant.has_play:
         looks = 1 if plant.mount is None else _fine(rate_hz)

@@ -304,7 +304,7 @@ def test_missing_files_columns_and_poses_are_named(tmp_path):
         read(file, columns={"theta1": "angle"})
     with pytest.raises(RunError, match=r"no rows after 20 s; the table ends at 0.995 s"):
         read(file, start_s=20.0)
-    with pytest.raises(RunError, match="pose 'X9' is not one of the rig's: X1, X2, X3"):
+    with pytest.raises(RunError, match="the rig has no pose 'X9'; its poses: X1, X2, X3"):
         read(file, pose="X9")
     with pytest.raises(ValueError, match="not for omega1"):
         ImportOptions(columns={"omega1": "w"})

@@ -96,9 +96,11 @@ def in_file(chain: ModelChain, name: str) -> dict[str, float]:
 def unseen(
     diagnosis: Diagnosis, chain: ModelChain, named: Collection[str], joints: Collection[int]
 ) -> dict[str, dict[str, float]]:
-    """Find effects in the file that the diagnosis does not name, and could not detect at their size in the file.
+    """Find effects in the file that the diagnosis does not name because they are too small.
 
-    The changed file keeps the values of these effects. Only effects of the given joints are returned.
+    An effect is too small if its size in the file is below the minimum detectable size, or if the recordings cannot
+    detect it at any size. The changed file keeps the values of these effects. Only effects of the given joints are
+    returned.
     """
     undetectable = {}
     for name in _at(joints):

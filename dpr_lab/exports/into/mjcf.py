@@ -1,4 +1,4 @@
-"""Edit the numbers in MJCF files, which are attributes of joints, bodies and motors."""
+"""Edit the numerical attributes of joints, bodies and motors in MJCF files."""
 
 import math
 from pathlib import Path

@@ -82,7 +82,7 @@ def _scale(state: Advised) -> str:
     if any(setup.added for setup in state.problem.segments.setups):
         return "The known added mass fixes the scale of all torques."
     if ("", "b") in state.intervals:
-        return "Load-dependent friction under weighed masses fixes the scale of all torques."
+        return "Load-dependent friction fixes the scale of all torques, because the masses were weighed."
     assumed = state.scale
     return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."
 

@@ -70,7 +70,7 @@ def folds(problem: Problem) -> Integers:
 
 
 def scaled_columns(fit: Fit, columns: Sequence[int]) -> Array:
-    """(segments, m, k) Jacobian with respect to some free parameters, each divided by its prior standard deviation."""
+    """(segments, m, k) Jacobian for the selected parameters, each in units of its prior standard deviation."""
     return fit.linear.A[:, :, columns] * np.array([PRIOR * fit.free[i].size for i in columns])
 
 

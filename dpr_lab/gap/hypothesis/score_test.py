@@ -83,7 +83,7 @@ class ScoreTest:
         return [parameter.name for parameter in by.parameters] == list(score.absorbed.values())
 
     def prior_of(self, columns: Sequence[int]) -> RigPrior:
-        """Prior of some columns, which must include all columns of the fit."""
+        """Prior of the given columns. They must include all columns of the fit."""
         rows = columns if len(self.prior.A) else ()  # no prior without a rig file
         free = tuple(self.free[i] for i in columns)
         return replace(self.prior, free=free, A=self.prior.A[np.ix_(rows, columns)], e=self.prior.e[list(rows)])

@@ -134,7 +134,13 @@ def even_instants(t: Array, joints: Array) -> Array | None:
 
 
 def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
-    """Log-likelihood ratio of even instants to stamps, nats, from the differences (w, m) of the windows that count."""
+    """Log-likelihood ratio of evenly spaced sampling instants to the time stamps, nats.
+
+    Args:
+        on_stamps: (w, m) absolute finite differences of each window and joint on the time stamps
+        on_even: (w, m) the same on evenly spaced instants
+        counts: (w, m) mask of the windows to use
+    """
     ratio = 0.0
     for stamped, even in ((on_stamps[k, m], on_even[k, m]) for m, k in enumerate(counts.T) if k.any()):
         most = INSTANTS.wild * NORMAL_MAD * max(float(np.median(stamped)), float(np.median(even)))

@@ -72,7 +72,13 @@ def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) ->
 
 
 def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
-    """The recording, if its remainder far exceeds the others, both in units of the noise; otherwise None."""
+    """Return the recording if its remainder far exceeds the remainders of the others; otherwise None.
+
+    Args:
+        name: name of the recording
+        remainder: its remainder, in units of the noise
+        others: largest remainder of the other recordings, in units of the noise
+    """
     return LoneRecording(name, remainder, others) if remainder > LONE.ratio * max(others, LONE.least) else None
 
 

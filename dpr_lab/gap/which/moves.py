@@ -45,7 +45,7 @@ def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     fewer = len(proposal.model.effects) < len(current.effects)
     return Decision(
-        True, "at the minimum; effects with zero amplitude are removed" if fewer else "the minimum was not reached"
+        True, "the fit converged; effects with zero amplitude are removed" if fewer else "the minimum was not reached"
     )
 
 

@@ -150,11 +150,11 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
 
 
 def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> float:
-    """Residual of the balance of `energy_fit` at better zeros nearby; infinite if there is no motion.
+    """Residual of the balance of `energy_fit` after a small correction of the zeros; infinite if there is no motion.
 
-    An error delta of a zero changes the potential energy of a small swing of amplitude A by the share delta / A. Both
-    zeros are therefore moved towards the best ones, by at most `ENERGY.zero_error_rad`. The smaller of the residuals
-    with short and long windows is used, so that the noise of the readings has little influence.
+    An error delta of a zero changes the potential energy of a small swing of amplitude A by the fraction delta / A.
+    Both zeros are therefore moved towards the best ones, by at most `ENERGY.zero_error_rad`. The residual is computed
+    with short and with long windows. The smaller one is used, so that the noise of the readings has little influence.
     """
     return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
 
@@ -234,8 +234,13 @@ def _terms_of_table(
 def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
     """(m, k) terms of the balance with the values of the rig file, J.
 
-    The terms are both kinetic energies, d w1 w2 and e1 and e2 times cosine and sine of their angles, the four losses
-    and, with known torques, minus their work.
+    The terms are, in this order:
+
+    - the kinetic energy of each rod
+    - d w1 w2, multiplied by the cosine and by the sine of th1 - th2
+    - e1, multiplied by the cosine and by the sine of th1; e2, multiplied by those of th2
+    - the four energy losses
+    - if the torques are known, their work with a negative sign
     """
     t, (th1, th2), (w1, w2) = moving.t, moving.rods.T, moving.omega.T
     a, b, d, e1, c1, c2 = mounted_base(rig, rig.nominal).tolist()

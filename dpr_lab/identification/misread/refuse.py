@@ -59,15 +59,15 @@ def refuse_misread(runs: Sequence[Run], rig: Rig) -> None:
         raise IdentificationError(
             "these recordings are not compatible with a double pendulum with the lengths and masses of the rig file"
             + (f": {contradiction}" if contradiction else "")
-            + "; zeros in the opposite direction, other signs, units and orders of the angles were tested and do not"
-            " explain them: check the zero of each angle (--offset or zero_counts), --wrap, the unit of time"
-            f"{', torques (in N m)' * driven}, L1 and g in the rig file, masses, counts_per_rev, and that the arm is"
-            f" clamped{_UNKNOWN_DRIVE * (not driven)}"
+            + ". Zeros in the opposite direction and other signs, units or orders of the angles do not explain them."
+            " Check the zero of each angle (--offset or zero_counts), --wrap, the unit of time"
+            f"{', torques (in N m)' * driven}, L1 and g in the rig file, masses, and counts_per_rev. Check that the arm"
+            f" is clamped{_UNKNOWN_DRIVE * (not driven)}"
         )
 
 
 _UNKNOWN_DRIVE = (
-    "; rods that a motor, a hand or a stop moves do not swing freely: import their torques with the angles (columns"
+    ". Rods that a motor, a hand or a stop moves do not swing freely: import their torques with the angles (columns"
     " tau1 and tau2), or only the free part (--start-s, --duration-s)"
 )
 

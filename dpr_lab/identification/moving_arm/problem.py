@@ -137,8 +137,8 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
         raise RunError(f"{name}: its arm is prescribed: identify it separately from runs with a free or driven arm")
     if run.mounting != rig.rods.mounting or run.torques is not None or run.added_mass is not None:
         raise RunError(
-            f"{name}: with a moving arm, all runs need the mounting of the rig file, no torques at joints 1"
-            f" and 2, and no added mass"
+            f"{name}: a run with a moving arm must have the mounting of the rig file. Torques at joints 1 and 2"
+            " and an added mass are not supported"
         )
     if run.arm_mode == "driven" and rig.motor is None:
         raise RunError(f"{name}: its arm is driven: the rig file needs [motor] with the input")

@@ -62,7 +62,7 @@ class Unknowns:
 
     @property
     def parameters(self) -> tuple[FreeParameter, ...]:
-        """Free parameters of the common fitting engine."""
+        """Free parameters, in the form that the common fitting engine requires."""
         lower = [1e-9 if name in POSITIVE else -np.inf for name in self.free]
         steps = np.maximum(STEPS.relative * np.abs(self.start[self.places]), STEPS.least).tolist()
         rows = zip(self.free, self.places, steps, lower, strict=True)

@@ -70,10 +70,12 @@ def with_intervals(
     rig: Rig,
     visible: Sequence[int] | None = None,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-    """Add 90 % intervals that include the uncertainty of the scale to the nine and the base parameters.
+    """Add 90 % intervals to the nine rig parameters and to the base parameters.
+
+    The intervals include the uncertainty of the scale.
 
     Args:
-        nine: the nine parameters
+        nine: values of the nine rig parameters
         base: the six absolute base parameters
         ratios: ratios with their intervals
         scale: assumed scale of absolute values

@@ -1,4 +1,4 @@
-"""Sections of the report with evidence: sentences, a figure with its folded table, and equations."""
+"""Sections of the report that show the evidence: sentences, a figure with a collapsible table, and equations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -41,7 +41,7 @@ def refuse_large(path: Path, values: int) -> None:
     """
     most = text_table.LIMITS.values
     if values > most:
-        raise RunError(f"{path}: unpacks to {values:,} numbers, more than {most:,}: cut it into recordings")
+        raise RunError(f"{path}: contains {values:,} numbers, which is more than {most:,}: cut it into recordings")
 
 
 def refuse_swollen(path: Path, size: int) -> None:

@@ -153,7 +153,7 @@ class ReadTable:
 
 
 def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
-    """Alternatives with a clearly smaller energy residual than the current `fit`, best first."""
+    """Alternative interpretations of the table with a clearly smaller energy residual than `fit`, best first."""
     if fit.residual <= READ.right:
         return []
     tried: list[tuple[float, OtherReading]] = []

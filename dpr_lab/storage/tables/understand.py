@@ -99,7 +99,7 @@ def understand(
     """Interpret a table; arguments and errors are those of `import_csv`."""
     options = options or ImportOptions()
     if options.pose is not None and options.pose not in rig.poses:
-        raise RunError(f"{file}: pose {options.pose!r} is not one of the rig's: {', '.join(rig.poses) or 'none'}")
+        raise RunError(f"{file}: the rig has no pose {options.pose!r}; its poses: {', '.join(rig.poses) or 'none'}")
     path = Path(file)
     table, given = _read(path, rig, options, on_progress)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)

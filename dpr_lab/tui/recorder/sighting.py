@@ -42,7 +42,11 @@ class Sighting:
         return now - self.at <= SIGHTING.fresh_s
 
     def settles(self, ordered: float) -> bool:
-        """Whether the reading shows the result of a release command sent at `ordered`, `time.monotonic()`, s."""
+        """Whether the reading shows the result of a release command.
+
+        Args:
+            ordered: instant at which the command was sent, s, as in `time.monotonic()`
+        """
         if self.latched is None:
             return False
         return self.at >= ordered if not self.latched else self.at > ordered + SIGHTING.outcome_s

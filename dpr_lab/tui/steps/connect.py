@@ -88,7 +88,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self._draw()
 
     def hear(self, report: RecorderReport) -> None:
-        """Update the page by a report of the recorder."""
+        """Update the page from a report of the recorder."""
         match report:
             case Connected():
                 self._exercised = ""

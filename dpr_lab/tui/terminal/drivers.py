@@ -1,4 +1,7 @@
-"""Selection of the driver: in a terminal a driver that never waits, in a browser a driver that ends with its server."""
+"""Selection of the terminal driver.
+
+The driver for a terminal never blocks. The driver for a browser ends when its server ends.
+"""
 
 from textual.driver import Driver
 

@@ -1,4 +1,4 @@
-"""Dialogs above a step: help, and a request for confirmation before something would be lost."""
+"""Dialogs above a step: help, and a request for confirmation before an action that discards data."""
 
 from typing import ClassVar
 

@@ -83,8 +83,8 @@ def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
         )
     if moved1 < SETTINGS.still_share * most:
         raise RunError(
-            f"{table.path}: theta1 ({names[0]!r}) is constant while theta2 turns by {most:.3g} rad. If the outer rod"
-            " swung alone: --rods outer; otherwise name the column: --columns theta1=NAME"
+            f"{table.path}: theta1 ({names[0]!r}) is constant while theta2 turns by {most:.3g} rad. If only the"
+            " outer rod swung, use --rods outer; otherwise name the column: --columns theta1=NAME"
         )
 
 
