@@ -3,8 +3,8 @@
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
 the amount from this distribution. The probability of a decision is the share of draws in which one cause reaches
-`SURE`. A cause outside the library keeps its probability. Causes that no release separates count as one, as in the
-stopping rule, because a bench check distinguishes them.
+`SURE`. If the cause is outside the library, no release decides it. Causes that no release separates count as one, as in
+the stopping rule, because a bench check distinguishes them.
 
 A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
 release. The setting `confirmed` takes this into account. It is the fraction of planned releases in blind trials that
@@ -147,9 +147,9 @@ def _decided(p: Array, d2: Array, together: Flags) -> float:
         loss[:, truth] = 0.0
         weight = p * np.exp(-np.clip(loss, -500, 500))
         most = np.maximum(weight.max(axis=1), weight[:, together].sum(axis=1))
-        best = most * (1 - outside) / weight.sum(axis=1)
+        best = most / weight.sum(axis=1)
         total += p[truth] * float(np.mean(best >= SURE))
-    return total / max(float(p.sum()), 1e-12)
+    return (1.0 - outside) * total / max(float(p.sum()), 1e-12)
 
 
 def settled_probability(amplitudes: OpenAmplitudes) -> float:

@@ -208,7 +208,7 @@ def test_a_forecast_grows_with_information_and_with_releases() -> None:
     probability = [decision_probability([pairs], [np.full((2, 2), d2)]) for d2 in (0.0, 4.0, 20.0, 200.0)]
     assert probability == sorted(probability)
     assert probability[0] == 0.0
-    assert probability[-1] == pytest.approx(FORECAST.confirmed, abs=0.01)
+    assert probability[-1] == pytest.approx(0.98 * FORECAST.confirmed, abs=0.01)
     assert decision_probability([], []) == FORECAST.confirmed
     first, weight = FORECAST.confirmed, FORECAST.weight
     assert decision_probability([], [], 2) == pytest.approx(1 - (1 - first) * (1 - first * weight / (weight + 1)))
@@ -231,7 +231,7 @@ def test_causes_that_no_release_separates_count_as_one_in_a_forecast() -> None:
     d2 = np.array([[0.0, 0.0, 200.0], [0.0, 0.0, 200.0], [200.0, 200.0, 0.0]])  # no release separates a from b
     assert decision_probability([pairs], [d2]) < 0.05
     together = decision_probability([pairs], [d2], inseparable={"a", "b"})
-    assert together == pytest.approx(FORECAST.confirmed, abs=0.01)
+    assert together == pytest.approx(0.98 * FORECAST.confirmed, abs=0.01)
 
 
 def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
@@ -242,6 +242,9 @@ def test_a_forecast_is_the_share_of_draws_in_which_one_cause_is_sure() -> None:
     log_odds = np.log(p[0] / p[1]) + mean + np.sqrt(d2) * rng.standard_normal(len(truth))
     share = np.mean(np.abs(log_odds) >= np.log(0.95 / 0.05))
     assert decision_probability([pairs], [np.full((2, 2), d2)]) == pytest.approx(FORECAST.confirmed * share, abs=0.02)
+    halved = replace(pairs, probabilities=0.5 * p)  # the cause is outside the library with a probability of 0.5
+    made = decision_probability([halved], [np.full((2, 2), d2)])
+    assert made == pytest.approx(0.5 * FORECAST.confirmed * share, abs=0.01)
 
 
 @pytest.mark.slow
