@@ -84,7 +84,7 @@ def first_failure(session: pytest.Session, files: list[str]) -> tuple[str, bool]
     for slow, limit in ((False, FAST_S), (True, SLOW_S)):
         chosen = [test for test in tests if (test.get_closest_marker("slow") is not None) is slow]
         end = sum(os.times()[:4]) + limit
-        for test, following in zip(chosen, [*chosen[1:], None], strict=True):
+        for test, following in zip(chosen, [*chosen[1:], None], strict=False):
             session.ihook.pytest_runtest_protocol(item=test, nextitem=following)
             if failures.names:
                 return failures.names[0], slow
