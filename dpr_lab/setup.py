@@ -197,11 +197,6 @@ class Setup:
         return self.mounting in ("inner", "outer")
 
     @property
-    def one_degree(self) -> bool:
-        """Whether both rods turn together: one rod, or a clamped elbow."""
-        return self.mounting != "both"
-
-    @property
     def weighs(self) -> bool:
         """Whether a known mass or known torques make the scale of all torques identifiable."""
         return self.added is not None or (self.torques is not None and self.torques.scaled)
@@ -213,7 +208,7 @@ class Setup:
 
     @property
     def held(self) -> bool:
-        """Whether all parts on joint 1 turn as one body."""
+        """Whether all parts on joint 1 turn as one body: one rod, or two rods with a clamped elbow."""
         return self.mounting != "both"
 
     @property

@@ -14,14 +14,14 @@ encoder.
 
 
 def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[Array, Integers]:
-    """Equal steps, at most `max_step` long, from each instant to the next.
+    """Divide each interval between successive instants into equal steps of at most `max_step`.
 
     Args:
         t: (n,) increasing instants, s
         max_step: longest step, s
 
     Returns:
-        (n,) step before each instant, s, and (n,) number of these steps; both 0 for the first instant
+        (n,) length of the steps before each instant, s, and (n,) number of these steps; both 0 for the first instant
 
     Raises:
         ValueError: the instants do not increase, or `max_step` is not positive.

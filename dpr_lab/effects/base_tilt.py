@@ -36,5 +36,8 @@ BASE_TILT = Effect(
         " base by 180 degrees and read it again: half the change is the tilt; the zero error of the encoder"
         " does not change."
     ),
-    source="Gravity turned in the plane of motion; a common fault of Furuta and cart rigs, e.g. arXiv 2202.01424.",
+    source=(
+        "The direction of gravity is rotated in the plane of motion: a common fault of Furuta and cart rigs, e.g."
+        " arXiv 2202.01424."
+    ),
 )

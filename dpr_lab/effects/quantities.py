@@ -165,19 +165,19 @@ def yielding(joint: Joint, push: float) -> Joint:
 
 @inlined
 def encoder0(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Encoder of the arm at the angle of the arm, rad."""
+    """Reading of the arm's encoder at an angle of the arm, rad."""
     return EncoderReading(0, angle, 0.0, constants.counts_per_rev0, t, run)
 
 
 @inlined
 def encoder1(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Encoder of joint 1 at an absolute angle, rad."""
+    """Reading of encoder 1 at an absolute angle, rad."""
     return EncoderReading(1, angle, math.pi, constants.counts_per_rev1, t, run)
 
 
 @inlined
 def encoder2(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Encoder of joint 2 at its own angle, rad."""
+    """Reading of encoder 2 at an angle of joint 2, rad."""
     return EncoderReading(2, angle, (1.0 - constants.relative2) * math.pi, constants.counts_per_rev2, t, run)
 
 

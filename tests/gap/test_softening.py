@@ -18,16 +18,16 @@ SCALE = ("encoder_scale_joint1",)
 
 @dataclass(frozen=True)
 class Mounted:
-    one_degree: bool = True
+    held: bool = True
 
 
-def named(cubic: float, std: float, monkeypatch, *, library=SCALE, one_degree: bool = True) -> tuple[str, ...]:
+def named(cubic: float, std: float, monkeypatch, *, library=SCALE, held: bool = True) -> tuple[str, ...]:
     """Springs named as a scale error, for one of 0.1 N m/rad with a cubic term of a standard deviation."""
     params = effect_params({"spring_joint1": dict(zip(SIZES, (0.1, cubic), strict=True))})
     free = [Fake(effect="spring_joint1", name=name) for name in SIZES]
     fit = Fake(estimate=Fake(params=params), free=free)
     monkeypatch.setattr(softening, "considered", lambda *_: np.diag([1.0, std**2]))
-    problem = Fake(segments=Fake(setups=(Mounted(one_degree),)))
+    problem = Fake(segments=Fake(setups=(Mounted(held),)))
     return springs_like_scale(
         problem, library, Fake(effects=("spring_joint1",), fit=fit, residuals=Fake(inflation=1.0))
     )
@@ -53,7 +53,7 @@ def test_only_a_spring_that_softens_like_it_is_impossible(monkeypatch):
 
 
 def test_both_rods_or_a_scale_that_is_not_fitted_leave_it_possible(monkeypatch):
-    assert not named(-0.1 / 12, 0.001, monkeypatch, one_degree=False)
+    assert not named(-0.1 / 12, 0.001, monkeypatch, held=False)
     assert not named(-0.1 / 12, 0.001, monkeypatch, library=())
 
 

@@ -66,7 +66,10 @@ def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
 
 @subroutine
 def balance_gear(w: LaneWorkspace) -> None:
-    """Set the impulse of the gear that is outstanding after a step; before the release the motor moves with the arm."""
+    """Compute the impulse that the gear has not yet transmitted at the end of a step.
+
+    Before the release, the motor moves with the arm.
+    """
     for k in range(LANES):
         h, geared = w.h[k], 1.0 - w.old_loose0[k]
         first_speed = w.old_motor_speed0[k] - geared * w.old_omega0[k]

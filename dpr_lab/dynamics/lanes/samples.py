@@ -35,7 +35,10 @@ class LaneSamples(NamedTuple):
 
 @subroutine
 def _read_arm(w: LaneWorkspace) -> None:
-    """Fill the row `angle0` with theta0 at the fraction `share` of the step, or earlier if the arm is read late."""
+    """Fill the row `angle0` with theta0 at the fraction `share` of the step.
+
+    If the reading of the arm is delayed, theta0 at the earlier instant is used.
+    """
     for k in range(LANES):
         w.angle0[k] = angle0(w, k, w.share[k] - w.late0[k] / w.h[k])
 

@@ -35,7 +35,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
     """
     chosen = selection.chosen
     setups = problem.segments.setups
-    alone = all(setup.one_degree and setup.arm is None and not setup.arm_moves for setup in setups)
+    alone = all(setup.held and setup.arm is None and not setup.arm_moves for setup in setups)
     if not chosen.effects or not alone:
         return ""
     smaller = (chosen.key - {name} for name in chosen.effects)

@@ -144,7 +144,7 @@ def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float,
     i = round(float(reference.at[sample]))
     setup = reference.motion.run[i]
     a, b, d, *_ = reference.bases[setup]
-    if reference.setups[setup].one_degree:
+    if reference.setups[setup].held:
         change = float(impulses.sum() / (a + b + 2 * d * np.cos(np.diff(reference.motion.theta[i])[0])))
         return change, change
     coupling = d * np.cos(reference.motion.theta[i, 0] - reference.motion.theta[i, 1])

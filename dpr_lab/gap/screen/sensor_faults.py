@@ -156,7 +156,7 @@ def screen(run: Run, rig: Rig) -> Screened:
     findings = [*waiting, *stamped, *delayed, *_gaps(run.name, t, period), *_levels(run, rig, at_rest, dithered)]
     breaks: list[tuple[float, int]] = []
     slow, fast = periods(rig)
-    slowest = slow / SCREEN.rows_in_period if run.setup.one_degree else fast / SCREEN.rows_in_short_period
+    slowest = slow / SCREEN.rows_in_period if run.setup.held else fast / SCREEN.rows_in_short_period
     for axis, name in enumerate(AXES):
         faults = local_faults(t, joints[:, axis], keep[:, axis], (float(noise[axis]), jitter), period)
         keep[faults.outliers, axis] = False

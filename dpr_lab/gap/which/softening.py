@@ -38,7 +38,7 @@ def springs_like_scale(
 ) -> tuple[str, ...]:
     """Springs of a single rod that soften significantly at large angles, with the ratio k3 / k of a scale error."""
     springs: list[str] = []
-    if not all(setup.one_degree for setup in set(problem.segments.setups)):
+    if not all(setup.held for setup in set(problem.segments.setups)):
         return ()
     for spring, scale in zip(SPRINGS, ENCODER_SCALES, strict=True):
         if spring not in model.effects or scale not in library:
