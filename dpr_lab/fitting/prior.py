@@ -11,7 +11,7 @@ effect has a normal prior about zero, with a third of its limit (`dpr_lab.effect
 
 If the residuals exceed the noise, they are treated as noise of their size. The cost of a fit is therefore
 
-    chi2 + w (v - mean)^T P^-1 (v - mean),    w = max(1, chi2 / readings),
+    chi2 + w (v - mean)^T P^-1 (v - mean),    w = max(1, reduced chi2),
 
 where v are the free unknowns and P is their marginal prior covariance.
 """

@@ -57,7 +57,7 @@ class Level(StrEnum):
     SUBTLE = "subtle"
     """A gap of about the size of the noise."""
     FAINT = "faint"
-    """Effects between one and ten times the smallest size that is detectable in one release of 10 s."""
+    """A gap of 0.1 to 1 times the noise: about one to ten times the smallest detectable gap of a release of 10 s."""
 
 
 class TrialArm(StrEnum):
