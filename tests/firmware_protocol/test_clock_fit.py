@@ -81,6 +81,33 @@ def test_the_line_is_numpy_s_weighted_one(rng: np.random.Generator):
     assert (fit.period, fit.offset) == pytest.approx((period, offset), rel=1e-9)
 
 
+@pytest.mark.parametrize("scale", [0.01, 100.0], ids=["smaller", "larger"])
+def test_a_scatter_beyond_the_delays_widens_the_uncertainties(scale: float):
+    """The excesses of the round trips are 0, 1, 2, 3 and 4 ms, with a median of 2 ms."""
+    excess, ticks = np.arange(5) * 1e-3, np.array([1000.0, 5000.0, 2000.0, 4000.0, 3000.0])
+    middle = 7.0 + ticks / RATE_HZ + scale * np.array([1e-4, -2e-4, 3e-4, -1e-4, 2e-4])
+    half = (6e-3 + excess) / 2
+    exchanges = [Exchange(float(m - h), float(t), float(m + h)) for t, m, h in zip(ticks, middle, half, strict=True)]
+    fit = fit_clock(exchanges, RATE_HZ)
+    std = np.sqrt((excess**2 + 2e-3**2) / 12)
+    (period, offset), covariance = np.polyfit(ticks, middle, 1, w=1 / std, cov="unscaled")
+    chi2_per_dof = float(np.sum(((middle - offset - period * ticks) / std) ** 2)) / 3
+    assert (chi2_per_dof > 1.0) is (scale > 1.0)
+    covariance = covariance * max(chi2_per_dof, 1.0)
+    assert (fit.offset, fit.period) == pytest.approx((offset, period), rel=1e-9)
+    assert fit.rate_ppm == pytest.approx(1e6 * (1 / RATE_HZ / period - 1))
+    assert fit.rate_ppm_std == pytest.approx(1e6 * RATE_HZ * np.sqrt(covariance[0, 0]))
+    assert fit.offset_std == pytest.approx(np.sqrt(covariance[1, 1] + 6e-3**2 / 12))
+
+
+@pytest.mark.parametrize(("count", "used"), [(5, 5), (9, 5), (10, 5), (11, 6), (12, 6)])
+def test_the_half_with_the_shortest_round_trips_is_used(count: int, used: int):
+    exchanges = [Exchange(float(i), RATE_HZ * i, i + 1e-3 * (count - i)) for i in range(count)]
+    fit = fit_clock(exchanges, RATE_HZ)
+    assert (fit.n, fit.rtt_min) == (used, pytest.approx(1e-3))
+    assert fit_clock(exchanges[-used:], RATE_HZ).offset == pytest.approx(fit.offset, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     "exchanges",
     [[], [Exchange(0, 0, 1)], [Exchange(0, 0, 1), Exchange(1, 5, 2)], [Exchange(0, 4, 1)] * 9],

@@ -108,3 +108,26 @@ def test_an_input_of_the_arm_without_its_quantity_ends_the_handshake_with_the_re
     ]
     with pytest.raises(RemoteProtocolError, match=r"input_quantity 0, but .* 1 \(torque\), 2 \(current\)"):
         assemble(pages)
+
+
+def test_a_sample_waits_for_its_torque_during_two_later_samples_and_a_torque_is_kept_for_64_ticks():
+    pairs = TorquePairs([MEASURED])
+    assert [pairs.take([row]) for row in rows(range(2))] == [[], []]
+    pairs.note(Torque(MEASURED, 0, 5, 6))
+    assert pairs.take(rows([2])) == [DrivenRow(0, (0, 0, 0), ((5, 6),))]
+    assert (pairs.take(rows([3])), pairs.missing) == ([], 1)
+    pairs.restart()
+    for tick in range(65):
+        pairs.note(Torque(MEASURED, tick, tick, 0))
+    assert [row.tick for row in pairs.take(rows(range(65))) + pairs.rest()] == [*range(1, 65)]
+    assert pairs.missing == 2
+
+
+def test_torques_of_a_new_stream_are_assigned_to_its_own_ticks():
+    pairs = TorquePairs([MEASURED])
+    pairs.note(Torque(MEASURED, 1, 9, 9))
+    pairs.take(rows([40_000]))
+    pairs.restart()
+    pairs.note(Torque(MEASURED, 0, 1, 2))
+    assert pairs.take(rows(range(2))) + pairs.rest() == [DrivenRow(0, (0, 0, 0), ((1, 2),))]
+    assert pairs.missing == 1

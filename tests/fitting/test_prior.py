@@ -138,3 +138,13 @@ def test_projected_columns_agree_with_elimination(twins: int) -> None:
         if left[i] > 1e-9:
             H -= np.outer(H[:, i], H[i]) / H[i, i]
     assert space.unabsorbed(order) == pytest.approx(left, abs=1e-12)
+
+
+@pytest.mark.parametrize(("difference", "last"), [(1e-5, 1.0), (1e-3, 0.0)])
+def test_a_column_of_which_only_rounding_errors_remain_removes_nothing_from_later_columns(
+    difference: float, last: float
+) -> None:
+    """The second column differs from the first by a multiple of the third."""
+    A = np.array([[1.0, 0.0], [1.0, difference], [0.0, 1.0]]).T
+    remaining = ColumnSpace.of(A, np.ones(2)).unabsorbed([0, 1, 2])
+    assert remaining == pytest.approx([1.0, difference**2 / (1 + difference**2), last], rel=1e-4, abs=1e-9)

@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import effect_params
+from dpr_lab.fitting.estimate import ratio_parameters
 from dpr_lab.gap.which import sizes
 
-OFFSET = "com_offset_link1"
+OFFSET, SPRING = "com_offset_link1", "spring_joint2"
 
 
 @pytest.mark.parametrize(
@@ -27,3 +29,46 @@ def test_a_rod_does_not_hang_at_more_than_45_degrees_of_its_axis(monkeypatch, of
     problem: Any = Fake(model=Fake(constants=Fake(m1=1.0, g=9.81)))
     model: Any = Fake(fit=fit, residuals=Fake(inflation=1.0))
     assert sizes.off_axis(problem, model) == ((OFFSET,) if off else ())
+
+
+def test_the_ends_of_each_fitted_interval_and_zero_inside_it_are_tested_together() -> None:
+    tested: set[tuple[float, ...]] = set()
+    effect: Any = Fake(possible=lambda chosen: tested.add(tuple(chosen[name] for name in "xyz")))
+    assert sizes.impossible_together(effect, {"x": 1.0, "y": -2.0, "z": 4.0}, {"x": 1.5, "y": 0.5})
+    assert tested == {(x, y, 4.0) for x in (1.0, -0.5, 2.5, 0.0) for y in (-2.0, -2.5, -1.5)}
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "std", "free", "impossible"),
+    [
+        (-1e-3, 0.4e-3, True, True),
+        (-1e-3, 0.6e-3, True, False),
+        (-1e-3, 1.0, False, True),  # the stiffness is not fitted
+        (1e-3, 1.0, True, True),  # the stiffness is possible, so another size is at its limit
+    ],
+)
+def test_an_impossible_size_is_significant_beyond_two_standard_deviations(
+    monkeypatch, stiffness: float, std: float, free: bool, impossible: bool
+) -> None:
+    name = "stiffness_Nm_per_rad"
+    parameters = [Fake(effect=OFFSET, name=name, amplitude=True), Fake(effect=SPRING, name=name, amplitude=free)]
+    monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([1.0, std**2]))
+    monkeypatch.setattr(sizes, "oversized", lambda *_: (SPRING,))
+    fit = Fake(estimate=Fake(params=effect_params({SPRING: {name: stiffness}})), free=parameters)
+    model: Any = Fake(fit=fit, residuals=Fake(inflation=1.0))
+    assert sizes.significantly_oversized(model, None) == ((SPRING,) if impossible else ())
+
+
+@pytest.mark.parametrize(
+    ("torque", "std", "lifted"),
+    [(-3.0, 1.4, True), (-3.0, 1.6, False), (3.0, 0.1, False), (0.0, 0.0, False), (None, 0.1, False)],
+)
+def test_gravity_lifts_a_rod_only_beyond_two_standard_deviations(monkeypatch, torque, std, lifted) -> None:
+    estimate: Any = Fake(ratios=np.ones(len(RATIOS)))
+    free = ratio_parameters(estimate, [RATIOS.index("a/b"), RATIOS.index("e1/b")])
+    monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([100.0, std**2]))
+    monkeypatch.setattr(sizes, "_gravity_torque", lambda *_: torque)
+    model: Any = Fake(fit=Fake(estimate=estimate, free=free), residuals=Fake(inflation=1.0))
+    assert sizes.rises(Fake(), model) is lifted
+    fixed: Any = Fake(fit=Fake(estimate=estimate, free=free[:1]), residuals=Fake(inflation=1.0))
+    assert not sizes.rises(Fake(), fixed)
