@@ -1,0 +1,55 @@
+"""One- and two-sided tests of limits at 95 %, with intervals calculated by hand."""
+
+from typing import Any
+
+import pytest
+
+from dpr_lab.acceptance.judge import _answer, _largest, judge
+from dpr_lab.acceptance.limits import Limits
+from dpr_lab.gap.result.evidence import JointFriction
+from tests.a_diagnosis import made
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "expected"),
+    [
+        (-3.0, 3.0, "pass"),
+        (None, 2.1, "pass"),
+        (0.9, None, "pass"),
+        (None, 2.0, "not decidable"),
+        (1.0, None, "not decidable"),
+        (0.0, 1.5, "not decidable"),
+        (1.5, 3.0, "not decidable"),
+        (None, 1.0, "not decidable"),
+        (None, 0.9, "fail"),
+        (2.1, None, "fail"),
+        (2.1, 3.0, "fail"),
+        (-3.0, 0.9, "fail"),
+    ],
+)
+def test_an_interval_must_lie_inside_or_outside_the_limits(
+    lower: float | None, upper: float | None, expected: str
+) -> None:
+    assert _answer((1.0, 2.0), lower, upper) == expected
+    assert _answer(None, lower, upper) == "not decidable"
+
+
+def test_the_largest_friction_torque_has_a_pointwise_upper_and_a_simultaneous_lower_bound() -> None:
+    """The 95 % quantile of chi2 with 2 degrees of freedom is -2 ln 0.05 = 5.991, and its root 2.448."""
+    curve = JointFriction(
+        speed_rad_per_s=[-4.0, -2.0, 2.0, 4.0],
+        torque_Nm=[-9.0, -1.2, 1.0, 9.0],
+        std_Nm=[0.5, 0.1, 0.3, 0.5],
+        coefficients=2,
+    )
+    scale: Any = {"scale": None}
+    assert _largest(curve, 2.0, made(**scale)) == pytest.approx((1.2 - 0.1 * 2.4477, 1.0 + 0.3 * 1.6449), rel=1e-4)
+    between = _largest(curve, 3.0, made(**scale))  # -5.1 with std 0.3 at -3 rad/s, 5.0 with std 0.4 at 3 rad/s
+    assert between == pytest.approx((5.1 - 0.3 * 2.4477, 5.0 + 0.4 * 1.6449), rel=1e-4)
+
+
+def test_the_median_of_free_run_errors_has_the_interval_of_student_s_t() -> None:
+    """Errors of e^-1, 1 and e have logarithms of mean 0 and standard deviation 1; t(0.95) with 2 is 2.920."""
+    limits = Limits.model_validate({"free_run": {"max": 1.0, "horizon_s": 1.0, "unit": "rad"}})
+    (judged,) = judge(made(), limits, {"X1": 2.718282, "X2": 1.0, "X3": 1 / 2.718282}).limits
+    assert judged.interval90 == pytest.approx((1 / 5.3968, 5.3968), rel=1e-3)

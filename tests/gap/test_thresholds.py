@@ -1,0 +1,100 @@
+"""Rules of the search, for sets of effects with given residuals; the expected limits are calculated by hand."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
+from dpr_lab.gap.hypothesis.thresholds import accepted, most_excess, need, scatter, significance, small_effects
+
+DOF = 10_000
+"""Degrees of freedom; the excess of noise has the standard deviation 100."""
+EFFECT = ("coulomb_joint1",)
+
+
+def fitted(excess: float, effects: tuple[str, ...] = EFFECT, *, segments=(), rho: float = 0.0, cost=None) -> Hypothesis:
+    """A set without parameters, with an excess chi-square, and its cost if it differs from chi2."""
+    chi2 = DOF + excess
+    residuals = ResidualStatistics(chi2, DOF, level=1.0, autocorrelation=rho)
+    by_segment = np.array([chi2]) if len(segments) == 0 else np.asarray(segments, dtype=float)
+    fit: Any = SimpleNamespace(free=(), linear=SimpleNamespace(chi2_by_segment=by_segment))
+    return Hypothesis(effects, fit, residuals, np.array([chi2 if cost is None else cost]), {})
+
+
+BARE = fitted(90_000.0, ())
+
+
+@pytest.mark.parametrize(
+    ("before", "limit"),
+    [(1300.0, 1000.0), (13_000.0, 10_000.0), (39_000.0, 35_400.0), (90_000.0, 86_400.0), (200.0, 400.0 / 1.3)],
+)
+def test_an_effect_must_remove_a_third_of_the_remainder_or_4_percent_of_the_gap(before: float, limit: float) -> None:
+    assert most_excess(BARE, fitted(before)) == pytest.approx(limit)
+
+
+def test_while_a_residual_remains_the_excess_must_be_below_its_maximum() -> None:
+    before = fitted(13_000.0)
+    assert accepted(BARE, before, fitted(9_999.0))
+    assert not accepted(BARE, before, fitted(10_001.0))
+    assert not accepted(BARE, before, fitted(9_000.0, cost=before.cost - 50.0))  # not significant
+    assert accepted(BARE, fitted(450.0), fitted(399.0))  # only noise remains, so significance is sufficient
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "limit"),
+    [
+        (BARE, fitted(20_000.0), 30 * 3.0),  # the first effect: 30 times the inflation
+        (BARE, fitted(0.0), 30.0),
+        (fitted(20_000.0), fitted(10_000.0), 30 * 2.0),
+        (fitted(20_000.0), fitted(0.0), 30.0),  # 5e-5 of 90 000 is less
+        (fitted(300.0), fitted(0.0), 90.0),
+        (fitted(300.0), fitted(0.0, rho=0.5), 3 * 90.0),
+    ],
+)
+def test_a_reduction_is_significant_beyond_chance(before: Hypothesis, after: Hypothesis, limit: float) -> None:
+    assert significance(BARE, before, after) == pytest.approx(limit)
+
+
+def test_the_step_of_the_integrator_limits_a_reduction_of_a_large_gap() -> None:
+    bare = fitted(1e7, ())
+    assert significance(bare, fitted(20_000.0), fitted(0.0)) == pytest.approx(5e-5 * 1e7)
+    assert significance(bare, fitted(300.0), fitted(0.0)) == pytest.approx(5e-4 * 1e7)
+    assert significance(bare, fitted(40_000.0), fitted(20_000.0)) == pytest.approx(5e-4 * (1e7 - 20_000.0))
+
+
+def test_a_reduction_in_every_segment_is_significant_however_small_it_is() -> None:
+    """Reductions of 9 and 11 in turn in ten segments have the variance 10 / 9, and their sum the variance 100 / 9."""
+    reductions = np.tile([9.0, 11.0], 5)
+    before = fitted(20_100.0, segments=3000.0 + reductions)
+    after = fitted(20_000.0, segments=np.full(10, 3000.0))
+    assert scatter(before, after) == pytest.approx(4 * 10 / 3)
+    assert scatter(before, after, 1.0) == pytest.approx(10 / 3)
+    assert significance(BARE, before, after) == pytest.approx(40 / 3)
+    few = fitted(0.0, segments=np.ones(9))
+    assert scatter(few, few) == np.inf
+    failed = fitted(0.0, segments=[np.inf, *np.ones(9)])
+    assert scatter(failed, after) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("smaller", "model", "expected"),
+    [
+        (fitted(360.0), fitted(0.0), 360.0 / 30.0),
+        (fitted(13_000.0), fitted(1000.0), 13 / 1.3),  # 12 000 of 90 000 is a large effect
+        (fitted(4000.0), fitted(1000.0), 4 / 3.0),
+        (fitted(1800.0), fitted(1000.0), 0.0),  # less than 1 % of the gap, and less than 30 times
+        (fitted(4000.0, segments=np.full(10, 1e3)), fitted(1000.0, segments=np.full(10, 700.0)), 4 / 1.3),
+    ],
+)
+def test_an_effect_is_needed_by_the_growth_of_the_excess_without_it(
+    smaller: Hypothesis, model: Hypothesis, expected: float
+) -> None:
+    assert need(BARE, model, smaller) == pytest.approx(expected)
+
+
+def test_small_effects_add_less_than_one_percent_of_the_gap_together() -> None:
+    path = [("a", fitted(5000.0)), ("b", fitted(1850.0)), ("c", fitted(1500.0)), ("d", fitted(1000.0))]
+    assert small_effects(BARE, path) == {"c", "d"}  # 1850 and 1500 are below 1000 + 900
