@@ -15,12 +15,14 @@ DOF = 10_000
 EFFECT = ("coulomb_joint1",)
 
 
-def fitted(excess: float, effects: tuple[str, ...] = EFFECT, *, segments=(), rho: float = 0.0, cost=None) -> Hypothesis:
-    """A set without parameters, with an excess chi-square, and its cost if it differs from chi2."""
+def fitted(
+    excess: float, effects: tuple[str, ...] = EFFECT, *, segments=(), rho: float = 0.0, cost=None, parameters: int = 0
+) -> Hypothesis:
+    """A set with an excess chi-square, and its predictive loss if it differs from chi2."""
     chi2 = DOF + excess
     residuals = ResidualStatistics(chi2, DOF, level=1.0, autocorrelation=rho)
     by_segment = np.array([chi2]) if len(segments) == 0 else np.asarray(segments, dtype=float)
-    fit: Any = SimpleNamespace(free=(), linear=SimpleNamespace(chi2_by_segment=by_segment))
+    fit: Any = SimpleNamespace(free=(None,) * parameters, linear=SimpleNamespace(chi2_by_segment=by_segment))
     return Hypothesis(effects, fit, residuals, np.array([chi2 if cost is None else cost]), {})
 
 
@@ -52,6 +54,8 @@ def test_while_a_residual_remains_the_excess_must_be_below_its_maximum() -> None
         (fitted(20_000.0), fitted(0.0), 30.0),  # 5e-5 of 90 000 is less
         (fitted(300.0), fitted(0.0), 90.0),
         (fitted(300.0), fitted(0.0, rho=0.5), 3 * 90.0),
+        (fitted(0.0, rho=0.5, parameters=4), fitted(0.0), 90.0 + (3 - 1) * 4 * 9.0),  # penalty of 4 parameters
+        (fitted(500.0, rho=0.5, parameters=4), fitted(0.0), 30.0),  # more than noise remains without the effect
     ],
 )
 def test_a_reduction_is_significant_beyond_chance(before: Hypothesis, after: Hypothesis, limit: float) -> None:
@@ -73,6 +77,8 @@ def test_a_reduction_in_every_segment_is_significant_however_small_it_is() -> No
     assert scatter(before, after) == pytest.approx(4 * 10 / 3)
     assert scatter(before, after, 1.0) == pytest.approx(10 / 3)
     assert significance(BARE, before, after) == pytest.approx(40 / 3)
+    noise = fitted(0.0, segments=np.full(10, 3000.0))
+    assert significance(BARE, before, noise) == 30.0  # noise of every reading is independent
     few = fitted(0.0, segments=np.ones(9))
     assert scatter(few, few) == np.inf
     failed = fitted(0.0, segments=[np.inf, *np.ones(9)])
