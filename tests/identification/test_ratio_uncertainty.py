@@ -65,16 +65,17 @@ def test_the_covariance_of_the_runs_is_the_one_without_the_prior() -> None:
 
 
 def test_a_block_ends_after_half_a_second_and_with_its_segment() -> None:
-    """Two segments of two axes; the third reading of the second segment does not exist."""
+    """Three segments of two axes; the second has two readings in one block, and the third has one reading."""
     problem: Any = SimpleNamespace(
-        owner=np.array([0, 0, 0, 1, 1]),
-        t=np.array([7.0, 7.4, 7.6, 7.6, 7.9]),
+        owner=np.array([0, 0, 0, 1, 1, 2]),
+        t=np.array([7.0, 7.4, 7.6, 7.7, 8.1, 8.2]),
         axes=2,
-        segments=SimpleNamespace(offsets=np.array([0, 3, 5])),
+        segments=SimpleNamespace(offsets=np.array([0, 3, 5, 6])),
     )
-    scores = np.array([[1.0, 2.0, 4.0, 8.0, 16.0, 32.0], [64.0, 128.0, 256.0, 512.0, np.nan, np.nan]])
+    scores = np.full((3, 6), np.nan)
+    scores[0], scores[1, :4], scores[2, :2] = 2.0 ** np.arange(6), 2.0 ** np.arange(6, 10), [1024.0, 2048.0]
     blocks = uncertainty._block_scores(problem, np.stack([scores, -scores], axis=2))
-    assert blocks.tolist() == [[15.0, -15.0], [48.0, -48.0], [960.0, -960.0]]
+    assert blocks.tolist() == [[15.0, -15.0], [48.0, -48.0], [960.0, -960.0], [3072.0, -3072.0]]
 
 
 def ratio_fit(chi2_per_dof: float, prior: float) -> Any:
@@ -108,13 +109,13 @@ def test_the_halves_of_a_run_differ_by_the_change_of_the_ratios(rng: np.random.G
     The second of the three segments contains the middle of the first run; the third is a run of its own.
     """
     samples, axes = 12, 2
-    t = np.concatenate([np.arange(12), np.arange(12, 20), np.arange(12)]) * 0.1
+    t = np.concatenate([np.arange(12), np.arange(12, 20), np.arange(50, 62)]) * 0.1
     owner = np.repeat([0, 1, 2], [12, 8, 12])
     run = np.array([0, 0, 1])
     inside = np.ones((3, samples, axes), dtype=bool)
     inside[1, 8:] = False
     late = np.zeros_like(inside)
-    late[0, 10:] = late[1] = late[2, 6:] = True  # middles: 0.95 s and 0.55 s
+    late[0, 10:] = late[1] = late[2, 6:] = True  # middles: 0.95 s and 5.55 s
     inside, late = inside.reshape(3, -1), late.reshape(3, -1)
     slopes, Q = (rng.normal(size=(3, samples * axes, k)) * inside[:, :, None] for k in (2, 3))
     first, second = np.array([1.0, -2.0]), np.array([1.5, -5.0])
