@@ -31,5 +31,5 @@ def test_modes_that_a_rig_cannot_have_say_what_is_missing() -> None:
     assert with_modes(paper, None, "prescribed").joints.inner == "prescribed"
     with pytest.raises(ConfigError, match=r"--arm driven: a driven arm needs \[motor\]"):
         with_modes(paper, "driven", None)
-    with pytest.raises(ConfigError, match="--inner prescribed: an inner rod that is prescribed needs the outer rod"):
+    with pytest.raises(ConfigError, match="--inner prescribed: a prescribed inner rod needs an outer rod"):
         with_modes(furuta, None, "prescribed")

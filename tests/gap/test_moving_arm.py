@@ -199,7 +199,7 @@ def test_a_prescribed_inner_rod_without_readings_is_refused_by_the_name_of_its_a
 def test_modes_that_cannot_be_together_are_refused():
     table = load_rig("paper").model_dump(exclude_none=True)
     table["rods"], table["joints"] = {"mounted": "inner"}, {"inner": "prescribed"}
-    with pytest.raises(ValueError, match="needs the outer rod"):
+    with pytest.raises(ValueError, match="needs an outer rod"):
         Rig.model_validate(table)
     table["rods"], table["arm"] = {}, {"mode": "free"}
     with pytest.raises(ValueError, match="has to be clamped or prescribed"):
