@@ -68,6 +68,19 @@ def test_frames_of_other_kinds_are_skipped_and_error_frames_counted(peer: can.Bu
     link.close()
 
 
+def test_only_an_error_frame_of_the_class_bus_off_ends_the_connection(peer: can.BusABC) -> None:
+    """Linux numbers the class bus-off 0x40; 0x04 and 0x80 are a problem of the controller and a bus error."""
+    link = open_transport("can://virtual/transport-test")
+    for error_class in (0x04, 0x80):
+        peer.send(can.Message(is_error_frame=True, arbitration_id=error_class))
+    assert link.receive(1.0).frames == ()
+    assert link.errors["framing"] == 2
+    peer.send(can.Message(is_error_frame=True, arbitration_id=0x44))
+    with pytest.raises(DeviceLost, match="bus-off"):
+        link.receive(1.0)
+    link.close()
+
+
 def test_slcan_opens_the_bus_at_the_bit_rate_and_survives_damaged_lines(adapter: tuple[int, str]) -> None:
     device, path = adapter
     link = open_transport(f"can://slcan{path}?bitrate=1000000")
