@@ -3,12 +3,15 @@ import pty
 import select
 import tty
 from collections.abc import Iterator
+from itertools import chain, count, repeat
+from types import SimpleNamespace
+from typing import Any
 
 import can
 import pytest
 
 from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
-from dpr_lab.transports import open_transport
+from dpr_lab.transports import can_bus, open_transport
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.messages import Frame
 
@@ -79,6 +82,16 @@ def test_only_an_error_frame_of_the_class_bus_off_ends_the_connection(peer: can.
     with pytest.raises(DeviceLost, match="bus-off"):
         link.receive(1.0)
     link.close()
+
+
+def test_a_read_of_a_busy_bus_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each frame takes 1 ms, and a read ends after 20 ms at the latest."""
+    clock = count(0.0, 1e-3)
+    monkeypatch.setattr(can_bus, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    message = can.Message(arbitration_id=SAMPLE.id, data=SAMPLE.data, is_extended_id=False)
+    messages = chain([message] * 100, repeat(None))
+    busy: Any = SimpleNamespace(recv=lambda _: next(messages))
+    assert 18 <= len(can_bus.CanBus("can://virtual/busy", busy, ()).receive(1.0).frames) <= 21
 
 
 def test_slcan_opens_the_bus_at_the_bit_rate_and_survives_damaged_lines(adapter: tuple[int, str]) -> None:
