@@ -69,6 +69,7 @@ def test_gravity_lifts_a_rod_only_beyond_two_standard_deviations(monkeypatch, to
     monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([100.0, std**2]))
     monkeypatch.setattr(sizes, "_gravity_torque", lambda *_: torque)
     model: Any = Fake(fit=Fake(estimate=estimate, free=free), residuals=Fake(inflation=1.0))
-    assert sizes.rises(Fake(), model) is lifted
+    problem: Any = Fake()
+    assert sizes.rises(problem, model) is lifted
     fixed: Any = Fake(fit=Fake(estimate=estimate, free=free[:1]), residuals=Fake(inflation=1.0))
-    assert not sizes.rises(Fake(), fixed)
+    assert not sizes.rises(problem, fixed)
