@@ -92,7 +92,7 @@ class RatioUncertainty:
 
     @property
     def of_runs(self) -> Array:
-        """(n, n) covariance from the runs alone, without the prior; at most 1000 times the covariance of the prior.
+        """(n, n) covariance from the runs alone, without the prior; at most 1e6 times the covariance of the prior.
 
         In coordinates in which the prior has unit covariance, a variance v from both corresponds to v / (1 - v) from
         the runs alone.

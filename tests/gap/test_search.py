@@ -222,7 +222,8 @@ def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monke
     monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
     monkeypatch.setattr("dpr_lab.gap.which.forward.accepted", lambda *models: False)
     monkeypatch.setattr("dpr_lab.gap.which.forward.refutes_process_noise", lambda sets, model: True)
-    grown = run((forward_selection(3, to_floor=True),), SearchState.bare(sets, 3))
+    fresh = replace(sets, _fits={}, _tests=dict(sets.tests))  # without the fits of other tests
+    grown = run((forward_selection(3, to_floor=True),), SearchState.bare(fresh, 3))
     assert {len(key) for key in grown.sets.fits} == {0, 1}
 
 
