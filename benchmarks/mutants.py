@@ -239,6 +239,8 @@ def failed_test(copy: Path, tests: list[str], cache: Path) -> str:
 
 def forked(mutants: list[Mutant], copy: Path, cache: Path) -> list[Mutant]:
     """Mutants with the tests that detect them; the tests are collected once."""
+    if not mutants:
+        return []
     place = copy.with_name("mutants.json")
     rows = [asdict(mutant) | {"tests": tests_of(mutant.area, mutant.file)[:MOST_FILES]} for mutant in mutants]
     place.write_text(json.dumps(rows), encoding="utf-8")

@@ -39,5 +39,6 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     estimate = Estimate.of(diagnosis.unknowns, params, np.zeros((0, 4)))
     recordings = without_disturbances(Recordings(tuple(record(run, rig) for run in long), rig), estimate.ratios)
     errors = free_runs(recordings, estimate, horizon_s).errors
-    least_s = horizon_s - 2 * THINNING.after_release_s  # a recording that ends at the horizon begins later
-    return {name: error.rms_rad for name, error in errors.items() if error.t[-1] >= least_s}
+    # a recording that ends at the horizon begins later, and its last readings before the horizon may be lost
+    shortage = {run.name: 2 * THINNING.after_release_s + 5 * float(np.median(np.diff(run.t))) for run in long}
+    return {name: error.rms_rad for name, error in errors.items() if error.t[-1] >= horizon_s - shortage[name]}

@@ -30,7 +30,7 @@ def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
 
     What the limits file does not state remains as in the rig file.
     """
-    elbows = (rig.rods.elbow,) if limits.rods.elbow is None else limits.rods.elbow
+    elbows = limits.rods.elbow or (rig.rods.elbow,)
     of_both: list[Mounting] = ["clamped" if elbow == "clamped" else "both" for elbow in elbows]
     permitted: list[Mounting] = []
     for mounted in limits.rods.mounted or (rig.rods.mounted,):

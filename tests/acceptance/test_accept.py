@@ -248,7 +248,7 @@ def test_a_kick_before_the_horizon_leaves_a_run_out(paper: Rig, monkeypatch: pyt
     monkeypatch.setattr(free_run, "free_runs", lambda *_: SimpleNamespace(errors=errors))
     monkeypatch.setattr(free_run, "record", lambda run, _: run)
     monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
-    runs: list[Any] = [SimpleNamespace(name=name, t=np.array([0.0, 2.0])) for name in ends]
+    runs: list[Any] = [SimpleNamespace(name=name, t=np.arange(0.0, 2.001, 0.005)) for name in ends]
     gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={}))
     found: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects={}, gap=gap)
     assert free_run_errors(runs, paper, found, 2.0) == {"whole": 1.0}

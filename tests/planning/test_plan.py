@@ -125,6 +125,7 @@ def test_planned_mountings_follow_the_limits_file(paper: Rig) -> None:
         (("both", "clamped"), {"elbow": ["free", "clamped"]}, ("clamped", "both")),
         (("both", "clamped"), {"mounted": ["both"]}, ("clamped",)),
         (("inner", "free"), {"mounted": ["both"]}, ("both",)),
+        (("inner", "free"), {"mounted": ["both"], "elbow": []}, ("both",)),
         (("inner", "free"), {"mounted": ["both", "inner"], "elbow": ["clamped"]}, ("inner", "clamped")),
         (("both", "free"), {}, ("both",)),
     ],

@@ -153,6 +153,19 @@ def test_rates_are_no_angles(tmp_path, one):
         import_csv(tmp_path / "a.csv", one)
 
 
+def test_a_table_of_times_is_not_called_a_table_of_rates(tmp_path, one):
+    (tmp_path / "a.csv").write_text("time_s,time_ms\n" + lines("{t:.2f},{angle:.6f}\n", SWING))
+    with pytest.raises(RunError) as refused:
+        import_csv(tmp_path / "a.csv", one)
+    assert "rates and accelerations" not in str(refused.value)
+
+
+def test_a_single_column_without_a_header_has_the_number_1(tmp_path, one):
+    (tmp_path / "a.csv").write_text(lines("{angle:.6f}\n", SWING))
+    options = ImportOptions(zero="hanging", rate_hz=100.0, columns={"theta1": "1"})
+    np.testing.assert_allclose(import_csv(tmp_path / "a.csv", one, options).theta[:, 1] - np.pi, SWING, atol=1e-5)
+
+
 def test_the_error_and_the_speed_of_a_controller_are_no_angles(tmp_path, one):
     (tmp_path / "a.json").write_text(json.dumps([{"err": a, "vel": 2 * a} for a in SWING.tolist()]))
     with pytest.raises(RunError, match="no single column found for theta1; the table has: err, vel"):

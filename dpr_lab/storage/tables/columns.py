@@ -51,7 +51,7 @@ _SAID_UNIT = re.compile(
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
-_RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|gyro|acc")
+_RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|gyro|acc(?!ura)")
 """Pattern of angular rates and accelerations."""
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
@@ -291,12 +291,11 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
         unnamed = all(map(_NO_NAME.fullmatch, named_so))
         clocks = [name for name in names if "t" in missing and is_time(re.sub(r"\d+\W*$", "", name))]
         if len(clocks) > 1:
-            rate = (
-                f"; several recordings next to each other are imported one by one, for example"
-                f" --columns t={clocks[0]},theta1=NAME"
-            )
+            example = f"--columns t={clocks[0]},theta1=NAME"
+            rate = f"; several recordings next to each other are imported one by one, for example {example}"
         points = "; for points of a video add a first line with their names, for example t,x,y" if unnamed else ""
-        if all(is_time(name) or _RATE.search(name.lower()) for name in named_so if not re.match("abs", name.lower())):
+        rated = [name for name in named_so if not (is_time(name) or re.match("abs", name.lower()))]
+        if rated and all(_RATE.search(name.lower()) for name in rated):
             points = ". These are rates and accelerations: an angle is required, for example the integral of a rate"
         raise RunError(
             f"{table.path}: no single column found for {' and '.join(missing)}; {available}."

@@ -383,6 +383,6 @@ def _commented_header(comments: Sequence[Line], delimiter: str | None, width: in
     """
     header = comments[-1][1].lstrip("#%/ ") if comments else ""
     names = header.split(delimiter)
-    if len(names) != width:  # the header may have another delimiter
+    if header and len(names) != width:  # the header may have another delimiter
         names = next(iter(_otherwise_separated([[header]], delimiter, width)), [])
-    return names or [str(n + 1) for n in range(width)]
+    return names if header and names else [str(n + 1) for n in range(width)]
