@@ -16,7 +16,7 @@ OFFSET, SPRING = "com_offset_link1", "spring_joint2"
 
 @pytest.mark.parametrize(
     ("offset", "std", "off"),
-    [(0.05, 0.002, True), (-0.05, 0.002, True), (0.05, 0.02, False), (0.01, 0.0005, False)],
+    [(0.05, 0.002, True), (-0.05, 0.002, True), (0.05, 0.02, False), (0.01, 0.0005, False), (0.0, 0.01, False)],
 )
 def test_a_rod_does_not_hang_at_more_than_45_degrees_of_its_axis(monkeypatch, offset, std, off):
     """Gravity torque 0.3 N m with a mass of 1 kg: the centre of mass lies 31 mm along the rod."""

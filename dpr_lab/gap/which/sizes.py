@@ -71,10 +71,10 @@ def off_axis(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> tu
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
     free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
-    torque = _gravity_torque(problem, model)
-    if not free or torque is None:
+    torque, sizes = _gravity_torque(problem, model), named_params(model.fit.estimate.params)
+    if not free or torque is None or effect.name not in sizes:
         return ()
-    (offset,) = named_params(model.fit.estimate.params)[effect.name].values()
+    (offset,) = sizes[effect.name].values()
     error = np.sqrt(considered(model.fit, model.residuals.inflation)[free[0], free[0]])
     least = constants.m1 * constants.g * (abs(offset) - deviations * error)
     return (effect.name,) if least > torque * model.fit.estimate.ratios[SCALE] else ()
