@@ -123,8 +123,8 @@ def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
     assert of_whole is not None
     assert score.gain == pytest.approx(of_whole.gain, rel=1e-9)
     assert alone.start().effects == (name,)
-    assert alone.tests[sets.bare.key].tested == {name}
-    assert alone.tests[frozenset({name})].tested == sets.library.keys() - {name}
+    assert alone._tests[sets.bare.key].tested == {name}
+    assert alone._tests[frozenset({name})].tested == sets.library.keys() - {name}
     ranked = [[other.effect.name for other in each.test(sets.bare).ranking] for each in (alone, whole)]
     assert ranked[0] == ranked[1]
 
@@ -157,7 +157,7 @@ def test_friction_and_drag_that_hide_each_other_are_found_together() -> None:
 @pytest.mark.slow
 def test_two_moves_that_request_the_same_fit_share_it(sets: FittedSets) -> None:
     score = sets.test(sets.bare).ranking[0]
-    one, other = (replace(sets, _fits={}, _tests=dict(sets.tests)).with_one(sets.bare, score) for _ in range(2))
+    one, other = (replace(sets, _fits={}, _tests=dict(sets._tests)).with_one(sets.bare, score) for _ in range(2))
     assert one.effects == (score.effect.name,)
     assert one is other
 
@@ -199,7 +199,7 @@ def test_short_segments_are_fitted_once_because_there_are_no_shorter_ones(
     assert short.problem.chi2(
         short.bare.fit.estimate.changed(initial=short.bare.fit.estimate.initial)
     ) < short.problem.chi2(raw)
-    for tried, times in ((short, 0), (replace(sets, _fits={}, _tests=dict(sets.tests)), 1)):
+    for tried, times in ((short, 0), (replace(sets, _fits={}, _tests=dict(sets._tests)), 1)):
         tried.with_one(tried.bare, tried.test(tried.bare).ranking[0])
         assert len(repeated) == times
 
@@ -222,7 +222,7 @@ def test_torque_noise_is_refuted_after_one_fitted_effect(sets: FittedSets, monke
     monkeypatch.setattr("dpr_lab.gap.which.forward.far_from_noise", lambda model: True)
     monkeypatch.setattr("dpr_lab.gap.which.forward.accepted", lambda *models: False)
     monkeypatch.setattr("dpr_lab.gap.which.forward.refutes_process_noise", lambda sets, model: True)
-    fresh = replace(sets, _fits={}, _tests=dict(sets.tests))  # without the fits of other tests
+    fresh = replace(sets, _fits={}, _tests=dict(sets._tests))  # without the fits of other tests
     grown = run((forward_selection(3, to_floor=True),), SearchState.bare(fresh, 3))
     assert {len(key) for key in grown.sets.fits} == {0, 1}
 

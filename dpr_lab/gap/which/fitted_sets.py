@@ -86,11 +86,6 @@ class FittedSets:
         """Best fit of every set that was fitted."""
         return MappingProxyType(self._fits)
 
-    @property
-    def tests(self) -> Mapping[frozenset[str], ScoreTest]:
-        """Score test of every set that was tested."""
-        return MappingProxyType(self._tests)
-
     def copied(self) -> "FittedSets":
         """Copy to which a move adds its fits and score tests."""
         return replace(self, _fits=dict(self._fits), _tests=dict(self._tests))

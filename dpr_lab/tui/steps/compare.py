@@ -48,7 +48,7 @@ the difference does not test the model. A rig whose arm moves is compared by seg
 The **segment residual** is the residual of half-second segments with fitted initial states. A residual inside the band
 (±{SETTINGS.noise_sigmas}σ of the noise floor) and without a pattern is noise.
 
-`{{compare.beside}}` draws a second curve in the same chart: another run, or the same run simulated with another model.
+`{{compare.second}}` draws a second curve in the same chart: another run, or the same run simulated with another model.
 Enter the file of that model in the field (`{{compare.edit}}`), for example the corrected `diagnosis/model.json`.
 
 Keys in the chart: + and - zoom, the arrows pan, shift with up or down scales the vertical axis, 0 resets the view.
@@ -63,7 +63,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         Binding("v", "cycle('view')", "View", id="compare.view", tooltip="angle, free-run error, segment residual"),
         Binding("o", "cycle('run')", "Other", id="compare.run", tooltip="another run"),
         Binding(
-            "O", "second_curve", "Second curve", id="compare.beside", tooltip="another run or model in the same plot"
+            "O", "second_curve", "Second curve", id="compare.second", tooltip="another run or model in the same plot"
         ),
         Binding("i", "edit", "Edit", id="compare.edit", show=False),
         Binding("j", "cycle('axis')", "Joint", id="compare.axis", tooltip="the other joint"),

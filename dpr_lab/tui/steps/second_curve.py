@@ -60,7 +60,7 @@ class SecondCurve(Guarded, Horizontal):
 
     def compose(self) -> ComposeResult:
         """Build the list of curves and the input field for another model."""
-        yield Select([("second curve: none", NOTHING)], value=NOTHING, allow_blank=False, id="beside", compact=True)
+        yield Select([("second curve: none", NOTHING)], value=NOTHING, allow_blank=False, id="second", compact=True)
         hint = self._services.keys.fill("another model ({compare.edit})")
         yield Input(placeholder=hint, id="other", suggester=PathSuggester(".json"), compact=True)
 
