@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dpr_lab.errors import DprError
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.trials.score import SURE
+from dpr_lab.trials.score import CLAIMED
 from tests.arm_engine import drawn_plant, recorded, rig_of
 
 DRIVEN = (
@@ -47,7 +47,7 @@ def tried(seed: int, fault: str, mode: str, both: bool, seconds: float) -> tuple
         return False, False, time.process_time() - began, str(error)
     spent = time.process_time() - began
     right = done.verdict == "no_gap" if not fault else bool(done.effects) and fault in done.effects[0].members
-    sure = any(effect.probability > SURE and fault not in effect.members for effect in done.effects)
+    sure = any(effect.probability > CLAIMED and fault not in effect.members for effect in done.effects)
     names = ", ".join(f"{effect.name} {effect.probability:.2f}" for effect in done.effects)
     return right, sure, spent, f"{done.verdict} [{names}] chi2 {done.chi2_per_dof:.3g}"
 

@@ -8,8 +8,8 @@ from dpr_lab.effects import effect_params, without_events
 from dpr_lab.fitting.estimate import Estimate
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.screen.record import THINNING, record
-from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.record import THINNING
+from dpr_lab.gap.screen.repeated import recordings_as_in
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, with_distinct_names
@@ -22,7 +22,7 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     If the runs are not those of the diagnosis, effects that occurred only once are omitted, because they refer to a run
     of the diagnosis by its number.
 
-    A kick or another disturbance ends the free run, as in a diagnosis.
+    As in a diagnosis, a kick or another disturbance ends the free run, and a rolling shutter is corrected.
 
     Args:
         runs: the runs; runs without an undisturbed swing over the horizon are left out
@@ -37,7 +37,7 @@ def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon
     if [run.name for run in long] != list(diagnosis.gap.closed_held_out.per_run):
         params = without_events(params)
     estimate = Estimate.of(diagnosis.unknowns, params, np.zeros((0, 4)))
-    recordings = without_disturbances(Recordings(tuple(record(run, rig) for run in long), rig), estimate.ratios)
+    recordings = without_disturbances(recordings_as_in(diagnosis, long, rig), estimate.ratios)
     errors = free_runs(recordings, estimate, horizon_s).errors
     # a recording that ends at the horizon begins later, and its last readings before the horizon may be lost
     shortage = {run.name: 2 * THINNING.after_release_s + 5 * float(np.median(np.diff(run.t))) for run in long}

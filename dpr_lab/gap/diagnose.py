@@ -128,6 +128,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
     held_out = without_disturbances(screened.held_out, bare.fit.estimate.ratios)
     held_out = replace(held_out, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     held_out = held_out.with_tracking(recordings.tracking).with_shutter(recordings.shutter)
+    prediction = held_out_prediction(held_out, bare) if held_out.records else None
     _begin(screened.request, "where")
     return Fitted.after(
         screened,
@@ -135,7 +136,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
         held_out=held_out,
         problem=problem,
         bare=bare,
-        held_out_prediction=held_out_prediction(held_out, bare) if held_out.records else None,
+        held_out_prediction=prediction,
         places=locate(problem, bare),
     )
 

@@ -12,7 +12,7 @@ from dpr_lab.trials.truth import Truth, assumed_inertia
 NAMING = ("named", "partly_explained")
 ADMITTING = ("unexplained", "partly_explained")
 STEP = MISSED_COUNTS.name
-SURE = 0.5
+CLAIMED = 0.5
 """Posterior probability above which an incorrectly named effect counts as an incorrect claim."""
 
 Json = Mapping[str, Any]
@@ -80,7 +80,7 @@ class TrialOutcome:
     silent: bool
     """Whether the diagnosis reports no gap."""
     wrong_name: bool
-    """Whether a named effect that is not a cause has a probability above `SURE`."""
+    """Whether a named effect that is not a cause has a probability above `CLAIMED`."""
     admitted: bool
     """Whether the diagnosis reports that part of the gap is unexplained."""
     explained_share: float
@@ -187,7 +187,7 @@ def score(
         exact=len(hits) == len(truth.answers) and None not in hits and len(set(hits)) == len(hits),
         invented=None in hits,
         silent=diagnosis["verdict"] == "no_gap" and not effects,
-        wrong_name=any(not claim.true and claim.probability > SURE for claim in _claimed(effects, hits)),
+        wrong_name=any(not claim.true and claim.probability > CLAIMED for claim in _claimed(effects, hits)),
         admitted=diagnosis["verdict"] in ADMITTING,
         explained_share=_number(diagnosis["gap"].get("explained_share")),
         closed=_number((diagnosis["gap"].get("closed_held_out") or {}).get("estimate")),

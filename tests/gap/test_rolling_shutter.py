@@ -1,5 +1,6 @@
 """A rolling shutter reads each point at another instant. It is named and corrected, and further causes are found."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from dpr_lab.acceptance.free_run import free_run_errors
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
+from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
@@ -95,6 +98,17 @@ def test_drag_is_named_behind_a_rolling_shutter(tmp_path: Path) -> None:
     assert [finding.run for finding in found] == [run.name for run in runs]
     delay_ms = float(found[0].evidence.split("lines): ")[1].split(" ms")[0])
     assert delay_ms == pytest.approx(1e3 * DELAY * rig.L1, rel=0.15)
+    again = load_diagnosis_of(diagnosis, tmp_path)
+    tested = free_run_errors(runs, rig, again, 2.0)
+    uncorrected = free_run_errors(runs, rig, again.model_copy(update={"shutter": None}), 2.0)
+    assert all(tested[name] < 0.6 * error for name, error in uncorrected.items())
+
+
+def load_diagnosis_of(diagnosis: Diagnosis, folder: Path) -> Diagnosis:
+    """Diagnosis as another command reads it from its file."""
+    file = folder / "diagnosis.json"
+    file.write_text(json.dumps(diagnosis.to_json()), encoding="utf-8")
+    return load_diagnosis(file)
 
 
 @pytest.mark.slow

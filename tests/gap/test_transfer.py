@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import astuple, replace
+from importlib import import_module
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -38,6 +39,26 @@ DRY = {"coulomb_joint2": {"torque_Nm": 1e-3}}
 @pytest.fixture(scope="module")
 def dry(recorded: Recorded) -> list[Run]:
     return recorded(DRY, duration=5.0)
+
+
+def test_the_prediction_of_held_out_runs_precedes_the_stage_where(
+    dry: list[Run], paper: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stages, during = [], []
+
+    def predicted(*_: object) -> None:
+        during.append(stages[-1])
+
+    def located(*_: object) -> None:
+        during.append(stages[-1])
+        raise InterruptedError
+
+    module = import_module("dpr_lab.gap.diagnose")
+    monkeypatch.setattr(module, "held_out_prediction", predicted)
+    monkeypatch.setattr(module, "locate", located)
+    with pytest.raises(InterruptedError):
+        diagnose(dry[:1], paper, held_out=dry[1:], on_progress=lambda event: stages.append(getattr(event, "name", "")))
+    assert during == ["bare model", "where"]
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from dpr_lab.errors import IdentificationError
 from dpr_lab.estimation.arm_motion import arm_motion
 from dpr_lab.identification.identify import identify
 from dpr_lab.identification.misread import tried
-from dpr_lab.identification.misread.energy import ENERGY, energy_rise
+from dpr_lab.identification.misread.energy import ENERGY, energy_remedy, energy_rise
 from dpr_lab.identification.misread.local_motion import shows_a_period
 from dpr_lab.identification.misread.readings import readings
 from dpr_lab.identification.misread.refuse import refuse_impossible_scale, refuse_misread
@@ -258,6 +258,27 @@ def test_the_right_reading_is_fitted_to_the_whole_runs(swings, paper: Rig) -> No
 def test_passive_rods_and_known_torques_let_no_energy_in(swings, driven, paper: Rig) -> None:
     for runs in (swings, driven[:1]):
         assert energy_rise([preprocess(run, paper) for run in runs], paper) < 0.05
+
+
+def test_the_remedy_of_an_energy_rise_is_the_one_of_this_rig(swings, driven, paper: Rig) -> None:
+    (swing,) = swings
+    still = np.zeros(len(swing.t))
+    turning = np.column_stack([0.1 * np.sin(swing.t), swing.theta[:, 1:]])
+    geared = paper.model_copy(update={"joints": paper.joints.model_copy(update={"geared": (2,)})})
+    table = replace(swing, counts=None, arm_read=False, theta=np.column_stack([still, swing.theta[:, 1:]]))
+    cases = (
+        (driven[0], paper, "known torques"),
+        (swing, geared, "motor at joint 2"),
+        (replace(swing, theta=turning), paper, "--arm prescribed"),
+        (swing, paper, "counts_per_rev"),
+        (table, paper, "unit and scale of the angles"),
+    )
+    texts = [energy_remedy([run], rig) for run, rig, _ in cases]
+    for text, (_, _, own) in zip(texts, cases, strict=True):
+        assert own in text
+    assert len(set(texts)) == len(cases)
+    assert "theta0" in texts[-1]  # its arm was not read, so it may have moved
+    assert "theta0" not in energy_remedy([replace(table, arm_read=True)], paper)
 
 
 @pytest.mark.slow

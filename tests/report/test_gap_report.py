@@ -92,6 +92,20 @@ def diagnosis():
     return make
 
 
+def test_the_summary_of_the_report_does_not_list_increments_that_may_be_zero(diagnosis, tmp_path):
+    sizes = {
+        "forward_Nm": {"value": 0.001, "interval90": (0.0009, 0.0011)},
+        "rise1_Nm": {"value": 0.0001, "interval90": (-0.0001, 0.0003)},
+    }
+    curve = effect("friction_curve_joint1", 0.9, 0.9) | {"parameters": sizes}
+    result = diagnosis(effects=[curve], rivals=[])
+    page = write_gap_report(result, "Curve", tmp_path, save_gap_figures(result, tmp_path)).read_text(encoding="utf-8")
+    summary, details = page.split("<details", 1)
+    assert "not distinguishable from zero: rise (0 to 0.3 rad/s)" in summary
+    assert "0.100 mN m" not in summary
+    assert "0.100 mN m (-0.100 to 0.300)" in details
+
+
 def test_the_probabilities_of_the_alternatives_of_an_effect_add_up(diagnosis):
     rows = gap_tables.standing_rows(diagnosis())
 

@@ -16,8 +16,7 @@ from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, AdvisedRelease
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.screen.record import record
-from dpr_lab.gap.screen.recordings import Recordings
+from dpr_lab.gap.screen.repeated import recordings_as_in
 from dpr_lab.run import torque_kinds
 
 DISTINGUISHED = 5.0
@@ -90,7 +89,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig
-    recordings = Recordings(tuple(record(run, rig) for run in answer.runs), rig, exact_torques=diagnosis.exact_torques)
+    recordings = recordings_as_in(diagnosis, answer.runs, rig)
     recordings, problem, others_model = fit_bare_model(recordings, diagnosis.unknowns)
     others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}
     if others:

@@ -16,7 +16,7 @@ from dpr_lab.gap.conclusion.remedies import remedies
 from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
-from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
+from dpr_lab.gap.result.diagnosis import Diagnosis, RollingShutter, SensorFinding
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Advised
@@ -75,6 +75,8 @@ def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
         p_over_b=float(estimate.ratios[ON_ELBOW]) if any(setup.alone for setup in setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
         exact_torques=state.recordings.exact_torques,
+        torques_earlier=state.recordings.torques_earlier,
+        shutter=_shutter(state),
         segments=len(state.problem.segments),
         scale_b=float(estimate.ratios[SCALE]),
         scale=state.scale,
@@ -85,6 +87,11 @@ def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
         evidence=evidence,
         seconds=seconds,
     )
+
+
+def _shutter(state: Advised) -> RollingShutter | None:
+    shutter = state.recordings.shutter
+    return shutter and RollingShutter(lines=shutter.lines, delay_s_per_m=shutter.delay)
 
 
 def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:

@@ -49,6 +49,15 @@ class SensorFinding(Saved):
     """Number of faults of this kind; `at_s` is the instant of the first one."""
 
 
+class RollingShutter(Saved):
+    """Rolling shutter of the camera that filmed the recordings (`dpr_lab.gap.screen.shutter`)."""
+
+    lines: Literal["horizontal", "vertical"]
+    """Direction of the lines of the picture."""
+    delay_s_per_m: Number
+    """Delay between lines per distance on the rig, s/m."""
+
+
 class Diagnosis(Shown, Saved):
     """Result of a diagnosis: the location of the gap, its causes, their probabilities, and its reduction."""
 
@@ -134,6 +143,10 @@ class Diagnosis(Shown, Saved):
 
     This is the case if the remainder is far above the influence of their noise.
     """
+    torques_earlier: Number = 0.0
+    """Time by which known torques act before their rows, as a share of the interval between rows."""
+    shutter: RollingShutter | None = None
+    """Rolling shutter for which the readings were corrected; None if no correction was made."""
     segments: int
     """Number of segments of 0.5 s."""
     scale_b: Number

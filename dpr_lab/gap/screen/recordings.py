@@ -196,6 +196,8 @@ class Recordings:
 
     def with_earlier_torques(self, share: float) -> "Recordings":
         """Recordings with known torques at earlier times, by a share of the interval between rows."""
+        if not share:
+            return self
         setups = [record.setup for record in self.records]
         earlier = [s if s.torques is None else replace(s, torques=s.torques.earlier(share)) for s in setups]
         records = [replace(record, setup=setup) for record, setup in zip(self.records, earlier, strict=True)]

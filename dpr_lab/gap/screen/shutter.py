@@ -11,6 +11,7 @@ Source: Meingast, Geyer & Sastry (2005), Geometric models of rolling-shutter cam
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +19,9 @@ from dpr_lab.arrays import Array
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.joint_angles import JointAngles
 
-NORMALS = {"horizontal": (0.0, -1.0), "vertical": (1.0, 0.0)}
+Lines = Literal["horizontal", "vertical"]
+
+NORMALS: dict[Lines, tuple[float, float]] = {"horizontal": (0.0, -1.0), "vertical": (1.0, 0.0)}
 """Normal of the lines of a picture, downwards or to the right, by the direction of the lines."""
 
 
@@ -26,8 +29,8 @@ NORMALS = {"horizontal": (0.0, -1.0), "vertical": (1.0, 0.0)}
 class Shutter:
     """Rolling shutter of a camera."""
 
-    lines: str
-    """Direction of the lines, a key of `NORMALS`."""
+    lines: Lines
+    """Direction of the lines."""
     delay: float
     """Delay k between lines per distance along their normal, s/m."""
 

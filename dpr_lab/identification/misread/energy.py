@@ -14,8 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.arrays import Array
+from dpr_lab.identification.misread.readings import arm_turned
 from dpr_lab.identification.preprocess import PreprocessedRun
 from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+from dpr_lab.shown import listed
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +65,29 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
     driven = any(mean[:, 4].any() for mean in means)
     bounds = [(settings.least_ratio, None)] * 3 + [(0.0, None if driven else 0.0)]
     return relative_rise(means, [part[:, :4] for part in parts], bounds, settings.least_exchange)
+
+
+def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
+    """Sentence on the most probable cause of an energy increase on this rig, and its remedy.
+
+    A known torque, a motor in the rig file and a moving encoder 0 are evidence for their own cause. Without such
+    evidence, the readings are the most probable cause.
+    """
+    runs = [run for run in runs if run.arm is None]
+    if any(run.torques is not None for run in runs):
+        return "The known torques do not supply this energy: check their unit, sign and joint, or a further drive acts."
+    if geared := rig.joints.geared:
+        joints = listed([f"joint {joint}" for joint in geared])
+        return f"The rig file describes a motor at {joints}: record or import its torque (without --torque none)."
+    if any(map(arm_turned, runs)):
+        return "Encoder 0 shows that the arm moves: record or import with --arm prescribed, or clamp the arm."
+    if all(run.counts is not None for run in runs):
+        return (
+            "No motor is described and the arm is at rest: check counts_per_rev in [encoders] of the rig file, or an"
+            " encoder has a delay or backlash."
+        )
+    arm = "" if all(run.arm_read for run in runs) else " If the arm moves, import theta0 with --arm prescribed."
+    return f"No motor is described: check the unit and scale of the angles, or an encoder has a delay or backlash.{arm}"
 
 
 def relative_rise(

@@ -280,18 +280,23 @@ def _arm(rig: Rig) -> Misreading:
     )
 
 
-def _with_moving_arm(run: Run, above_noise: float = 20.0) -> Run | None:
-    """Return the run with the motion of the arm from its encoder; None if the arm did not move or was not measured.
+def _with_moving_arm(run: Run) -> Run | None:
+    """Return the run with the motion of the arm from its encoder; None if the arm did not move or was not measured."""
+    if run.arm is not None or not arm_turned(run):
+        return None
+    return replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name))
+
+
+def arm_turned(run: Run, above_noise: float = 20.0) -> bool:
+    """Whether the arm moved according to its encoder; False if the arm was not measured.
 
     Args:
-        run: a run with readings of theta0
+        run: a run, whose readings of theta0 are constant if the arm was not measured
         above_noise: minimum range of theta0 of an arm that moves, in standard deviations of its readings
     """
     theta0 = run.swing.theta[:, 0]
-    if run.arm is not None or len(theta0) <= max(ORDER, FEWEST) or not np.isfinite(theta0).all():
-        return None
+    if len(theta0) <= max(ORDER, FEWEST) or not np.isfinite(theta0).all():
+        return False
     noise = float(difference_std(run.swing.t, theta0[:, None])[0])
     moved = float(np.ptp(theta0))
-    if moved == 0.0 or moved < above_noise * noise:
-        return None
-    return replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name))
+    return moved > 0.0 and moved >= above_noise * noise

@@ -11,7 +11,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.noise import noise_floor
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, alone_share, unknown_ratios
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
-from dpr_lab.identification.misread.energy import ENERGY, energy_rise
+from dpr_lab.identification.misread.energy import ENERGY, energy_remedy, energy_rise
 from dpr_lab.identification.misread.readings import Misreading, other_zeros, readings
 from dpr_lab.identification.preprocess import PreprocessedRun, preprocess
 from dpr_lab.identification.ratio_fit import RatioFit, first_fit, short_fit
@@ -101,6 +101,8 @@ class SecondLook:
 
     The increase is evidence if no other interpretation explains the recordings.
     """
+    energy_remedy: str = ""
+    """Probable cause of the increase on this rig, with its remedy."""
 
     @property
     def sentence(self) -> str:
@@ -115,9 +117,7 @@ class SecondLook:
             return ""
         return (
             f"The energy of the rods rises by {percent(self.energy_rise)} of its range, which is impossible for"
-            " a passive rig with exact readings: either the rods have a drive that is not described, or an encoder"
-            " has a delay or backlash. Import known torques (without --torque none); if the arm moves, import theta0"
-            " with --arm prescribed; or check counts_per_rev and the units."
+            f" a passive rig with exact readings. {self.energy_remedy}"
         )
 
 
@@ -155,7 +155,8 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
         ]
         return SecondLook(tuple(tried), 0.0)
     passive = np.isfinite(first) and all(run.inner is None for run in runs)
-    return SecondLook((), energy_rise(_preprocessed(runs, rig, SETTINGS.looked_at_s), rig) if passive else 0.0)
+    rise = energy_rise(_preprocessed(runs, rig, SETTINGS.looked_at_s), rig) if passive else 0.0
+    return SecondLook((), rise, energy_remedy(runs, rig))
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:

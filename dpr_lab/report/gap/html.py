@@ -96,7 +96,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
     if bar := repeatability_bar(diagnosis):
         yield bar
         yield " ".join(repeatability_sentences(diagnosis))
-    yield PageTable(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis), style="prose")
+    yield PageTable(tables.SUMMARY_COLUMNS, tables.summary_rows(diagnosis, brief=True), style="prose")
     if note := summary_note(diagnosis):
         yield note
     yield Items([in_words(text) for text in diagnosis.notes])
