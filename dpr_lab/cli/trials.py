@@ -135,7 +135,7 @@ def run(folder: Folder, as_json: Json = False) -> None:
     if as_json:
         emit(trial.diagnosis.to_json() | {"files": trial.files})
         return
-    show(trial.diagnosis)
+    show(trial.diagnosis, Path(trial.files["report"]).parent)
     line(f"report: {trial.files['report']}")
     line(f"next: dpr-lab trials open {folder}")
 

@@ -119,6 +119,8 @@ def _why_not_opened(name: str, baud: int, error: Exception) -> str:
         return f"the port is in use by another program: close that program (`fuser {name}` shows it)"
     if code == errno.EACCES:
         return f"no permission to open {name}: {JOIN_GROUP}"
+    if Path(name).exists() and not Path(name).is_char_device():
+        return f"{name} is not a serial port; {_ports_found()}"
     return f"cannot be opened at {baud} baud: {error}"
 
 

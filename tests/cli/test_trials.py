@@ -4,16 +4,26 @@ import json
 import re
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from dpr_lab.acquisition.capture import CaptureOptions
-from dpr_lab.cli import main
+from dpr_lab.cli import main, trials
 from dpr_lab.report.words import named
 from dpr_lab.trials.score import read_outcome
 from tests.blank_figures import save_blank
 from tests.thinned import FULL
+
+
+def test_a_diagnosed_trial_states_the_file_for_the_results_of_its_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Path] = []
+    trial = SimpleNamespace(diagnosis=None, files={"report": "trial/diagnosis/diagnosis.html"})
+    monkeypatch.setattr("dpr_lab.workflows.trial.diagnose_trial", lambda *_: trial)
+    monkeypatch.setattr("dpr_lab.cli.diagnose.show", lambda _, out: shown.append(out))
+    trials.run(Path("trial"))
+    assert shown == [Path("trial/diagnosis")]
 
 
 def opens_and_stays_open(folder: Path, hidden: str, cli) -> None:
