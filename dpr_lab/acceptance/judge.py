@@ -131,7 +131,7 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
 
 
 def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
-    """Interval of the largest friction torque at speeds up to `speed`."""
+    """Return the interval of the largest friction torque at speeds up to `speed`."""
     from scipy.special import chdtri  # slow to import, and every diagnosis imports this module
 
     u = np.array(curve.speed_rad_per_s)
@@ -144,9 +144,9 @@ def _largest(curve: JointFriction, speed: float, diagnosis: Diagnosis) -> Range:
 
 
 def _other_friction(diagnosis: Diagnosis, joint: int) -> str:
-    """Reason why the friction torque of a joint may not be a function of the speed alone, or may be another effect.
+    """Return a reason if the friction torque of a joint may depend on more than the speed, or may be another effect.
 
-    Empty if it certainly is a function of the speed alone.
+    The reason is empty if the friction torque certainly is a function of the speed alone.
     """
     laws = {*laws_of(joint)}
     for named in diagnosis.effects:
@@ -215,7 +215,10 @@ def _answer(interval: Range | None, lower: float | None, upper: float | None) ->
 
 
 def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
-    """90 % interval of an amplitude, including the uncertainty of the scale."""
+    """Return the 90 % interval of an amplitude, including the uncertainty of the scale.
+
+    The result is None if there is no valid interval.
+    """
     for named in diagnosis.effects:
         if named.name == effect:
             size = named.parameters.get(parameter)
@@ -229,19 +232,19 @@ def _size(diagnosis: Diagnosis, effect: str, parameter: str) -> Range | None:
 
 
 def _with_scale(diagnosis: Diagnosis, effect: str, parameter: str, low: float, high: float) -> Range:
-    """Interval of a size at the assumed b, widened to both ends of the interval of b."""
+    """Widen the interval of a size, which holds for the assumed b, by both ends of the interval of b."""
     amplitude = next(amplitude for amplitude in EFFECTS[effect].amplitudes if amplitude.name == parameter)
     factors = _scale_factors(diagnosis, amplitude.scale_power)
     return min(low * factor for factor in factors), max(high * factor for factor in factors)
 
 
 def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
-    """Factors of a size for the assumed b and for both ends of its interval (`Scale.factors90`)."""
+    """Return the factors of a size for the assumed b and for both ends of its interval (`Scale.factors90`)."""
     return [1.0, *(() if diagnosis.scale is None else diagnosis.scale.factors90(power))]
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:
-    """Reason why this diagnosis gives no valid intervals; empty if they are valid."""
+    """Return the reason why this diagnosis has no valid intervals; empty if its intervals are valid."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
@@ -253,7 +256,7 @@ def _untrusted(diagnosis: Diagnosis) -> str:
 
 
 def _confused(diagnosis: Diagnosis, effect: str) -> str:
-    """Reason why a named effect may actually be this effect; empty if there is none."""
+    """Return the reason why this effect may be the true cause in place of a named effect; empty if there is none."""
     if any(named.name == effect for named in diagnosis.effects):
         return ""
     for named in diagnosis.effects:
@@ -267,13 +270,16 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
-    """Reason why the recordings do not determine a ratio, for example with one rod alone; empty if they do."""
+    """Return the reason why the recordings do not determine a ratio; empty if they determine it.
+
+    For example, recordings of one rod alone determine only some ratios.
+    """
     stated = diagnosis.stated_ratios
     return "" if ratio in stated else f"these recordings determine {listed(list(stated))}, not {ratio}"
 
 
 def _doubted(named: NamedEffect) -> str:
-    """Reason why the ratios depend on a named effect; empty if the class of this effect is certain."""
+    """Return the reason why the ratios depend on an uncertain named effect; empty if its class is certain."""
     if named.probability >= SURE:
         return ""
     return f"the ratios depend on the cause, and {named.name} has a probability of only {percent(named.probability)}"
@@ -290,9 +296,9 @@ def _unseen(diagnosis: Diagnosis, effect: str, parameter: str) -> str:
 
 
 def _unsure(diagnosis: Diagnosis, effect: str) -> str:
-    """Reason why an effect that exceeds its limit may be another effect.
+    """Return the reason why an effect that exceeds its limit may be another effect.
 
-    Empty if the effect is certain or was not named.
+    The reason is empty if the effect is certain or was not named.
     """
     for named in diagnosis.effects:
         if named.name == effect:

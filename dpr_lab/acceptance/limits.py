@@ -86,7 +86,7 @@ class FrictionLimit(RigTable):
 
 
 class FreeRunLimit(RigTable):
-    """Limit on the error of a free run of the corrected model from the start of a release."""
+    """Limit on the error of a free run that the corrected model makes from the start of a release."""
 
     max: Positive
     """Maximum root mean square error of a reading, in `unit`."""
@@ -115,7 +115,7 @@ class Limits(RigTable):
 
 
 def friction_quantity(joint: str, limit: FrictionLimit) -> str:
-    """Name of the quantity of a friction limit, for example `friction of joint1 up to 6 rad/s`."""
+    """Return the name of the quantity of a friction limit, for example `friction of joint1 up to 6 rad/s`."""
     return f"friction of {joint} up to {limit.speed_rad_s:g} rad/s"
 
 

@@ -64,7 +64,7 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
-    """Probability of each candidate: the members of a named effect's class, and its alternatives."""
+    """Return the probability of each candidate: members of the class of a named effect, and its alternatives."""
     if done := _done(diagnosis, about):
         return {name: p for name, p in done[-1].after.items() if name != NONE_OF_THEM}
     named = _named(diagnosis, about)
@@ -73,7 +73,7 @@ def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
 
 
 def hypotheses(diagnosis: Diagnosis, about: str) -> dict[str, float]:
-    """Probability of each candidate and of any other cause; the sum is one."""
+    """Return the probability of each candidate and of any other cause; the sum is one."""
     if (done := _done(diagnosis, about)) and NONE_OF_THEM in done[-1].after:
         return dict(done[-1].after)
     probabilities = candidates(diagnosis, about)
@@ -93,7 +93,7 @@ def _named(diagnosis: Diagnosis, about: str) -> NamedEffect:
 def posterior(
     prior: Mapping[str, float], log_densities: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Probabilities after a result, and the base-10 logarithm of each Bayes factor against all other hypotheses.
+    """Return the probabilities after a result, and log10 of the Bayes factor of each hypothesis against all others.
 
     Args:
         prior: hypothesis -> probability
@@ -112,7 +112,7 @@ def posterior(
 
 
 def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, result: Result) -> Diagnosis:
-    """Diagnosis with the probabilities after a result."""
+    """Return the diagnosis with its probabilities updated by a result."""
     before = hypotheses(diagnosis, check.about)
     after, factors = posterior(before, result.log_densities)
     done = CheckDone(
@@ -144,7 +144,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 
 
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
-    """Checks that remain to be done, sorted by their expected information under the updated probabilities.
+    """Return the checks that remain to be done, sorted by their expected information under the updated probabilities.
 
     The expected information of an ideal measurement is the remaining entropy. For any other check, its fraction of the
     entropy is assumed to be the same as before the result.
@@ -166,7 +166,7 @@ def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:
 
 
 def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
-    """Probability of a cause outside the library: the largest value over all named effects, checked or not."""
+    """Return the probability of a cause outside the library: the largest value over all named effects."""
     checked = {
         previous.check.about: previous.after[NONE_OF_THEM]
         for previous in diagnosis.checks_done
@@ -178,7 +178,7 @@ def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
 
 
 def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
-    """Remedies of the named effects, except of an effect that is no longer the most probable cause."""
+    """Return the remedies of the named effects; omit an effect that is no longer the most probable cause."""
     if likeliest(done.after) == about:
         return diagnosis.remedies
     return [remedy for remedy in diagnosis.remedies if not remedy.startswith(f"For {about}:")]
@@ -187,7 +187,7 @@ def _remedies(diagnosis: Diagnosis, about: str, done: CheckDone) -> list[str]:
 def _standing(
     diagnosis: Diagnosis, about: str, after: Mapping[str, float]
 ) -> tuple[list[NamedEffect], list[RivalEffect]]:
-    """Named effects and alternatives after a check.
+    """Return the named effects and the alternatives after a check.
 
     Members of a class that the check separated become alternatives.
     """

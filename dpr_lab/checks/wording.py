@@ -10,12 +10,12 @@ from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
 
 
 def likeliest(probabilities: Mapping[str, float]) -> str:
-    """Hypothesis with the highest probability; if several are equally probable, the first of them."""
+    """Return the most probable hypothesis; if several are equally probable, the first of them."""
     return max(probabilities, key=lambda name: probabilities[name])
 
 
 def conclusion(diagnosis: Diagnosis, done: CheckDone, explained: bool) -> tuple[Verdict, str]:
-    """Verdict and sentence after a check.
+    """Return the verdict and the sentence after a check.
 
     The sentence starts with the cause that is now the most probable.
     """

@@ -220,12 +220,12 @@ def _design(
 
 
 def _scatter(design: _Design, values: Array) -> Array:
-    """Standard deviation (parameters,) of one run; zero if it is not estimable."""
+    """Estimate the standard deviation (parameters,) of one run; zero if it cannot be estimated."""
     return np.sqrt(np.sum((design.scatter @ values) ** 2, axis=0) / design.norm)
 
 
 def _null_distribution(design: _Design, parameters: int, settings: DriftSettings, rng: np.random.Generator) -> Array:
-    """Simulate runs without drift; (draws,) largest contrast of any parameter in each draw, in standard errors."""
+    """Simulate runs without drift; return the (draws,) largest contrast of any parameter in standard errors."""
     simulated = rng.standard_normal((design.contrasts.shape[1], settings.draws * parameters))
     t = np.abs(design.contrasts @ simulated).T / np.linalg.norm(design.contrasts, axis=1)
     largest = t.max(axis=1)

@@ -82,7 +82,7 @@ def estimate_each(
 def _estimate(
     run: Run, rig: Rig, effects: Mapping[str, Mapping[str, float]], start: Array
 ) -> tuple[tuple[str, ...], Array, Array]:
-    """Names, values and standard deviations of the parameters of one run."""
+    """Fit one run; return the names, values and standard deviations of its parameters."""
     refuse_without_motion(run, rig)
     _, problem, bare = fit_bare_model(Recordings((record(run, rig),), rig), start)
     fitted = bare.fit
@@ -120,7 +120,7 @@ def _estimate(
 
 
 def _scale_power(parameter: FreeParameter) -> int:
-    """Exponent of b with which an amplitude scales; a single run does not identify b."""
+    """Return the exponent of b with which an amplitude scales; a single run does not identify b."""
     effect = EFFECTS.get(parameter.effect)
     return next((p.scale_power for p in effect.parameters if p.name == parameter.name), 0) if effect else 0
 

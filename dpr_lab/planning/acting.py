@@ -12,11 +12,12 @@ from dpr_lab.setup import Setup
 
 
 def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
-    """States of the arm that a plan may use.
+    """Return the states of the arm that a plan may use.
 
-    These are the `modes` of the limits file or, without this key, `held` and the mode of the rig file. `driven` is
-    included only if the limits file contains the largest input. An arm that is prescribed, or driven by an
-    acceleration, is held in all planned releases, because a plan does not choose its motion.
+    These are the `modes` of the limits file. Without this key they are `held` and the mode of the rig file. The state
+    `driven` is included only if the limits file contains the largest input. A plan does not choose the motion of an
+    arm.
+    Therefore an arm that is prescribed or driven by an acceleration is held in all planned releases.
     """
     if limits.arm.modes is not None:
         return limits.arm.modes
@@ -26,9 +27,9 @@ def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
 
 
 def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
-    """Permitted mountings of the rods; the present mounting comes first if it is permitted.
+    """Return the permitted mountings of the rods; the present mounting comes first if it is permitted.
 
-    What the limits file does not state remains as in the rig file.
+    A key that is missing in the limits file keeps its value of the rig file.
     """
     elbows = limits.rods.elbow or (rig.rods.elbow,)
     of_both: list[Mounting] = ["clamped" if elbow == "clamped" else "both" for elbow in elbows]

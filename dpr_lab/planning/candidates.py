@@ -51,7 +51,7 @@ SEARCH = Search()
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
-    """(n, 2) reachable start angles, rad: an evenly spread set, and small amplitudes about hanging."""
+    """Return (n, 2) reachable start angles, rad: an evenly spread set, followed by small deflections from hanging."""
     from scipy.stats.qmc import Sobol  # slow to import
 
     points = Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)
@@ -68,13 +68,13 @@ def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Ar
 def near(
     release: CandidateRelease, limits: PlanLimits, width: float, count: int, rng: np.random.Generator
 ) -> list[CandidateRelease]:
-    """Releases from random reachable poses near the start pose of a release.
+    """Draw releases whose start poses are random reachable poses near the start pose of a given release.
 
     Args:
-        release: the release
+        release: the given release
         limits: limits of the plan
         width: standard deviation of each angle, rad
-        count: maximum number of neighbours
+        count: maximum number of releases
         rng: source of randomness
     """
     theta = np.array([release.theta1, release.theta2]) + width * rng.standard_normal((4 * count, 2))
@@ -96,7 +96,10 @@ def placements(release: CandidateRelease, std: float, count: int, rng: np.random
 
 
 def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> float:
-    """Fraction of its value that a release keeps after the releases `made`; 1 if none of these is similar."""
+    """Return the fraction of its value that a release keeps if the releases `made` precede it.
+
+    The fraction is 1 if no release in `made` is similar.
+    """
     alike = [
         np.exp(-0.5 * (_apart(release, other) / SEARCH.alike_rad) ** 2)
         for other in made
@@ -106,12 +109,12 @@ def novelty(release: CandidateRelease, made: Sequence[CandidateRelease]) -> floa
 
 
 def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
-    """Distance of two start poses modulo full turns, rad."""
+    """Return the distance between two start poses, rad; full turns do not count."""
     return float(np.hypot(*((first.start - second.start + np.pi) % (2 * np.pi) - np.pi)[:2]))
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
-    """Permitted mountings for free swings; the present mounting comes first."""
+    """Yield the permitted mountings for free swings; the present mounting comes first."""
     masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
     arms = dict.fromkeys(state == "held" for state in arm_states(rig, limits) if state != "driven")
     for held in arms:
@@ -123,22 +126,22 @@ def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
 
 
 def mounted_now(rig: Rig) -> MountedParts:
-    """Present mounting of the rig, as stated in its rig file."""
+    """Return the mounting that the rig file states."""
     return MountedParts(rig.rods.mounting, rig.added_mass, rig.arm.mode not in ("free", "driven"))
 
 
 def longest_s(limits: PlanLimits, alone: bool) -> float:
-    """Maximum duration of a release, s.
+    """Return the maximum duration of a release, s; `alone` is true for the first release.
 
-    A diagnosis divides a single recording of 20 s or more into pieces and fits only every second one. A first release,
-    which is diagnosed alone, is therefore shorter, unless the limits do not permit it.
+    A first release is diagnosed alone. A diagnosis divides a single recording of 20 s or more into pieces and fits only
+    every second piece. A first release is therefore shorter, unless the limits do not permit a shorter recording.
     """
     times = limits.recording
     return max(min(times.longest_s, SEARCH.alone_s), times.shortest_s) if alone else times.longest_s
 
 
 def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits) -> float:
-    """Time that a release takes, minutes, including the change from the mounting of the previous release."""
+    """Return the time that a release takes, minutes, including the change from the previous mounting `before`."""
     cost = limits.minutes.place + release.duration_s / 60
     if release.added != before.added:
         cost += limits.minutes.mass
@@ -151,7 +154,7 @@ def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits)
 
 
 def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
-    """Shortest time of one release with the present added mass, minutes."""
+    """Return the time of the shortest release that keeps the present added mass, minutes."""
     now, shortest = mounted_now(rig), limits.recording.shortest_s
     return min(
         minutes(CandidateRelease(0.0, 0.0, shortest, mounting, now.added, arm=arm), now, limits)

@@ -2,17 +2,17 @@
 
 If cause t is true, further releases increase its log odds against each other cause j by a normally distributed amount
 of mean d^2 / 2 and variance d^2 (`dpr_lab.planning.worth.criteria`). The true cause is drawn from its posterior, and
-the amount from this distribution. The probability of a decision is the share of draws in which one cause reaches
-`SURE`. If the cause is outside the library, no release decides it. Causes that no release separates count as one, as in
-the stopping rule, because a bench check distinguishes them.
+the amount is drawn from this distribution. The probability of a decision is the share of draws in which one cause
+reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no release separates count as
+one cause, as in the stopping rule, because a bench check distinguishes them.
 
-A release may also reveal another effect or another alternative, which leaves the causes undecided until a further
-release. The setting `confirmed` takes this into account. It is the fraction of planned releases in blind trials that
-decided the causes although the above probability predicted this for all of them. The fraction did not depend on the
-kind of the diagnosis: it was 14 of 16 for one cause, 7 of 8 for several causes, 13 of 14 for no gap, and 4 of 5 for a
-remainder. Releases from a fixed menu are not counted, because they decide less often: 24 of 40 did, compared with 26 of
-all 36 planned releases. If n of N releases decided the causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean
-for the Jeffreys prior.
+A release may also reveal another effect or another alternative. The causes then stay undecided until a further
+release. The setting `confirmed` takes this into account. It is a fraction that was measured in blind trials, among
+planned releases for which the above probability predicted a decision. It states how many of these releases decided the
+causes. The fraction did not depend on the kind of the diagnosis: it was 14 of 16 for one cause, 7 of 8 for several
+causes, 13 of 14 for no gap, and 4 of 5 for a remainder. Releases from a fixed menu are not counted, because they decide
+less often: 24 of 40 menu releases decided the causes, and 26 of all 36 planned releases. If n of N releases decided the
+causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
 
 For an individual plant, the probability of a decision differs from this mean, because the causes may stay undecided for
 reasons that a forecast cannot take into account. The prior of this probability is a beta distribution with the above
@@ -30,10 +30,10 @@ of its size. Their probabilities have the ratio
 
 so that an effect at the limit of exclusion is as probable as no effect. If effect i is present, its next estimate has
 mean z sqrt(g) and variance g - 1, in the new standard deviations. If no effect is present, the largest estimate has
-mean z / sqrt(g) and variance 1 - 1/g. The releases leave the answer open if the next estimate is too large to exclude
-the effect and too small to decide it. The second limit is normally distributed (`decided`, `spread`). Effects that are
-excluded now are included, because the estimate of an effect that is present grows. Earlier releases do not count as
-`failed`, because the reason is known.
+mean z / sqrt(g) and variance 1 - 1/g. The releases leave the question open if the next estimate is too large to exclude
+the effect and too small to decide it. The estimate that decides an effect is normally distributed (`decided`,
+`spread`). Effects that are excluded now are included, because the estimate of an effect that is present grows. Earlier
+releases do not count as `failed`, because the reason for the missing decision is known.
 
 Sources: H. Jeffreys (1946), An invariant form for the prior probability in estimation problems, Proceedings of the
 Royal Society A 186, 453-461. J. G. Skellam (1948), A probability distribution derived from the binomial distribution by
@@ -87,7 +87,7 @@ FORECAST = ForecastSettings()
 
 
 class SmallEffect(NamedTuple):
-    """Estimate of the most significant amplitude of an effect that is not named, in standard deviations."""
+    """Most significant amplitude of an effect that is not named, in standard deviations."""
 
     excess: float
     """Difference of the estimate and the limit of exclusion; the largest one has the greatest influence."""
@@ -98,7 +98,11 @@ class SmallEffect(NamedTuple):
     """Factor by which further releases increase the information about the amplitude."""
 
     def undecided(self, present: bool) -> float:
-        """Probability that the next estimate neither excludes nor decides the effect, if it is present or absent."""
+        """Return the probability that the next estimate neither excludes nor decides the effect.
+
+        Args:
+            present: whether the effect is present in the rig
+        """
         scale = self.gain**0.5
         mean, variance = (self.z * scale, self.gain - 1.0) if present else (self.z / scale, 1.0 - 1.0 / self.gain)
         not_excluded = 1.0 - NormalDist(mean, variance**0.5).cdf(self.excluded)
@@ -113,7 +117,7 @@ def decision_probability(
     inseparable: Collection[str] = (),
     failed: int = 0,
 ) -> float:
-    """Probability that further releases decide the cause of every named effect.
+    """Return the probability that further releases decide the cause of every named effect.
 
     Args:
         pairs: candidate causes of each named effect
@@ -131,9 +135,9 @@ def decision_probability(
 
 
 def _decided(p: Array, d2: Array, together: Flags) -> float:
-    """Fraction of random draws in which the cause of one named effect is decided.
+    """Return the fraction of random draws in which the cause of one named effect is decided.
 
-    Causes in `together` count as one cause.
+    Causes for which `together` is true count as one cause.
     """
     from scipy.special import ndtri  # slow to import
     from scipy.stats.qmc import Sobol
@@ -153,7 +157,7 @@ def _decided(p: Array, d2: Array, together: Flags) -> float:
 
 
 def settled_probability(amplitudes: OpenAmplitudes) -> float:
-    """Probability that further information excludes all small effects or decides the one that is present.
+    """Return the probability that further information decides for every small effect whether it is present.
 
     Args:
         amplitudes: all tested amplitudes, with the present and the further information

@@ -1,8 +1,8 @@
 """Fisher information of planned releases about ratios and effects.
 
-A release is simulated with the present estimate and cut into the segments that a diagnosis would fit. Let A_s be the
-whitened Jacobian of segment s with respect to ratios and amplitudes, from which the initial state of the segment is
-projected out. The information is
+A release is simulated with the present estimate. The simulated swing is cut into the segments that a diagnosis would
+fit. Let A_s be the whitened Jacobian of segment s with respect to ratios and amplitudes. The initial state of the
+segment is projected out of A_s. The information is
 
     H = sum over segments of A_s^T A_s.
 
@@ -116,9 +116,9 @@ def _batches(releases: Sequence[CandidateRelease]) -> Iterator[list[CandidateRel
 
 
 def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases, n, 4) simulated states with effects, in rad and rad/s, at the rate `path_hz` from the release on.
+    """Simulate releases with effects; return states (releases, n, 4), rad and rad/s, from the release on.
 
-    With a moving arm a state has 6 components.
+    The states are sampled at the rate `path_hz`. If the arm moves, a state has 6 components.
     """
     t = np.arange(round(batch[0].duration_s * SWING.path_hz) + 1) / SWING.path_hz
     read = t > PAD  # readings before this would start their segment before the release
@@ -139,9 +139,11 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
 
 
 def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) -> dict[str, float]:
-    """Speed of each joint that is reached in both directions over all releases, rad/s.
+    """Return the speed that each joint reaches in both directions, rad/s.
 
-    Keys `joint0`, `joint1`, `joint2`.
+    The directions may occur in different releases.
+
+    The keys are `joint0`, `joint1` and `joint2`.
     """
     forwards, backwards = np.zeros(3), np.zeros(3)
     for release in releases:
@@ -156,7 +158,7 @@ def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) ->
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
     """Build the fit problem of releases of equal duration, cut into segments; all readings are set to zero.
 
-    A segment starts one sample (`PAD`) before its first reading; the first segment starts at the release.
+    A segment starts one sample (`PAD`) before its first reading. The first segment starts at the release.
 
     Returns:
         the problem, and the (segments, 4) initial states of the segments
@@ -173,7 +175,7 @@ def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Pr
 
 
 def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Array, Array]:
-    """Whitened Jacobians, from which initial states are projected out.
+    """Compute whitened Jacobians and project the initial states out of them.
 
     Returns:
         Jacobian (releases, segments, m, k) of the unknowns, and (releases, segments, m, 2) of the zero errors of the
@@ -190,9 +192,9 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Arr
 
 
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
-    """(samples, 2) inverse standard deviation of each reading; zero for a joint without a rod.
+    """Return (samples, 2) inverse standard deviations of the readings; a joint without a rod has the value zero.
 
-    With a moving arm there are 3 columns.
+    If the arm moves, there are 3 columns.
     """
     axes = 2 if batch[0].mounted.arm_held else 3
     read = np.array([[1.0, float(not release.setup.alone), 1.0][:axes] for release in batch])
@@ -200,7 +202,7 @@ def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int
 
 
 def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """(releases,) predictability horizon of each release, s."""
+    """Compute the predictability horizon of each release, (releases,), s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
     swings = segments([t] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
     starts = np.array([release.start for release in batch])

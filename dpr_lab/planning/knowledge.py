@@ -48,7 +48,7 @@ RATIO_COLUMNS = len(UNKNOWN_RATIOS)
 
 @dataclass(frozen=True, slots=True)
 class HeldRatios:
-    """Narrow prior of the ratios that no release determines, which keeps them at their values."""
+    """Narrow prior that keeps ratios at their values if no release determines them."""
 
     exactness: float = 1e6
     """Value of a ratio divided by the standard deviation of its prior."""
@@ -88,7 +88,7 @@ class Knowledge:
 
     @property
     def amplitudes(self) -> Array:
-        """(k,) amplitudes of the effects in the model, in the order of the unknowns; zero for all other unknowns."""
+        """Amplitudes (k,) of the effects in the model, in the order of the unknowns; zero for all other unknowns."""
         values = np.array([column.read(self.model.estimate) for column in self.model.columns])
         values[:RATIO_COLUMNS] = 0.0
         return values
@@ -157,13 +157,13 @@ def _made(run: Run) -> CandidateRelease:
 
 
 def _always(rig: Rig, acting: Acting) -> frozenset[str]:
-    """Effects that are part of every model: a moving arm, and the gain of its drive if it is unknown."""
+    """Return the effects that every model contains: the moving arm, and the gain of its drive if it is unknown."""
     gain = acting.arm_motor and not drive_gain(rig).known
     return frozenset([FREE_ARM.name] * acting.arm_moves + [DRIVE_GAIN.name] * gain)
 
 
 def _with_arm(effects: Mapping[str, Mapping[str, float]], rig: Rig, acting: Acting) -> Array:
-    """(SIZE,) parameters of effects; a moving arm that is not estimated yet has the parameters of the rig file."""
+    """Return the (SIZE,) parameters of effects; a moving arm without an estimate has the parameters of the rig file."""
     inertia, viscous = arm_start(rig)
     arm = {FREE_ARM.name: {"inertia_kgm2": inertia, "viscous_Nms": viscous}} if acting.arm_moves else {}
     return effect_params({**arm, **effects})
@@ -200,7 +200,7 @@ def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
 
 
 def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
-    """Whether an effect can act in a planned release; an event that occurs only once cannot."""
+    """Return whether an effect can act in a planned release; an event that occurs only once cannot."""
     if effect.event or effect.absorbed_by or (effect.of_arm and not acting.arm_moves):
         return False
     if effect.joints == (1,) and not acting.elbow:
@@ -214,14 +214,14 @@ def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
 
 
 def _noise_of(rig: Rig) -> Array:
-    """(3,) noise densities of the encoders of joints 1, 2 and 0 from the rig file, rad/sqrt(Hz)."""
+    """Return the (3,) noise densities of the encoders of joints 1, 2 and 0 from the rig file, rad/sqrt(Hz)."""
     return np.asarray(rig.reading_std[[1, 2, 0]] / np.sqrt(rig.link.rate_hz), dtype=np.float64)
 
 
 def _noise_in(recordings: Recordings) -> Array:
-    """(3,) noise densities of the encoders, estimated from the recordings, as `_noise_of` returns them.
+    """Estimate the (3,) noise densities of the encoders from the recordings, in the order of `_noise_of`.
 
-    The value of an arm that was held comes from the rig file.
+    If the arm was held, its value comes from the rig file.
     """
     levels = [np.median(record.sigma, axis=0) / np.sqrt(RATE_HZ) for record in recordings.records]
     of_arm = [sigma[2] for sigma in levels if len(sigma) > 2] or [_noise_of(recordings.rig)[2]]
@@ -237,9 +237,9 @@ def _places(model: PresentModel) -> dict[str, tuple[int, ...]]:
 
 
 def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str], hidden: Sequence[int]) -> Array:
-    """(k, k) information of the prior about the ratios, b and p/b, and about the amplitudes by their limits.
+    """Return the (k, k) information that the prior contains about the ratios, b, p/b and the amplitudes.
 
-    Ratios that no release determines are fixed.
+    The limits of the amplitudes define their part of the prior. Ratios that no release determines are fixed.
     """
     information = np.zeros((len(model.columns), len(model.columns)))
     bounded = np.isfinite(prior.mean)
@@ -254,7 +254,7 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
 
 
 def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
-    """(k, k) Fisher information of recorded runs, cut into segments as in a diagnosis."""
+    """Compute the (k, k) Fisher information of recorded runs, which are cut into segments as in a diagnosis."""
     problem, initial = recordings.cut(recordings.working_length)
     estimate = problem.with_zeros(model.estimate.changed(initial=initial))
     columns = problem.all_free(model.columns)

@@ -76,7 +76,7 @@ class ReachablePoses(RigTable):
         return self
 
     def reachable(self, theta: Array) -> Flags:
-        """(n,) mask of the (n, 2) start angles that are reachable, modulo full turns."""
+        """Return the (n,) mask of the reachable start poses among (n, 2) start angles; full turns do not count."""
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
             inside &= _within(theta[:, 1] - theta[:, 0], self.elbow_rad)

@@ -86,7 +86,7 @@ def plan(
 
 
 def usual_count(known: Knowledge, limits: PlanLimits) -> int:
-    """Number of releases in a plan without a budget.
+    """Return the number of releases that a plan without a budget contains.
 
     The number is smaller if the causes are decided and no limit must be tested.
     """

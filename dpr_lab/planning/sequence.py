@@ -143,7 +143,10 @@ class Planner:
         return informed([_bent(release) for release in releases], self.objective.known.model, durations)
 
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
-        """Best release of all candidates after refinement; None if no release fits into the remaining time."""
+        """Return the best release of all candidates after refinement.
+
+        None if no release fits into the remaining time.
+        """
         ranked = self._ranked(pool, now)
         if not ranked:
             return None
@@ -158,13 +161,13 @@ class Planner:
         return max((self._final(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
 
     def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Release with its best duration, and with its value corrected by the nonlinear simulation."""
+        """Set the best duration of a release, and correct its value by a nonlinear simulation."""
         averaged = self._averaged(step, now)
         share = self.objective.simulated(averaged.release, averaged.information)
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)
 
     def _ranked(self, pool: Sequence[Informed], now: SequenceSoFar) -> list[SequenceStep]:
-        """Releases that fit into the remaining time, by decreasing value per minute."""
+        """Return the releases that fit into the remaining time, in the order of decreasing value per minute."""
         F, f = now.information, self.objective.known.inflation
         before = self.objective.worth(F)
         steps = [
@@ -182,7 +185,7 @@ class Planner:
         return sorted(steps, key=_rate, reverse=True)
 
     def _averaged(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Release with its best duration, and with its information averaged over random placement errors."""
+        """Set the best duration of a release, and average its information over random placement errors."""
         release, times = step.release, self.limits.recording
         if release.torques is not None:
             return step
@@ -204,12 +207,12 @@ class Planner:
 
 
 def _swing(theta1: float, theta2: float, duration_s: float, on: MountedParts) -> CandidateRelease:
-    """Free swing from a start pose, with the given parts mounted."""
+    """Create a free swing from a start pose; `on` states the mounted parts."""
     return CandidateRelease(theta1, theta2, duration_s, on.mounting, on.added, arm="held" if on.arm_held else "free")
 
 
 def _bent(release: CandidateRelease) -> CandidateRelease:
-    """Release with a consistent start pose: the angle of an absent rod is set to the angle of the mounted one."""
+    """Make the start pose of a release consistent: the angle of an absent rod becomes the angle of the mounted rod."""
     return replace(release, theta2=release.theta1) if release.setup.alone else release
 
 

@@ -4,10 +4,10 @@ A multi-sine of duration T is a sum of harmonics of the frequency 1/T. Schroeder
 
     tau(t) = A sum over k of cos(2 pi k t / T + phi_k),    phi_k = -pi k (k - 1) / K.
 
-The frequency of a chirp increases linearly from the lowest to the highest frequency. Each signal acts on joint 1, on
-joint 2, on both joints, or on the motor of the arm, whose input is the torque divided by the gain of the drive. The
-amplitude is at most the limit of torque or input. It is reduced until the simulated swing respects the limits of speed
-and angle.
+The frequency of a chirp increases linearly from the lowest to the highest frequency. A signal acts on joint 1, on
+joint 2, on both joints, or on the motor of the arm. The input of this motor is the torque divided by the gain of the
+drive. The amplitude is at most the limit of torque or input. It is reduced until the simulated swing respects the
+limits of speed and angle.
 
 Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, IEEE
 Trans. Information Theory 16, 85-89.
@@ -61,7 +61,7 @@ SIGNALS = SignalSettings()
 
 
 def multisine(t: Array, lowest_hz: float, highest_hz: float) -> Array:
-    """(n,) sum of harmonics between two frequencies, scaled to a peak of one."""
+    """Return the (n,) sum of the harmonics between two frequencies, scaled to a peak of one."""
     length = t[-1] + t[1]
     last = max(1, int(highest_hz * length))
     harmonics = np.arange(min(max(1, round(lowest_hz * length)), last), last + 1)
@@ -72,7 +72,7 @@ def multisine(t: Array, lowest_hz: float, highest_hz: float) -> Array:
 
 
 def chirp(t: Array, lowest_hz: float, highest_hz: float) -> Array:
-    """(n,) sine whose frequency increases linearly, with a peak of one."""
+    """Return the (n,) sine of peak one whose frequency increases linearly between two frequencies."""
     length = t[-1] + t[1]
     return np.sin(2 * np.pi * (lowest_hz * t + 0.5 * (highest_hz - lowest_hz) * t**2 / length))
 
@@ -87,7 +87,7 @@ SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:
-    """Releases from hanging with each signal that respects the limits; empty if the plan has no drives.
+    """Create a release from hanging for each signal that respects the limits; without drives the list is empty.
 
     Raises:
         ConfigError: no signal of a drive respects its limits.
@@ -133,7 +133,7 @@ def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
 
 
 def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:
-    """Driven release from hanging, with the parts that are mounted now."""
+    """Create a driven release from hanging; the present mounting is kept."""
     duration = len(torques.t) * float(torques.t[1])
     return CandidateRelease(np.pi, np.pi, duration, rig.rods.mounting, rig.added_mass, torques, kind, arm)
 
@@ -141,7 +141,7 @@ def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> Cand
 def _kept(
     signals: Iterable[CandidateRelease], model: PresentModel, limits: PlanLimits, rig: Rig, table: str, size: str
 ) -> list[CandidateRelease]:
-    """Releases whose amplitudes are reduced until they respect the limits of speed and angle.
+    """Reduce the amplitudes of releases until they respect the limits of speed and angle; return these releases.
 
     Raises:
         ConfigError: no amplitude respects the limits; the message names the table and the key of the limit.
@@ -187,7 +187,7 @@ def _keeps(release: CandidateRelease, model: PresentModel, limits: PlanLimits, r
 
 
 def arm_input(torques: Torques, rig: Rig) -> Array:
-    """(n,) input of the arm's motor that produces the torques of a signal, in the unit of `[motor]`."""
+    """Return the (n,) input of the arm's motor that produces the torques of a signal, in the unit of `[motor]`."""
     assert torques.on_arm is not None
     return np.asarray(torques.on_arm / drive_gain(rig).value, dtype=np.float64)
 

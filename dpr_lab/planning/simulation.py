@@ -39,7 +39,7 @@ SIMULATED_FIT = SimulatedFit()
 def simulated_distance(
     release: CandidateRelease, known: Knowledge, pairs: OpenPairs, truth: int, other: int
 ) -> float | None:
-    """Delta D^2 of a release between two causes, by nonlinear simulation; None if the fit becomes non-finite.
+    """Compute Delta D^2 of a release between two causes by nonlinear simulation; None if the fit becomes non-finite.
 
     Args:
         release: the release
@@ -69,7 +69,7 @@ def simulated_distance(
 
 
 def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Estimate:
-    """Present model in which one cause, at its estimated size, replaces the named effect."""
+    """Return the estimate of the present model in which one cause, at its estimated size, replaces the named effect."""
     about = pairs.about
     vector = known.model.estimate.vector.copy()
     if pairs.names[cause] != about:
@@ -82,7 +82,7 @@ def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Est
 
 
 def _best_fit(known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]) -> Estimate:
-    """Best fit of the cause `other` to the runs recorded so far if `truth` is the cause, by the linear solution."""
+    """Fit the cause `other` to the runs recorded so far, by the linear solution, if `truth` is the true cause."""
     true_places = list(pairs.places[truth])
     lost = known.information[np.ix_(free, true_places)] @ pairs.sizes[truth]
     shift = np.asarray(np.linalg.solve(known.information[np.ix_(free, free)], lost), dtype=np.float64)

@@ -1,22 +1,22 @@
 """Stopping rule: whether the recordings decide the causes, and which questions are still open.
 
 A cause is decided under two conditions. First, one effect among the members of a class and its alternatives has a
-probability of at least `SURE`. Second, this effect is validated by data that were not fitted: by another release, or by
-the quarters of a single release.
+probability of at least `SURE`. Second, data that were not fitted validate this effect. These data are another release,
+or the quarters of a single release.
 
 The quarters of a release, and the pieces of a long recording, share the pose and all other conditions. A single release
-therefore decides at most one cause, and only under two further conditions. The amplitudes a of the cause, with
-covariance C, have a joint significance sqrt(a^T C^-1 a) of at least `margin`, twice the value that counts as
+therefore decides at most one cause, and only under two further conditions. The first concerns the amplitudes a of the
+cause, with covariance C: their joint significance sqrt(a^T C^-1 a) is at least `margin`, twice the value that counts as
 detectable. (The joint significance is used because amplitudes such as the stiffness and the cubic term of a spring are
-correlated, so that each of them alone is less significant.) In addition, every other effect is excluded as described
-below. If a small second cause may be present, a second release is therefore recorded. Several causes, and the absence
-of a gap, are always confirmed by a second release.
+correlated, so that each of them alone is less significant.) The second is that every other effect is excluded as
+described below. If a small second cause may be present, a second release is therefore recorded. Several causes, and the
+absence of a gap, are always confirmed by a second release.
 
-"No gap" is a statement about sizes: every recurring effect of the library is excluded at its minimum detectable size in
-these recordings (`Exclusion.is_excluded`). An effect with an estimate too large to be excluded and too small to be
-named is decided by the next release. Effects that occur only once are not tested, because further releases do not show
-them again. Causes that two releases decide remain decided even if other effects are not excluded. The plan and the
-report then list these effects, and an optional release that tests them (`reservation`).
+"No gap" is a statement about sizes: these recordings exclude every recurring effect of the library at its minimum
+detectable size (`Exclusion.is_excluded`). If the estimate of an effect is too large to exclude it and too small to name
+it, the next release decides. Effects that occur only once are not tested, because further releases do not show them
+again. Causes that two releases decide remain decided even if other effects are not excluded. The plan and the report
+then list these effects, and an optional release that tests them (`reservation`).
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -60,7 +60,10 @@ class Causes:
 
 
 def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
-    """Candidate causes of each named effect, with their probabilities: members of its class, and its alternatives."""
+    """Yield the candidate causes of each named effect, with their probabilities.
+
+    The candidates are the members of the class of the effect, and its alternatives.
+    """
     for effect in diagnosis.effects:
         odds = {name: effect.odds.get(name, 1 / len(effect.members)) for name in effect.members}
         alternatives = {name: effect.probability * share for name, share in odds.items()}
@@ -71,12 +74,15 @@ def causes_of(diagnosis: Diagnosis) -> Iterator[Causes]:
 
 
 def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
-    """Whether the recordings are sufficient: there is no gap, or each cause is decided and the gap is explained."""
+    """Return whether the recordings are sufficient.
+
+    They are sufficient if there is no gap, or if each cause is decided and the gap is explained.
+    """
     return not undecided(diagnosis, inseparable)
 
 
 def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
-    """Question that the recordings leave open, as a clause; empty if the recordings are sufficient.
+    """Return the question that the recordings leave open, as a clause; it is empty if the recordings are sufficient.
 
     Args:
         diagnosis: diagnosis of the runs recorded so far
@@ -118,7 +124,7 @@ def reservation(diagnosis: Diagnosis) -> str:
 
 
 def recorded_releases(diagnosis: Diagnosis) -> int:
-    """Number of releases that were fitted or held out; all pieces of one recording count as one release."""
+    """Count the releases that were fitted or held out; all pieces of one recording count as one release."""
     if diagnosis.evidence is None:  # a file of an older version
         return 1 if diagnosis.basis == "one release" else STOPPING.fewest
     names = [recording.name for recording in diagnosis.evidence.recordings]
@@ -127,7 +133,7 @@ def recorded_releases(diagnosis: Diagnosis) -> int:
 
 
 def possible(diagnosis: Diagnosis) -> list[str]:
-    """Effects that recur, are not named and are not excluded; one of them may have its minimum detectable size."""
+    """Return the recurring effects that are neither named nor excluded; each may have its minimum detectable size."""
     return list(dict.fromkeys(amplitude.effect for amplitude in not_excluded(diagnosis)))
 
 
@@ -140,26 +146,30 @@ def _most_significant(diagnosis: Diagnosis) -> str:
 
 
 def not_excluded(diagnosis: Diagnosis) -> list[Exclusion]:
-    """Tests of the amplitudes that may have their minimum detectable size; events that occur only once are left out."""
+    """Return the tests of recurring amplitudes that may have their minimum detectable size."""
     return [exclusion for exclusion in recurring(diagnosis) if not exclusion.is_excluded]
 
 
 def recurring(diagnosis: Diagnosis) -> list[Exclusion]:
-    """Tests of all amplitudes of effects that recur and are not named."""
+    """Return the tests of all amplitudes whose effects recur and are not named."""
     tested = diagnosis.evidence.exclusions if diagnosis.evidence else []
     return [exclusion for exclusion in tested if not EFFECTS[exclusion.effect].event]
 
 
 def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
-    """Largest probability of a candidate cause of one named effect; inseparable causes count together."""
+    """Return the largest probability of a candidate cause of one named effect.
+
+    Inseparable causes count as one cause.
+    """
     together = sum(p for name, p in causes.probabilities.items() if name in inseparable)
     return max(together, *causes.probabilities.values())
 
 
 def significance(diagnosis: Diagnosis, effect: NamedEffect) -> float:
-    """Significance of all amplitudes of a named effect together, sqrt(a^T C^-1 a), in standard deviations.
+    """Return the joint significance of all amplitudes of a named effect, sqrt(a^T C^-1 a), in standard deviations.
 
-    Without their covariance C, as in a file of an older version, it is that of the most significant amplitude.
+    A file of an older version lacks the covariance C. The result is then the significance of the most significant
+    amplitude.
     """
     amplitudes = {f"{effect.name}.{p.name}": p.name for p in EFFECTS[effect.name].amplitudes}
     for fitted in diagnosis.posterior[:1]:

@@ -63,7 +63,12 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
 
 
 def _reasons(objective: Objective, after: Array) -> list[Reason]:
-    """Reason of each release, from the (releases + 1, k, k) information before the first and after each release."""
+    """Return the reason of each release.
+
+    Args:
+        objective: the objective
+        after: (releases + 1, k, k) information before the first release and after each release
+    """
     expected = [Expected(objective.gain(F), ratio_std(objective.known, F)) for F in after]
     first = len(objective.known.made) + 1
     return [
@@ -106,9 +111,9 @@ def _planned(
 def _forecast(
     objective: Objective, F: Array, gained: Sequence[Array], releases: int, together: Collection[str]
 ) -> float | None:
-    """Probability that this number of releases decides the causes; the causes in `together` count as one.
+    """Return the probability that a number of releases decides the causes; the causes in `together` count as one.
 
-    None before any recording, and if no further release is necessary.
+    The result is None before any recording and if no further release is necessary.
     """
     diagnosis = objective.known.diagnosis
     if diagnosis is None or _state(objective.known, together) != "record":
@@ -138,7 +143,7 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
 
 
 def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
-    """Pairs of causes that even several of the best releases do not separate, with their bench checks."""
+    """Return the pairs of causes that even repeated planned releases do not separate, each with its bench checks."""
     if not steps:
         return []
     stuck = []

@@ -73,7 +73,7 @@ WORTH = Worth()
 
 
 def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
-    """Information about some unknowns if others are also fitted, by the Schur complement.
+    """Return the information about some unknowns while others are fitted as well, by the Schur complement.
 
     Args:
         F: (k, k) information about all unknowns
@@ -88,7 +88,7 @@ def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class OpenPairs:
-    """Candidate causes of one named effect, with the size that each of them would have."""
+    """Candidate causes of one named effect, and the size that each cause would have."""
 
     about: str
     """Name of this effect."""
@@ -130,12 +130,16 @@ class OpenPairs:
         )
 
     def sized_distance(self, F: Array, truth: int, other: int) -> float:
-        """D^2 between two causes at their expected sizes, without the uncertainty of the sizes."""
+        """Return D^2 between two causes at their expected sizes, without the uncertainty of the sizes."""
         no_spread = tuple(np.zeros_like(spread) for spread in self.spreads)
         return float(replace(self, spreads=no_spread).distances(F)[truth, other])
 
     def distances(self, F: Array) -> Array:
-        """(n, n) expected D^2 between the readings under one cause (row) and the nearest under another (column)."""
+        """Return (n, n) expected D^2 between the causes.
+
+        Each entry is the distance between the readings under one cause (row) and the nearest readings under another
+        (column).
+        """
         columns = list(dict.fromkeys(i for places in self.places for i in places))
         G = given(F, self.fitted, columns)
         rows = [[columns.index(i) for i in places] for places in self.places]
@@ -158,14 +162,14 @@ class OpenPairs:
         return squared
 
     def gained(self, before: Array, F: Array) -> Array:
-        """(n, n) d^2 by which additional information separates each pair of causes.
+        """Return (n, n) d^2 by which additional information separates each pair of causes.
 
         A richer form that contains a simpler one never fits worse. The evidence for the richer form is therefore the
         evidence for its additional amplitude.
 
         Args:
             before: (n, n) D^2 before the additional information
-            F: (k, k) information that includes it
+            F: (k, k) information that includes the additional information
         """
         d2 = np.maximum(self.distances(F) - before, 0.0) / CALIBRATION.temperature
         for i, name in enumerate(self.names):
@@ -176,10 +180,10 @@ class OpenPairs:
 
 
 def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge, sizes: Array, target: Array) -> Array:
-    """Sizes of a cause for the comparison with the named effect.
+    """Return the sizes of a cause that are compared with the named effect.
 
-    The additional amplitude of a richer form has the largest size that could remain undetected. A diagnosis keeps both
-    forms in one class until this size would be detectable.
+    If the cause is a richer form of the named effect, its additional amplitude has the largest size that could remain
+    undetected. A diagnosis keeps both forms in one class until this size would be detectable.
     """
     if about not in EFFECTS[name].nested or not len(target):
         return sizes
@@ -189,7 +193,7 @@ def _with_hidden(name: str, about: str, columns: Sequence[int], known: Knowledge
 
 
 def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
-    """Expected bits about each pair that consists of the most probable cause and another cause."""
+    """Compute the expected bits about each pair of the most probable cause and one other cause."""
     if len(pairs.names) < 2:
         return {}
     best = int(np.argmax(pairs.probabilities))
@@ -205,13 +209,16 @@ def cause_bits(pairs: OpenPairs, gained: Array) -> dict[tuple[str, str], float]:
 
 @cache
 def _even_bits() -> tuple[Array, Array]:
-    """Lookup table of the expected bits at even odds: values of d, and the bits at each of them."""
+    """Return a lookup table of the expected bits at even odds: values of d, and the bits at each value."""
     separations = np.concatenate([np.linspace(0.0, 4.0, 41), np.linspace(4.5, 20.0, 32)])
     return separations, np.array([expected_bits([0.5, 0.5], d) for d in separations.tolist()])
 
 
 def library_bits(known: Knowledge, F: Array) -> float:
-    """Mean expected bits, at even odds, about two amplitudes of the library, or an amplitude and no effect."""
+    """Compute the mean expected bits about the amplitudes of the library, at even odds.
+
+    The mean covers pairs of amplitudes, and each amplitude against no effect.
+    """
     columns = [i for i in range(RATIO_COLUMNS, len(F)) if known.model.columns[i].effect not in known.named]
     G = given(F, known.fitted, columns)
     power = np.maximum(np.diag(G), 0.0)
@@ -244,7 +251,9 @@ class OpenAmplitudes:
 
     @classmethod
     def of(cls, known: Knowledge, F: Array, excluded: bool = False) -> "OpenAmplitudes":
-        """Amplitudes that are not excluded, given the information F; none if part of the gap remains unexplained.
+        """Return the amplitudes that are not excluded, with their information.
+
+        There are none if part of the gap remains unexplained.
 
         Args:
             known: the present knowledge
@@ -264,7 +273,7 @@ class OpenAmplitudes:
 
 
 def open_bits(known: Knowledge, F: Array) -> float:
-    """Mean bits that further information contributes about the amplitudes that are not excluded.
+    """Return the mean bits that further information F contributes about the amplitudes that are not excluded.
 
     The value is 0 if part of the gap remains unexplained.
     """
@@ -277,7 +286,7 @@ def open_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_bits(known: Knowledge, F: Array) -> float:
-    """Negative log2 of the volume of the covariance of the five ratios, up to a constant, bits."""
+    """Return the negative log2 of the volume of the covariance of the five ratios, up to a constant, bits."""
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     G = given(F, nuisance, range(len(RATIOS)))
     scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
@@ -285,13 +294,13 @@ def ratio_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
-    """(5,) expected standard deviations of the ratios if the effects of the model are also fitted."""
+    """Return the (5,) expected standard deviations of the ratios if the effects of the model are also fitted."""
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     return np.sqrt(np.diag(np.linalg.inv(given(F, nuisance, range(len(RATIOS))))))
 
 
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
-    """Standard deviations of the ratios of the rods, the arm and its drive that at least one release determines.
+    """Return the standard deviations of those ratios of rods, arm and drive that at least one release determines.
 
     A parameter x of arm or drive is an unknown at the scale b, but a free swing determines only the ratio r = x / b. To
     first order the variance of b r is the variance of x - r b.
@@ -315,7 +324,7 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
 def detectable(
     known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None
 ) -> dict[str, dict[str, float | None]]:
-    """Size of each amplitude at a given number of standard deviations; None for an amplitude that is not detectable.
+    """Return the size of each amplitude at a given number of standard deviations; None if it is not detectable.
 
     Args:
         known: the present knowledge

@@ -1,8 +1,9 @@
-"""Limits of a rig (`dpr-lab accept`) as goals of a plan, and whether its releases decide them.
+"""Limits of a rig (`dpr-lab accept`) as goals of a plan, and whether its releases decide between pass and fail.
 
-A limit is decided by a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half its limit,
-or in the middle of its range. It passes on average if this half width is smaller than its distance from the limit. A
-friction limit also requires a recording in which the joint reaches the speed of the limit in both directions.
+The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half its
+limit, or in the middle of its range. On average it passes if the half width of the interval is smaller than the
+distance from the limit. A friction limit also requires a recording in which the joint reaches the speed of the limit in
+both directions.
 """
 
 from collections.abc import Iterator, Sequence
@@ -43,18 +44,18 @@ class Goal:
 
 
 def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
-    """One goal for each limit of a file, given an information about the unknowns.
+    """Return one goal for each limit of a file.
 
     Args:
         known: the present knowledge
-        F: (k, k) information
+        F: (k, k) information about the unknowns
         limits: limits that the rig must satisfy
     """
     return [*_of_effects(known, F, limits), *_of_friction(known, F, limits), *_of_ratios(known, F, limits)]
 
 
 def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
-    """Bits about the limits: sum of the negative log2 of the half width divided by the distance from the limit.
+    """Return the bits about the limits: the sum of -log2(half width / distance from the limit).
 
     Quotients below one half count as one half.
     """
@@ -65,14 +66,14 @@ def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
 def limit_forecasts(
     known: Knowledge, F: Array, limits: Limits, releases: Sequence[CandidateRelease] = ()
 ) -> list[LimitForecast]:
-    """Forecast for each limit of a file: whether the releases decide it.
+    """Forecast for each limit of a file whether the releases will show that it is met or violated.
 
     Args:
         known: the present knowledge
         F: (k, k) information after the releases
         limits: limits that the rig must satisfy
-        releases: the releases; a friction limit is decided only if the joint reaches the speed of the limit in one of
-            them, or has reached it in a recording
+        releases: the releases; a friction limit also requires that the joint reaches the speed of the limit in one of
+            them or in an earlier recording
     """
     slow = _too_slow(known, limits, releases)
     return [
@@ -88,7 +89,7 @@ def limit_forecasts(
 
 
 def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
-    """Speed that the joint reaches, rad/s, for each friction limit whose speed the joint does not reach."""
+    """Return the friction limits whose speed the joint does not reach, each with the speed that it reaches, rad/s."""
     if not limits.friction:
         return {}
     planned, evidence = reached_speeds(releases, known.model), known.diagnosis.evidence if known.diagnosis else None
@@ -112,7 +113,10 @@ def _of_effects(known: Knowledge, F: Array, limits: Limits) -> Iterator[Goal]:
 
 
 def _fitted_together(known: Knowledge, F: Array, name: str) -> dict[str, float]:
-    """Half width of the 90 % interval of each amplitude of an effect; empty if the amplitudes cannot be separated."""
+    """Return the half width of the 90 % interval of each amplitude of an effect.
+
+    The result is empty if the amplitudes cannot be separated from each other.
+    """
     places = list(known.places.get(name, ()))
     amplitudes = given(F, [i for i in known.fitted if i not in places], places)
     data = amplitudes - known.prior[np.ix_(places, places)]

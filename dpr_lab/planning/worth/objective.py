@@ -50,20 +50,20 @@ class Objective:
 
     @classmethod
     def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
-        """Objective from the present knowledge and the limits of the rig."""
+        """Create the objective from the present knowledge and the limits of the rig."""
         pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
         pairs = tuple(pair for pair in pairs if len(pair.names) > 1)
         before = tuple(pair.distances(known.information) for pair in pairs)
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """(n, n) d^2 between the causes that additional information contributes, for each named effect."""
+        """Return the (n, n) d^2 between the causes of each named effect that additional information contributes."""
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Ratio of the simulated to the linearised Delta D^2 of the least decided pair of causes.
+        """Return the ratio of the simulated to the linearised Delta D^2 for the least decided pair of causes.
 
-        None if there is no such pair.
+        The result is None if there is no such pair.
         """
         if not self.pairs:
             return None
@@ -80,20 +80,20 @@ class Objective:
         return None if nonlinear is None else nonlinear / linear
 
     def bits(self, F: Array) -> dict[tuple[str, str], float]:
-        """Expected bits about each undecided pair of causes, given an information."""
+        """Return the expected bits about each undecided pair of causes if the information is F."""
         return self.bits_of(self.gained(F))
 
     def bits_of(self, gained: list[Array]) -> dict[tuple[str, str], float]:
-        """Expected bits about each undecided pair of causes, from the d^2 that `gained` returns."""
+        """Return the expected bits about each undecided pair of causes, from the d^2 that `gained` returns."""
         of_each = (cause_bits(open_pair, d2) for open_pair, d2 in zip(self.pairs, gained, strict=True))
         return {pair: bits for open_pair in of_each for pair, bits in open_pair.items()}
 
     def gain(self, F: Array) -> Gain:
-        """Bits of each part of the objective, given an information."""
+        """Return the bits of each part of the objective if the information is F."""
         ratios = ratio_bits(self.known, F) - self.ratios
         limits = goal_bits(self.known, F, self.limits)
         return Gain(self.bits(F), open_bits(self.known, F), library_bits(self.known, F), ratios, limits)
 
     def worth(self, F: Array) -> float:
-        """Value of the objective, the weighted sum of the bits, given an information."""
+        """Return the value of the objective if the information is F: the weighted sum of the bits."""
         return self.gain(F).weighed

@@ -42,7 +42,7 @@ class Reason:
 
 
 def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: bool = True) -> Reason:
-    """Reason for a release, from the expected results before and after it.
+    """Return the reason for a release, from the expected results before and after it.
 
     Args:
         before: expected results before the release
@@ -67,10 +67,10 @@ def reason(before: Expected, after: Expected, needed: bool = False, diagnosed: b
 
 
 def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
-    """Clause on the share of the effects that a release distinguishes, from the shares before and after it, 0 to 1.
+    """Return the clause that states which share of the effects a release distinguishes.
 
-    The clause agrees with the rounded shares of the table. It states their difference, or only the second share if the
-    first one is small.
+    The shares before and after the release are between 0 and 1. The clause states their difference, computed from the
+    rounded shares of the table. If the first share is small, the clause states only the second one.
     """
     effects = "the effects that are not named so far" if diagnosed else "the effects of the library"
     if before < NOTICEABLE.library:
