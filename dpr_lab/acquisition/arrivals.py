@@ -67,7 +67,7 @@ class Arrivals:
             self._ticks[-1], self._times[-1] = tick, host_time
 
     def fit(self) -> ArrivalFit | None:
-        """Current estimate of the clock rate; None if the data are not sufficient."""
+        """Return the current estimate of the clock rate; None if the data are not sufficient."""
         s = ARRIVALS
         device, host = np.array(self._ticks) / self._rate_hz, np.array(self._times)
         if len(host) < s.blocks[0] or host[-1] - host[0] < s.shortest_s or device[-1] <= device[0]:
@@ -95,7 +95,7 @@ def _quickest(delay: Array, block: Integers) -> Integers:
 
 
 def _median_slope(x: Array, y: Array) -> float:
-    """Median of the slopes between all pairs of points (Theil-Sen)."""
+    """Return the median of the slopes between all pairs of points (Theil-Sen)."""
     first, second = np.triu_indices(len(x), 1)
     run = x[second] - x[first]
     slopes = (y[second] - y[first])[run > 0] / run[run > 0]

@@ -30,7 +30,7 @@ class Batch:
 
 
 def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> Array | None:
-    """Known torques (kinds, n, 2) of joints 1 and 2, N m; None if their unit is unknown.
+    """Return the known torques (kinds, n, 2) of joints 1 and 2, N m; None if their unit is unknown.
 
     For a driven arm, the first value is the input of its drive in its own unit, and the second is 0.
     """
@@ -41,7 +41,7 @@ def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> Array | None:
 
 
 def arrays(rows: Sequence[AnyRow]) -> tuple[Integers, Integers]:
-    """Ticks (n,) and position counts (n, 3) of samples."""
+    """Return the ticks (n,) and position counts (n, 3) of samples."""
     ticks = np.array([row.tick for row in rows], dtype=np.int64)
     return ticks, np.array([row.counts for row in rows], dtype=np.int64).reshape(-1, JOINTS)
 

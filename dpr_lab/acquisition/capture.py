@@ -200,7 +200,7 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
 
 
 def _drives(info: DeviceInfo, rig: Rig) -> dict[str, str]:
-    """Metadata on the torques of a run, or on the input of its arm.
+    """Return the metadata on the torques of a run, or on the input of its arm.
 
     Empty for a device without drives.
 

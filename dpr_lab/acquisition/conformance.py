@@ -155,7 +155,7 @@ class _Peer:
         return self.answers()
 
     def answers(self) -> list[Message]:
-        """Messages received since the last call, except reports, samples and repeated releases."""
+        """Return the messages received since the last call, except reports, samples and repeated releases."""
         self._mark = self._mark % 255 + 1
         mark = Ping(MARK + self._mark)
         self._await(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self._heard), mark)
@@ -163,13 +163,13 @@ class _Peer:
         return [message for message in messages if self._is_answer(message)]
 
     def status(self) -> Status:
-        """The next STATUS message."""
+        """Return the next STATUS message."""
         self._heard.clear()
         self._await(lambda: any(isinstance(message, Status) for message in self._heard), KeepAlive())
         return next(message for message in self._heard if isinstance(message, Status))
 
     def read(self) -> list[Message]:
-        """Messages that arrive within a short time."""
+        """Return the messages that arrive within a short time."""
         fresh: list[Message] = []
         for frame in self.link.receive(0.02).frames:
             try:

@@ -247,7 +247,7 @@ class Device:
             return self._clock.fit(self._rate_hz)
 
     def clock_fit(self) -> ClockFit | None:
-        """The fit of `clock`; None before enough pings were answered, and for simulated time."""
+        """Return the fit of `clock`; None before enough pings were answered, and for simulated time."""
         return self.clock()[0]
 
     def close(self) -> None:
@@ -353,7 +353,10 @@ class Device:
         return [before] if before is not None else []
 
     def _driven(self, rows: list[Row]) -> Sequence[AnyRow]:
-        """Samples with their torques, for a device with drives; samples are delayed until their torques arrive."""
+        """Return the samples with their torques, for a device with drives.
+
+        Samples are delayed until their torques arrive.
+        """
         return rows if self._torques is None else self._torques.take(rows)
 
     def _note_torque(self, torque: Torque | ArmInput) -> None:

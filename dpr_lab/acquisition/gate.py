@@ -56,7 +56,7 @@ class QualityReport:
         return "; ".join(["ok" if self.ok else f"degraded: {'; '.join(self.reasons)}", *self.notes])
 
     def to_json(self) -> dict[str, Any]:
-        """The report as JSON values."""
+        """Return the report as JSON values."""
         return {"ok": self.ok, "checks": [asdict(check) for check in self.checks], "notes": list(self.notes)}
 
 
@@ -117,7 +117,7 @@ def judge(
 
 
 def fastest_possible(rig: Rig) -> Array:
-    """Maximum speeds (2,) of the rods after a release at rest from any pose, rad/s.
+    """Return the maximum speeds (2,) of the rods after a release at rest from any pose, rad/s.
 
     If one rod has all the potential energy E = 2 (e1 + e2), omega_i^2 = 2 E (M^-1)_ii. This is largest with the rods in
     line, where M^-1 has the diagonal [b, a] / (a b - d^2).

@@ -90,11 +90,14 @@ class RestWindow:
             self.batches.popleft()
 
     def silent_s(self, now: float) -> float:
-        """Time from the arrival of the newest sample to the host time `now`, s; infinite if there is no sample."""
+        """Return the time from the arrival of the newest sample to the host time `now`, s.
+
+        Infinite if there is no sample.
+        """
         return now - max((batch.host_time for batch in self.batches if batch.rows), default=-np.inf)
 
     def motion(self, rig: Rig) -> tuple[Array, Array] | None:
-        """Times (n,), s, and angles (n, 3), rad, in the window; None until the window is full."""
+        """Return the times (n,), s, and angles (n, 3), rad, in the window; None until the window is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None
@@ -135,7 +138,7 @@ def _raise_if_open(url: str, batches: Iterable[Batch]) -> None:
 def look_at_hanging(
     device: Device, rig: Rig, on_reading: OnReading, settings: CaptureSettings
 ) -> tuple[float, float] | None:
-    """Deviation of the hanging rods from the vertical, rad.
+    """Return the deviation of the hanging rods from the vertical, rad.
 
     The result is None if the rods are not at rest with the latch open, or if a clamped elbow tilts them.
     """
@@ -159,7 +162,7 @@ def look_at_hanging(
 
 
 def _positions(device: Device, rig: Rig, deadline: float, poll_s: float) -> Iterator[Array]:
-    """Angles (3,) from POSITION messages until the deadline, rad."""
+    """Yield the angles (3,) from POSITION messages until the deadline, rad."""
     counts: dict[int, int] = {}
     while time.monotonic() < deadline:
         batches = device.poll(poll_s)
@@ -281,7 +284,10 @@ class HeldPose:
         return reading.restless or self._denied()
 
     def _denied(self) -> str:
-        """Reason against a release, from the last STATUS; empty if the device holds the rods and streams."""
+        """Return the reason against a release, from the last STATUS.
+
+        Empty if the device holds the rods and streams.
+        """
         status = self._device.status
         if status is None:
             return "the device has not reported that its latch holds"

@@ -28,7 +28,9 @@ class LiveSpeed:
         self._omega = (0.0, 0.0)
 
     def after(self, t: Array, theta: Array) -> tuple[float, float]:
-        """Speeds of inner and outer rod after new samples of the swing, rad/s; unchanged if there are no new samples.
+        """Return the speeds of inner and outer rod after new samples of the swing, rad/s.
+
+        Unchanged if there are no new samples.
 
         Args:
             t: (n,) time since the release, s, later than in the previous call; samples before the release are ignored

@@ -132,7 +132,7 @@ class Recording:
         self._end_tick, self._duration = self.samples.last_tick, self.t
 
     def tail(self, seconds: float) -> tuple[Array, Array]:
-        """Times (n,), s, and angles (n, 3), rad, of the samples in the last `seconds`."""
+        """Return the times (n,), s, and angles (n, 3), rad, of the samples in the last `seconds`."""
         rate_hz = self._writer.metadata.rate_hz
         ticks, counts = self.samples.newest(round(seconds * rate_hz))
         return ticks / rate_hz, self.rig.mounted_theta(counts)
@@ -183,12 +183,12 @@ class Recording:
         return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
 
     def since(self, first: int) -> tuple[Array, Array]:
-        """Times since the release (n,), s, and angles (n, 3), rad, of the samples from index `first` on."""
+        """Return the times since the release (n,), s, and angles (n, 3), rad, of the samples from index `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.mounted_theta(counts)
 
     def new_inputs(self) -> Array | None:
-        """Input of the arm's drive (n,) at the samples since the last call, in its unit of the rig file.
+        """Return the input of the arm's drive (n,) at the samples since the last call, in its unit of the rig file.
 
         None if there is no drive.
         """
@@ -227,7 +227,7 @@ class Recording:
         return float(rest[:, 0].mean()), float(theta1), float(theta2)
 
     def run(self, complete: bool = True) -> Run:
-        """The recording so far as a run, for the quality gate.
+        """Return the recording so far as a run, for the quality gate.
 
         Without a release, its time starts at the first sample.
         """

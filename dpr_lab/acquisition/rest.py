@@ -9,7 +9,7 @@ from dpr_lab.rig_tables import Pose
 
 
 def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
-    """Residual motion of held rods.
+    """Return the residual motion of held rods.
 
     Args:
         t: (n,) time, s
@@ -26,13 +26,13 @@ def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
 
 
 def at_rest(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> bool:
-    """Whether the rods are at rest; arguments are those of `rest_motion`."""
+    """Return whether the rods are at rest; arguments are those of `rest_motion`."""
     speed, spread = rest_motion(t, theta)
     return speed <= limits.speed and spread <= limits.spread(rig)
 
 
 def arm_restless(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> str:
-    """Reason why a movable arm forbids a release; empty if it does not.
+    """Return the reason why a movable arm forbids a release; empty if it does not.
 
     Arguments are those of `rest_motion`.
     """
@@ -49,7 +49,7 @@ def arm_restless(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> str:
 
 
 def pose_error(theta: Array, pose: Pose) -> Array:
-    """Angles of the rods relative to a pose, without whole turns.
+    """Return the angles of the rods relative to a pose, without whole turns.
 
     Args:
         theta: (..., 3) absolute angles, rad
@@ -62,6 +62,9 @@ def pose_error(theta: Array, pose: Pose) -> Array:
 
 
 def elbow_error(theta: Array, pose: Pose) -> float:
-    """Difference of theta2 - theta1 from its value in a pose, in [-pi, pi), rad, for absolute angles (3,), rad."""
+    """Return how far theta2 - theta1 differs from its value in a pose, in [-pi, pi), rad.
+
+    Theta is (3,) absolute angles.
+    """
     inner, outer = pose_error(theta, pose)
     return float((outer - inner + np.pi) % (2 * np.pi) - np.pi)

@@ -220,7 +220,7 @@ class _Pace:
 
 
 def _reason(error: BaseException) -> str:
-    """Reason why a recording ended early.
+    """Return the reason why a recording ended early.
 
     If the error is not a `DprError`, its type is included.
     """

@@ -11,7 +11,7 @@ EVERYTHING = f"all {len(EFFECTS)} effects"
 
 
 def choices_of(certificate: Certificate) -> list[Declared]:
-    """Free choices of the certified diagnosis.
+    """Return the free choices of the certified diagnosis.
 
     If a choice differs from its default, its note names the default.
     """
@@ -41,7 +41,7 @@ def _not_default(name: str, value: str, default: str) -> Declared:
 
 
 def origin_of(certificate: Certificate, current: Mapping[str, str]) -> list[Declared]:
-    """Origin of a diagnosis: policy, code, libraries, machine and signature.
+    """Return the origin of a diagnosis: policy, code, libraries, machine and signature.
 
     Args:
         certificate: the certificate

@@ -174,16 +174,16 @@ class Certificate(_Part):
         return [Verified("seal", self.seal, None, False, "the certificate was changed after it was written")]
 
     def runs(self, folder: Path, *, held_out: bool) -> tuple[Path, ...]:
-        """Paths of the fitted recordings or, with `held_out`, of the held-out recordings."""
+        """Return the paths of the fitted recordings or, with `held_out`, of the held-out recordings."""
         return tuple(folder / recording.file for recording in self.recordings if recording.held_out is held_out)
 
     def rig_in(self, folder: Path) -> str:
-        """Path of the rig file, or name of a built-in rig."""
+        """Return the path of the rig file, or name of a built-in rig."""
         path = folder / self.rig.file
         return str(path) if path.is_file() else self.rig.file
 
     def to_text(self) -> str:
-        """Content of the certificate file."""
+        """Return the content of the certificate file."""
         return self.model_dump_json(indent=1) + "\n"
 
 

@@ -70,7 +70,7 @@ def compare_recording(certified: CertifiedRecording, folder: Path) -> Verified:
 
 
 def _compare(certified: CertifiedRecording, path: Path) -> tuple[bool, str | None, str]:
-    """Whether a file is the certified recording, its hash, and the reason for the result."""
+    """Return whether a file is the certified recording, its hash, and the reason for the result."""
     if not path.is_file():
         return False, None, "does not exist"
     now = sha256_of(path)

@@ -50,7 +50,7 @@ class RequiredClaim:
 
 
 def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) -> dict[str, RequiredClaim]:
-    """Claims that the policy requires of a certificate of this diagnosis, by name.
+    """Return the claims that the policy requires of a certificate of this diagnosis, by name.
 
     Args:
         diagnosis: the diagnosis
@@ -79,7 +79,7 @@ def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) 
 
 
 def _limit_claims(acceptance: Acceptance) -> dict[str, RequiredClaim]:
-    """Claims on the result of each limit and of all limits together.
+    """Return the claims on the result of each limit and of all limits together.
 
     The bounds are not claimed: they are in the limits file, which has a hash.
     """
@@ -115,7 +115,7 @@ def _number(value: float, interval90: Ends, typical: float) -> RequiredClaim:
 
 
 def _scale(scale: Scale) -> RequiredClaim:
-    """Claim on the value of b that absolute sizes assume.
+    """Return the claim on the value of b that absolute sizes assume.
 
     If b is an estimate, its tolerance follows from its interval. If b is a value of the rig file, a repetition uses the
     same value.
@@ -125,7 +125,7 @@ def _scale(scale: Scale) -> RequiredClaim:
 
 
 def _size(size: EffectSize, typical: float) -> RequiredClaim:
-    """Claim on an absolute size, with the tolerance of the fit.
+    """Return the claim on an absolute size, with the tolerance of the fit.
 
     Its interval includes the uncertainty of the scale.
     """

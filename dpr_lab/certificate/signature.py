@@ -101,7 +101,7 @@ def sign(certificate: Certificate, key: "Ed25519PrivateKey") -> Certificate:
 
 
 def is_valid(certificate: Certificate) -> bool:
-    """Whether the signature is valid for the content and the public key in the certificate.
+    """Return whether the signature is valid for the content and the public key in the certificate.
 
     The library `cryptography` is required.
     """
@@ -140,13 +140,13 @@ def compare_signature(certificate: Certificate, trusted: str | None) -> list[Ver
 
 
 def fingerprint(public_key: str) -> str:
-    """Fingerprint of a key in OpenSSH form, as `ssh-keygen -lf` prints it."""
+    """Return the fingerprint of a key in OpenSSH form, as `ssh-keygen -lf` prints it."""
     digest = hashlib.sha256(base64.b64decode(public_key.split()[1])).digest()
     return "SHA256:" + base64.b64encode(digest).decode().rstrip("=")
 
 
 def installed() -> bool:
-    """Whether `cryptography` is installed."""
+    """Return whether `cryptography` is installed."""
     try:
         require_library()
     except ConfigError:

@@ -33,7 +33,7 @@ def keep_bytecode() -> None:
 
 
 def _has_bytecode(package: str) -> bool:
-    """Whether the bytecode of a package exists next to its source, or can be written there."""
+    """Return whether the bytecode of a package exists next to its source, or can be written there."""
     module = importlib.util.find_spec(package)
     if module is None or module.origin is None:
         return True

@@ -174,7 +174,7 @@ def _tolerance(within: float | None) -> str:
 
 
 def _cell(value: Any) -> str:
-    """Text of a value.
+    """Return the text of a value.
 
     Equal entries of a list, such as the outliers of one recording, are combined with their number.
     """

@@ -47,7 +47,7 @@ class Choices:
     """Function that converts a name to its description, which may end with the identifier in brackets."""
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
-        """Shell completions of the name after the last comma, as pairs of completed text and description."""
+        """Return the shell completions of the name after the last comma, as pairs of completed text and description."""
         before, comma, prefix = incomplete.rpartition(",")
         matching = (name for name in self.names() if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
@@ -131,14 +131,14 @@ def _effect_words(name: str) -> str:
 
 
 def built_in_rigs() -> list[str]:
-    """Names of the rig files that come with dpr-lab."""
+    """Return the names of the rig files that come with dpr-lab."""
     from dpr_lab.configs import BUILTIN
 
     return sorted(path.stem for path in (BUILTIN / "rigs").glob("*.toml"))
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Shell completions of a rig option: names of built-in rigs, and rig files in the folder typed so far."""
+    """Return the shell completions of a rig option: built-in rigs, and rig files in the current folder."""
     files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
     return [name for name in built_in_rigs() if name.startswith(incomplete)] + files
 

@@ -76,7 +76,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
-    """Column widths for which no word is broken or truncated; None if the terminal is too narrow."""
+    """Return the column widths for which no word is broken or truncated; None if the terminal is too narrow."""
     from rich.cells import cell_len
 
     widths = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
@@ -130,7 +130,7 @@ def no_bar(done: float | None, text: str = "") -> None:
 
 @contextmanager
 def progress(title: str, total: float | None) -> Iterator[Bar]:
-    """Progress bar on stderr if this is a terminal; it is indeterminate if `total` is None."""
+    """Yield the progress bar on stderr if this is a terminal; it is indeterminate if `total` is None."""
     if not sys.stderr.isatty():
         yield no_bar
         return

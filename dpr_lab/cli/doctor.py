@@ -27,7 +27,7 @@ class SystemCheck:
     """Group of the check. Checks of one group with equal state share a table row. Empty: the check has its own row."""
 
     def to_json(self) -> dict[str, str]:
-        """The check as an object of `doctor --json`."""
+        """Return the check as an object of `doctor --json`."""
         return {"what": self.what, "state": self.state, "said": self.message}
 
 
@@ -58,7 +58,7 @@ def doctor(
 
 
 def _rows(findings: Sequence[SystemCheck]) -> list[tuple[str, str, str]]:
-    """Table rows: one per check, or one per group of checks with the same state."""
+    """Return the table rows: one per check, or one per group of checks with the same state."""
     rows: list[tuple[str, str, str]] = []
     for (group, state), members in groupby(findings, lambda finding: (finding.group, finding.state)):
         if not group:

@@ -96,7 +96,7 @@ def _package(name: str) -> str:
 
 
 def _described(effect: "Effect") -> dict[str, Any]:
-    """Properties of an effect as JSON values."""
+    """Return the properties of an effect as JSON values."""
     from dpr_lab.effects.limits import limit_words
 
     parameters = [

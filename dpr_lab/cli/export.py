@@ -161,7 +161,7 @@ def _show_bands(done: "EnsembleResult") -> None:
 
 
 def _limits(done: "EnsembleResult", size: int) -> "Iterator[str]":
-    """Sentences about the limits of an ensemble of `size` models: increased uncertainty, amplitudes, coverage."""
+    """Yield sentences about the limits of an ensemble of `size` models: uncertainty, amplitudes and coverage."""
     from dpr_lab.exports.ensemble.bands import BANDS, fewest_models
 
     if done.factor_of_fit > 1:

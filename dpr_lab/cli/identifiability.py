@@ -135,7 +135,7 @@ def show(analysis: "Identifiability") -> None:
 
 
 def _helping(analysis: "Identifiability", name: str) -> list[str]:
-    """Names of the measured values that contribute information about a parameter, separated by commas."""
+    """Return the names of the measured values that contribute information about a parameter, separated by commas."""
     return [measured for measured, helped in analysis.helps.items() if name in helped]
 
 

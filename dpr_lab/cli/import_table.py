@@ -72,7 +72,7 @@ def import_table(
 
 
 def _with_options(command: Callable[..., None]) -> inspect.Signature:
-    """Signature of the command, with one option for each field of `ImportOptions`."""
+    """Return the signature of the command, with one option for each field of `ImportOptions`."""
     signature = inspect.signature(command)
     file, rig, *others, _ = signature.parameters.values()
     return signature.replace(parameters=[file, rig, *map(_parameter, typed_options()), *others])

@@ -182,7 +182,7 @@ def effects_listed(names: tuple[str, ...]) -> str:
 
 
 def named_by(outcome: "TrialOutcome") -> str:
-    """Effects that the diagnosis of a trial names, followed by its verdict."""
+    """Return the effects that the diagnosis of a trial names, followed by its verdict."""
     from dpr_lab.report.words import named
     from dpr_lab.shown import listed
 
@@ -192,7 +192,7 @@ def named_by(outcome: "TrialOutcome") -> str:
 
 
 def _angles(theta: Sequence[float]) -> str:
-    """Angles of the mounted rods as text."""
+    """Return the angles of the mounted rods as text."""
     named = (f"theta{rod} = {math.degrees(angle):.1f} deg" for rod, angle in enumerate(theta, 1))
     return f"{', '.join(named)} (0 = upright)"
 

@@ -42,7 +42,7 @@ class Listing(TyperGroup):
         return super().resolve_command(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Names of the commands, without importing them."""
+        """Return the names of the commands, without importing them."""
         return list(self.commands)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

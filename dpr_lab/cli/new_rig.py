@@ -116,7 +116,7 @@ class ArmOptions:
     gear: Annotated[float, typer.Option(help="Turns of the motor per turn of the arm.", callback=positive)] = 1.0
 
     def motor(self) -> "MotorMeasures | None":
-        """Motor of the arm; None if `--input` is not given."""
+        """Return the motor of the arm; None if `--input` is not given."""
         from dpr_lab.workflows.rig_drive import MotorMeasures
 
         stated = {"kt": self.kt, "ke": self.ke, "resistance": self.resistance}
@@ -193,7 +193,7 @@ def new(
 
 
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
-    """Prompt for a value on a terminal. Without a terminal, raise `BadParameter` for the missing option."""
+    """Return the prompt for a value on a terminal. Without a terminal, raise `BadParameter` for the missing option."""
     if not ask:
         raise typer.BadParameter(f"{flag} is required: {question}. On a terminal, the command asks for it")
     return str(typer.prompt(question, default=default, type=kind, err=True))

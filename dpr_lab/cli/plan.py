@@ -124,7 +124,7 @@ def _row(release: "PlannedRelease") -> tuple[str, ...]:
 
 
 def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
-    """One row per undecided pair of causes, with the expected bits after each release."""
+    """Return one row per undecided pair of causes, with the expected bits after each release."""
     from dpr_lab.report.words import named
 
     bits: dict[tuple[str, str], list[str]] = {}
@@ -135,7 +135,7 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def commands(made: "Plan") -> list[str]:
-    """Commands that record all releases of a first plan, or only the next release of a later plan."""
+    """Return the commands that record all releases of a first plan, or only the next release of a later plan."""
     if made.state == "bench check":
         return []
     return [

@@ -91,7 +91,7 @@ _WITH_UNIT = re.compile(r"(\w+) \((.+)\)")
 
 
 def info_rows(info: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Quantity and value of each entry of a run's metadata."""
+    """Return the quantity and value of each entry of a run's metadata."""
     return [(QUANTITIES[name], _text(value)) for name, value in info.items()]
 
 

@@ -200,7 +200,7 @@ STRATEGY_COLUMNS = (
 
 
 def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]]:
-    """One row per strategy of sequential trials."""
+    """Return one row per strategy of sequential trials."""
     return [
         (
             name,
@@ -218,7 +218,10 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
 
 
 def _forecast_error(summary: dict[str, Any]) -> str:
-    """Calibration error of a forecast; in brackets, that of an exact forecast with the same number of outcomes."""
+    """Return the calibration error of a forecast.
+
+    In brackets, that of an exact forecast with the same number of outcomes.
+    """
     return f"{summary['forecast_calibration_error']:.2f} ({summary['forecast_error_if_exact']:.2f})"
 
 

@@ -64,7 +64,7 @@ def _mentions_us(entry_points: str | None) -> bool:
 
 
 def _import_folders() -> list[str]:
-    """Folders of installed packages: all folders of `sys.path` except the current one."""
+    """Return the folders of installed packages: all folders of `sys.path` except the current one."""
     try:
         current = Path.cwd()
     except OSError:  # the folder was removed

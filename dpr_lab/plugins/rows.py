@@ -20,12 +20,15 @@ def skipped() -> tuple[str, ...]:
 
 
 def reason_skipped(plugin: Plugin) -> str:
-    """Reason why a plugin was skipped; empty if it was not skipped, or if its table has not been used yet."""
+    """Return the reason why a plugin was skipped.
+
+    Empty if it was not skipped, or if its table has not been used yet.
+    """
     return _skipped.get(plugin, "")
 
 
 def origin(group: str, row: str) -> Plugin | None:
-    """Plugin that added a row to a table; None for a row of dpr-lab or a missing row."""
+    """Return the plugin that added a row to a table; None for a row of dpr-lab or a missing row."""
     return _origins.get((group, row))
 
 

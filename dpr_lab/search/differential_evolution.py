@@ -63,7 +63,7 @@ def _populations(
 def _trials(
     population: Population, box: Bounds, settings: DifferentialEvolutionSettings, rng: np.random.Generator
 ) -> Array:
-    """(size, n) trial vectors, one for each individual.
+    """Return the (size, n) trial vectors, one for each individual.
 
     scipy has no function for a single generation. It therefore receives the population with its known costs and runs
     one iteration, in which it evaluates only the trials.

@@ -8,7 +8,9 @@ from dpr_lab.search.problem import Bounds
 
 
 def around(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
-    """New chromosomes near the best chromosome; at the published settings, each gene differs by at most 5 %.
+    """Return the new chromosomes near the best chromosome.
+
+    At the published settings, each gene differs by at most 5 %.
 
         y_i = (mu + nu beta) x_i,   beta uniform on {0, 0.1, ..., 1}, clipped to the bounds
 

@@ -10,7 +10,7 @@ from dpr_lab.search.problem import Bounds
 
 
 def near_duplicates(genes: Array, tolerance: Array) -> Flags:
-    """Mask of the chromosomes that nearly equal a better chromosome.
+    """Return the mask of the chromosomes that nearly equal a better chromosome.
 
     Args:
         genes: (M, n) population, best first
@@ -24,7 +24,7 @@ def near_duplicates(genes: Array, tolerance: Array) -> Flags:
 
 
 def replacements(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
-    """New chromosomes that replace near-duplicates.
+    """Return the new chromosomes that replace near-duplicates.
 
     Each new chromosome is, with equal probability, near the best chromosome (dynamic encoding) or anywhere in the box
     (hybrid coding).

@@ -12,7 +12,7 @@ AGGREGATES = {"sum": np.sum, "max": np.max, "min": np.min}
 
 
 def cost(errors: Array, aggregate: Literal["sum", "max", "min"]) -> Array:
-    """Cost H(Z) of each candidate, combined from its errors in all poses.
+    """Return the cost H(Z) of each candidate, combined from its errors in all poses.
 
     Args:
         errors: (n, poses) E >= 0; NaN, `inf` and every value above `FAILED_ABOVE` mean that the candidate failed
@@ -28,7 +28,9 @@ def cost(errors: Array, aggregate: Literal["sum", "max", "min"]) -> Array:
 
 
 def fitness(costs: Array, scale: float, delta: float) -> Array:
-    """Fitness of each individual, in the form of a signal-to-noise ratio; 0 for an individual that failed.
+    """Return the fitness of each individual, in the form of a signal-to-noise ratio.
+
+    0 for an individual that failed.
 
         f = M / (H + delta)
 

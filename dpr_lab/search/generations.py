@@ -29,7 +29,7 @@ def generations(
 
 
 def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
-    """Whether the search stagnates.
+    """Return whether the search stagnates.
 
     This is the case if the relative decrease of the best cost over `stagnation_generations` is at most
     `stagnation_improvement`.

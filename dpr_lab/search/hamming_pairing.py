@@ -28,7 +28,7 @@ def hamming_distance(x: Array, y: Array, tolerance: Array | float = 0.0) -> NDAr
 
 
 def inbred(x: Array, y: Array, tolerance: Array | float = 0.0) -> Flags:
-    """Whether two chromosomes are too similar to be parents.
+    """Return whether two chromosomes are too similar to be parents.
 
     Their Hamming distance is then below 2, or below 1 if there is a single gene.
     """

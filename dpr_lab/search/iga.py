@@ -70,7 +70,7 @@ def _fitness(population: Population, settings: IgaSettings) -> Array:
 
 
 def _converged(population: Population, settings: IgaSettings) -> bool:
-    """Whether the population has converged, step (4): f_pop > alpha and f_optimal > sigma."""
+    """Return whether the population has converged, step (4): f_pop > alpha and f_optimal > sigma."""
     f = _fitness(population, settings)
     return population_fitness(f) > settings.alpha and f[0] > settings.sigma
 

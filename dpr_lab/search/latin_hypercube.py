@@ -7,7 +7,7 @@ from dpr_lab.search.problem import SearchProblem
 
 
 def latin_hypercube(problem: SearchProblem, size: int, rng: np.random.Generator) -> Population:
-    """Population drawn by Latin hypercube sampling, best first.
+    """Return the population drawn by Latin hypercube sampling, best first.
 
     The range of each gene is divided into `size` equal intervals. Each interval contains exactly one individual.
 

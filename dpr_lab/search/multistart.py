@@ -65,7 +65,10 @@ def _populations(
 
 
 def _descended(problem: SearchProblem, start: Array, start_cost: float, settings: MultistartSettings) -> Population:
-    """Population of one individual: the end of the local search, or the start itself if its cost is infinite."""
+    """Return the population of one individual: the end of the local search that begins at `start`.
+
+    If the cost of `start` is infinite, the individual is `start` itself.
+    """
     if not np.isfinite(start_cost):
         return Population(start[None], np.array([start_cost]))
     from scipy.optimize import minimize
@@ -73,7 +76,7 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
     lower, upper = problem.box
 
     def value_and_slope(share: Array) -> tuple[float, Array]:
-        """Cost and gradient from one batch, which contains the point and a neighbour along each gene."""
+        """Return the cost and gradient from one batch, which contains the point and a neighbour along each gene."""
         inward = np.where(share < 0.5, settings.difference, -settings.difference)
         batch = np.vstack([share, share + np.diag(inward)])
         costs = _smooth_cost(problem.errors(np.clip(lower + batch * (upper - lower), lower, upper)), settings)
@@ -90,7 +93,7 @@ def _descended(problem: SearchProblem, start: Array, start_cost: float, settings
 
 
 def _smooth_cost(errors: Array, settings: MultistartSettings) -> Array:
-    """(n,) smooth approximation of H for the local search.
+    """Return the (n,) smooth approximation of H for the local search.
 
     A quasi-Newton method stalls at the kinks of the aggregate `max`. A smooth p-norm of the errors replaces it.
     """

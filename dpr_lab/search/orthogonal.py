@@ -39,7 +39,7 @@ Source: Plackett & Burman (1946), Biometrika 33(4) 305-325, for L12; Sylvester's
 
 
 def array_for(name: str, genes: int) -> Levels:
-    """(runs, genes) levels: the first columns of a named array, one for each gene.
+    """Return the (runs, genes) levels: the first columns of a named array, one for each gene.
 
     Raises:
         ConfigError: the array has fewer columns than there are genes to search for.

@@ -61,7 +61,7 @@ def _populations(problem: SearchProblem, settings: PlainGaSettings, rng: np.rand
 
 
 def _crossed(genes: Array, settings: PlainGaSettings, rng: np.random.Generator) -> Array:
-    """(size, n) children of parents that are selected by tournaments.
+    """Return the (size, n) children of parents that are selected by tournaments.
 
     The rows of `genes` are sorted, best first, so the winner of a tournament is its lowest index.
     """

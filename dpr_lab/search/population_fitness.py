@@ -4,7 +4,7 @@ from dpr_lab.arrays import Array
 
 
 def population_fitness(fitness: Array) -> float:
-    """Mean fitness of the population as a share of the largest fitness.
+    """Return the mean fitness of the population as a share of the largest fitness.
 
         f_pop = (1/M) sum_i f_i / f_optimal
 

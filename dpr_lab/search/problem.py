@@ -82,13 +82,15 @@ class SearchProblem:
         return self.bounds[:, self.free]
 
     def candidates(self, genes: Array) -> Array:
-        """(size, d) candidates from (size, n) free genes, with the fixed genes inserted."""
+        """Return the (size, d) candidates from (size, n) free genes, with the fixed genes inserted."""
         genes_of_all = np.tile(self.bounds[0], (len(genes), 1))
         genes_of_all[:, self.free] = genes
         return genes_of_all
 
     def costs(self, genes: Array) -> Array:
-        """(size,) costs H of candidates given by (size, n) free genes; `inf` for a candidate that failed.
+        """Return the (size,) costs H of candidates given by (size, n) free genes.
+
+        `inf` for a candidate that failed.
 
         Raises:
             ValueError: as for `errors`.
@@ -96,7 +98,9 @@ class SearchProblem:
         return self.cost(self.errors(genes)) if len(genes) else np.empty(0)
 
     def errors(self, genes: Array) -> Array:
-        """(size, poses) errors E of candidates given by (size, n) free genes; at least one candidate is required.
+        """Return the (size, poses) errors E of candidates given by (size, n) free genes.
+
+        At least one candidate is required.
 
         Raises:
             ValueError: the objective did not return one row of E >= 0 for each candidate.

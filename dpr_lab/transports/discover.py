@@ -42,7 +42,7 @@ def discover() -> Links:
 
 
 def serial_ports() -> tuple[SerialPortFound, ...]:
-    """Serial ports of this computer, sorted by name."""
+    """Return the serial ports of this computer, sorted by name."""
     return tuple(
         SerialPortFound(port.device, port.description or "", port.serial_number or "", _problem(port.device))
         for port in sorted(list_ports.comports())
@@ -50,7 +50,7 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
 
 
 def matching_ports(pattern: str) -> list[str]:
-    """Serial ports that match a name with `*`; for an empty name, all ports that can be opened."""
+    """Return the serial ports that match a name with `*`; for an empty name, all ports that can be opened."""
     return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
 
 
@@ -61,7 +61,7 @@ def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:
 
 
 def can_backends() -> tuple[str, ...]:
-    """Names for `can://NAME/CHANNEL`; empty if python-can is not installed."""
+    """Return the names for `can://NAME/CHANNEL`; empty if python-can is not installed."""
     if find_spec("can") is None:
         return ()
     from can.interfaces import BACKENDS

@@ -42,7 +42,7 @@ DEFAULT_BUS = "tcp" if sys.platform == "win32" else "pty"  # Windows has no pseu
 
 
 def compiles_first(link: str) -> bool:
-    """Whether a link starts a simulated device that compiles its kernels first.
+    """Return whether a link starts a simulated device that compiles its kernels first.
 
     Such a device sends nothing during its first release.
     """
@@ -78,7 +78,7 @@ def open_simulated(url: LinkUrl, rig_file: Path | None) -> "SimulatedTransport":
 
 
 def _arguments(options: dict[str, Any], rig_file: Path | None) -> list[str]:
-    """Command line of the child process."""
+    """Return the command line of the child process."""
     words = dict(options)
     arguments = ["--link", LINKS[words.pop("bus", DEFAULT_BUS)], "--rig", words.pop("rig", str(rig_file or "paper"))]
     for fault in words.pop("fault", "").split(","):

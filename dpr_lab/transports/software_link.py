@@ -13,7 +13,7 @@ _PSEUDO_TERMINAL = re.compile(r"/dev/(pts/\d+|ttys\d+)")
 
 
 def leads_to_software(url: str) -> bool:
-    """Whether the link of a URL is inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
+    """Return whether the link of a URL is inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
 
     A link over a serial port, over an adapter or to another computer does not count as inside, even if the device
     declares simulated time.

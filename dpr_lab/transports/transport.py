@@ -30,11 +30,11 @@ class Capacity:
         return int(self.usable_share * self.bits_per_s / self.bits_per_sample)
 
     def with_frames(self, frames: int) -> Capacity:
-        """Capacity for a device that sends several frames per sample, for example its torques."""
+        """Return the capacity for a device that sends several frames per sample, for example its torques."""
         return replace(self, bits_per_sample=frames * self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
-        """Sentence on the load of a sample rate on the link, with the calculation."""
+        """Return the sentence on the load of a sample rate on the link, with the calculation."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"

@@ -29,7 +29,7 @@ class LinkUrl:
     query: tuple[tuple[str, str], ...]
 
     def options(self, known: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
-        """Values of the options in the query, converted from text.
+        """Return the values of the options in the query, converted from text.
 
         Args:
             known: function for each option that converts its text, or raises ValueError("is not ...")

@@ -172,7 +172,10 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         self.query_one(StatusLine).show(self.device, urgent, work, self.workspace.out, time.monotonic())
 
     def get_driver_class(self) -> type[Driver]:
-        """Terminal driver: the driver of this package if it supports this terminal, otherwise the driver of Textual."""
+        """Return the class of the terminal driver.
+
+        It is the driver of this package if the driver supports this terminal, otherwise the driver of Textual.
+        """
         return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
@@ -340,7 +343,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.push_screen(Question(f"Quit now? {' '.join(stakes)}", "Quit", "Stay"), self._quit_if)
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """The steps, and every action with its key, for the command palette."""
+        """Yield the entries of the command palette: the steps, and every action with its key."""
         yield from super().get_system_commands(screen)
         yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
 

@@ -36,7 +36,8 @@ ERROR_LOG = ErrorLogSettings()
 def log(error: Exception, folder: Path) -> str:
     """Append an error with its traceback to `errors.log`.
 
-    Returns a sentence with the path of the log, or with the reason why it could not be written.
+    Returns:
+        sentence with the path of the log; if the log could not be written, with the reason
     """
     file = folder / "errors.log"
     try:

@@ -44,7 +44,7 @@ class KeyNames:
     """Function that converts a key to its displayed name."""
 
     def of(self, action: str) -> str:
-        """First key of an action.
+        """Return the first key of an action.
 
         Raises:
             KeyError: unknown action.
@@ -57,12 +57,12 @@ class KeyNames:
 
 
 def keys_file() -> Path:
-    """Path of the operator's key bindings, in the user's folder or in the folder DPR_LAB_CONFIG."""
+    """Return the path of the operator's key bindings, in the user's folder or in the folder DPR_LAB_CONFIG."""
     return Path(os.environ.get("DPR_LAB_CONFIG") or platformdirs.user_config_dir("dpr-lab")) / "keys.toml"
 
 
 def about_keys() -> str:
-    """Help text on how to change keys."""
+    """Return the help text that explains how to change keys."""
     return f"""
 **Your own keys** are defined in `{keys_file()}`: a section for each screen, with actions and their keys, such as
 
@@ -106,7 +106,7 @@ def load_keymap(path: Path, everywhere: type[DOMNode], places: Iterable[type[DOM
 
 
 def actions(*owners: type[DOMNode]) -> dict[str, str]:
-    """Ids and default keys of the actions of the given classes."""
+    """Return the ids and default keys of the actions of the given classes."""
     bindings = (binding for owner in owners for binding in owner.__dict__.get("BINDINGS", ()))
     return {binding.id: binding.key for binding in bindings if isinstance(binding, Binding) and binding.id}
 
@@ -142,5 +142,5 @@ def _check_clashes(path: Path, keymap: Keymap, defaults: Mapping[str, str]) -> N
 
 
 def _spelled_out(keys: str) -> list[str]:
-    """Normalised names of keys: `question_mark` for `?`, as in Textual."""
+    """Return the names of keys as Textual writes them, for example `question_mark` for `?`."""
     return [binding.key for binding in Binding.make_bindings([Binding(keys, "compare")])]

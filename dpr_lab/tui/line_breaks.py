@@ -43,15 +43,15 @@ class Hanging(Visual):
         return self._broken(width).render_strips(width, height, style, options)
 
     def get_optimal_width(self, rules: RulesMap, container_width: int) -> int:
-        """Preferred width, as the `Visual` interface of Textual requires."""
+        """Return the preferred width; required by the `Visual` interface of Textual."""
         return self.content.get_optimal_width(rules, container_width)
 
     def get_minimal_width(self, rules: RulesMap) -> int:
-        """Minimum width, as the `Visual` interface of Textual requires."""
+        """Return the minimum width; required by the `Visual` interface of Textual."""
         return self.content.get_minimal_width(rules)
 
     def get_height(self, rules: RulesMap, width: int) -> int:
-        """Height for a width, as the `Visual` interface of Textual requires."""
+        """Return the height that the text needs at a width; required by the `Visual` interface of Textual."""
         return self._broken(width).get_height(rules, width)
 
     def _broken(self, width: int) -> Content:

@@ -45,6 +45,6 @@ class Palette:
 
 
 def _bindings(owner: DOMNode) -> list[Binding]:
-    """Key bindings of a class that have a description."""
+    """Return those key bindings of a class that have a description."""
     bindings = owner.__class__.__dict__.get("BINDINGS", ())
     return [binding for binding in bindings if isinstance(binding, Binding) and binding.description]

@@ -48,7 +48,7 @@ JOBS = frozenset(("survey", "verify"))
 
 
 def changes(owner: object, action: str) -> bool:
-    """Whether an action of dpr-lab may change more than the display."""
+    """Return whether an action of dpr-lab may change more than the display."""
     method = getattr(owner, f"action_{action}", None)
     return method is not None and str(method.__module__).startswith("dpr_lab.") and action not in ACTIONS
 

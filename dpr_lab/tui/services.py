@@ -22,7 +22,7 @@ class Services:
     """Record of whether the operator sees the screen."""
 
     def key_of(self, step: str) -> str:
-        """Key that shows the step with this name."""
+        """Return the key that shows the step with this name."""
         return self.keys.of(f"app.step_{self.order.index(step) + 1}")
 
     async def connect(self) -> None:

@@ -70,7 +70,7 @@ def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: 
 
 
 def counted_runs(count: int) -> str:
-    """Text with the number of runs, for example `1 run` or `2 runs`."""
+    """Return the text with the number of runs, for example `1 run` or `2 runs`."""
     return f"{count} run" if count == 1 else f"{count} runs"
 
 
@@ -81,7 +81,10 @@ def shorter(names: Sequence[str], most: int = 6) -> str:
 
 
 def named_runs(runs: Sequence[Path]) -> str:
-    """Number and names of runs, for example `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`; may be empty."""
+    """Return a text with the number of runs, their names, and the period in which they were recorded.
+
+    An example is `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`. Without runs the text is empty.
+    """
     names = [run_name(run) for run in runs]
     poses, times = {run_pose(run) for run in runs}, sorted(filter(None, map(recorded, runs)))
     if len(runs) > 1 and len(times) == len(poses) == len(runs) and times[0][:10] == times[-1][:10]:
@@ -101,7 +104,7 @@ class Bars:
     """Value of a full bar; default: the largest value."""
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """One line for each bar."""
+        """Yield one line of text for each bar."""
         label = max((len(row[0]) for row in self.rows), default=0)
         text_width = max((len(row[3]) for row in self.rows), default=0)
         width = max(options.max_width - label - text_width - 4, 8)

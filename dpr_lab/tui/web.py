@@ -46,7 +46,7 @@ def serve(command: Sequence[str], port: int) -> None:
 
 
 def policy(place: str) -> str:
-    """Content security policy of the page: it loads only from this server."""
+    """Return the content security policy, by which the page loads only from this server."""
     return (
         f"default-src http://{place} 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src http://{place}"
         f" ws://{place};"
@@ -55,7 +55,7 @@ def policy(place: str) -> str:
 
 
 def _page(command: Sequence[str], port: int, token: str) -> Any:
-    """Server of the page.
+    """Create the server of the page.
 
     Raises:
         ImportError: textual-serve is not installed.
@@ -88,7 +88,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
         async def on_startup(self, app: Any) -> None:
             """Do nothing.
 
-            textual-serve calls this for both apps, but `announce` is registered for the outer app only.
+            textual-serve calls this function for both apps, but only the outer app has `announce`.
             """
 
         async def announce(self, app: Any) -> None:
@@ -137,7 +137,10 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
 
 
 def _guard(place: str, token: str) -> Any:
-    """Middleware that refuses requests of other pages and requests without the token in the path or as a parameter."""
+    """Create the middleware that refuses requests of other pages and requests without the token.
+
+    A request contains the token in its path or as a parameter.
+    """
     from aiohttp import web  # pyright: ignore[reportMissingImports]
 
     @web.middleware

@@ -26,7 +26,7 @@ FRESH = "the screen starts with an empty workspace; choose rig, link and runs ag
 
 
 def state_folder() -> Path:
-    """Folder of the saved workspace: the user's state folder, or the environment variable DPR_LAB_STATE."""
+    """Return the folder of the saved workspace: DPR_LAB_STATE or, if it is not set, the user's state folder."""
     return Path(os.environ.get("DPR_LAB_STATE") or platformdirs.user_state_dir("dpr-lab"))
 
 
@@ -80,11 +80,14 @@ class Workspace:
 
     @property
     def driven_by(self) -> str | None:
-        """`commanded` if these torques are selected and at least one run contains both kinds; otherwise None."""
+        """The text `commanded` if commanded torques are selected and at least one run contains both kinds.
+
+        Otherwise None.
+        """
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:
-        """Current inputs of results, by kind."""
+        """Return the inputs that results are computed from, by kind."""
         return {
             "the rig": _rig_stamp(self.rig),
             "the runs": " ".join(sorted(map(str, self.runs))),
@@ -132,7 +135,10 @@ def _stamp(path: Path) -> str:
 
 
 def _rig_stamp(rig: str) -> str:
-    """Hash of a rig file without its poses, which do not affect results; its time stamp if it cannot be read."""
+    """Return a hash of a rig file without its poses, because poses do not affect results.
+
+    If the file cannot be read, return its time stamp.
+    """
     try:
         path = find_config("rigs", rig)
         return _without_poses(path, path.stat().st_mtime_ns)
@@ -158,7 +164,7 @@ _WORKSPACE = TypeAdapter(Workspace)
 
 
 def load(folder: Path) -> tuple[Workspace, list[str]]:
-    """Saved workspace, and notices about changes since it was saved.
+    """Return the saved workspace, and notices that name what changed after it was saved.
 
     A damaged file gives an empty workspace. A missing run, model or diagnosis is removed. No exception is raised.
     """

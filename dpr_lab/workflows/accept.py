@@ -32,7 +32,7 @@ class AcceptResult:
     files: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `accept --json`."""
+        """Return the output of `accept --json`."""
         return asdict(self.acceptance)
 
 

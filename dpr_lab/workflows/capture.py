@@ -97,7 +97,7 @@ def capture(request: CaptureRequest, confirm: "Confirm", on_event: OnEvent = ign
 
 @contextmanager
 def _rig_file(rig: "Rig") -> "Iterator[Path | None]":
-    """Rig file for a simulated device: a temporary file if the mounted rods differ from it."""
+    """Yield the rig file for a simulated device: a temporary file if the mounted rods differ from it."""
     from dpr_lab.storage.metadata import rig_toml
 
     if rig.path is not None:

@@ -103,7 +103,7 @@ def certify(
 
 
 def _accepted(diagnosis: "Diagnosis", limits: "Limits | None", request: DiagnoseRequest) -> "Acceptance | None":
-    """Results of the limits with the fitted runs of a request; None if the rig file states no limits."""
+    """Return the results of the limits with the fitted runs of a request; None if the rig file states no limits."""
     from dpr_lab.rig import load_rig
 
     if limits is None:

@@ -66,7 +66,7 @@ def compare_moving_arm(
 
 
 def angles_csv(compared: "Sequence[ArmComparison]") -> str:
-    """Measured and simulated angles as CSV text.
+    """Return the measured and simulated angles as CSV text.
 
     Joints without an encoder have the value nan. Instants at which no joint was simulated are omitted.
     """

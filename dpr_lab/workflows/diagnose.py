@@ -62,7 +62,7 @@ class DiagnoseResult:
     files: "Mapping[str, str]"
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `diagnose --json`."""
+        """Return the output of `diagnose --json`."""
         return self.diagnosis.to_json() | ({"files": dict(self.files)} if self.files else {})
 
 

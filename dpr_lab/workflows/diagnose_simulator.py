@@ -53,7 +53,7 @@ class SimulatorDiagnosis:
     """Reason why the file cannot be changed; empty if it can."""
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `diagnose --simulator --json`: the output of `diagnose` with the key `simulator`."""
+        """Return the output of `diagnose --simulator --json`: the output of `diagnose` with the key `simulator`."""
         return self.result.to_json() | {
             "simulator": {
                 "file": str(self.simulator),

@@ -55,7 +55,7 @@ class DriftResult:
     """Kinds of the known torques that drove the runs."""
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `drift --json`."""
+        """Return the output of `drift --json`."""
         from dpr_lab.report.drift import sentence
 
         runs = zip(self.estimates.runs, self.group, self.estimates.values.tolist(), strict=True)
@@ -145,7 +145,7 @@ def _recorded(file: Path) -> "Occasion":
 
 
 def _effects(file: Path) -> "Mapping[str, Mapping[str, float]]":
-    """Effects of a diagnosis that act during the whole recording."""
+    """Return the effects of a diagnosis that act during the whole recording."""
     from dpr_lab.effects import EFFECTS
     from dpr_lab.gap.result.diagnosis import load_diagnosis
 

@@ -57,7 +57,7 @@ class ExportResult:
     """Sentence that describes the scale."""
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `dpr-lab export --json`."""
+        """Return the output of `dpr-lab export --json`."""
         return {"schema": 1, **asdict(self)}
 
 

@@ -90,7 +90,7 @@ class EnsembleResult:
     the recordings of the model."""
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `dpr-lab export --ensemble --json`."""
+        """Return the output of `dpr-lab export --ensemble --json`."""
         paths = {"file": str(self.file), "folders": [str(folder) for folder in self.folders]}
         return {"schema": 1, **asdict(self), **paths}
 
@@ -161,7 +161,9 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
 
 
 def _diagnosis_of(model: "AnyModel", record: Path) -> "Diagnosis | None":
-    """Diagnosis that contains the model; None if its file does not exist, or if the model is from another fit.
+    """Return the diagnosis that contains the model.
+
+    None if its file does not exist, or if the model is from another fit.
 
     The corrected model has the number of segments and the chi-square of its diagnosis.
     """
@@ -198,7 +200,7 @@ def _coverage(ensemble: _Ensemble, models: "Sequence[Any]", run: "Run") -> BandC
 def _of_rods(
     model: "Model", posterior: "list[PosteriorComponent]", fitted: "Sequence[Run]", rig: "Rig", seed: int
 ) -> _Ensemble:
-    """Ensemble of models with a clamped arm."""
+    """Return the ensemble of models with a clamped arm."""
     from dpr_lab.exports.ensemble.amplitudes import beyond_fitted, fitted_amplitudes
     from dpr_lab.exports.ensemble.bands import predictive_band
     from dpr_lab.exports.ensemble.calibrate import widened
@@ -214,7 +216,7 @@ def _of_rods(
 
 
 def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", seed: int) -> _Ensemble:
-    """Ensemble of models with a moving arm."""
+    """Return the ensemble of models with a moving arm."""
     from dpr_lab.exports.ensemble.calibrate import widened
     from dpr_lab.exports.ensemble.sampled import diagnosed_posterior
     from dpr_lab.exports.moving_arm.bands import predictive_arm_band
@@ -230,7 +232,7 @@ def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", 
 
 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
-    """The fitted recordings; a single long one is cut into pieces.
+    """Return the fitted recordings; a single long one is cut into pieces.
 
     Empty if one of the files was moved or replaced.
     """

@@ -33,7 +33,7 @@ class ExportedInto:
     """Replay errors before and after the change, on the recordings to check."""
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `dpr-lab export --into --json`."""
+        """Return the output of `dpr-lab export --into --json`."""
         passive = {"passive_file": str(self.passive_file) if self.passive_file else None}
         return {"schema": 1, **asdict(self), "file": str(self.file), "diff_file": str(self.diff_file), **passive}
 

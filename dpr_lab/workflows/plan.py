@@ -58,7 +58,7 @@ class PlanResult:
     files: dict[str, str]
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `plan --json`."""
+        """Return the output of `plan --json`."""
         return self.plan.to_json() | ({"files": self.files} if self.files else {})
 
 

@@ -69,7 +69,7 @@ def _mass_table(mass: dict[str, object]) -> str:
 
 
 def _with_setup(text: str, setup: RigSetup, rig: "Rig") -> str:
-    """Text of a rig file with another setup; comments outside the replaced tables are kept."""
+    """Return the text of a rig file with another setup; comments outside the replaced tables are kept."""
     from dpr_lab.rig import parse_rig
 
     mounted, elbow, mass, mode = setup

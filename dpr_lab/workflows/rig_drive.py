@@ -33,7 +33,9 @@ class MotorMeasures:
 
 
 def arm_bounds(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> dict[str, Bounds]:
-    """Bounds of the arm's inertia with the rods at its end, from a few measurements; empty if not needed.
+    """Return the bounds of the arm's inertia with the rods at its end, from a few measurements.
+
+    Empty if not needed.
 
     Args:
         mode: motion of the arm

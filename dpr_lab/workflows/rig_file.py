@@ -127,7 +127,7 @@ def draft_rig(measures: RigMeasures) -> str:
 
 
 def _one_rod(m: RigMeasures) -> Parameters:
-    """Tables in `[parameters]` for a rig with one rod.
+    """Return the tables in `[parameters]` for a rig with one rod.
 
     Raises:
         ConfigError: the values describe one rod, but two rods are mounted.
@@ -144,7 +144,7 @@ def _one_rod(m: RigMeasures) -> Parameters:
 
 
 def _both_rods(m: RigMeasures, m2: Measure, mb: Measure, L2: float) -> Parameters:
-    """The nine tables in `[parameters]` for a rig with two rods."""
+    """Return the nine tables in `[parameters]` for a rig with two rods."""
     s, rods = DRAFT, m.m1.value + m2.value
     mass = {"m1": _mass(m.m1), "m2": _mass(m2), "mb": _mass(mb)}
     if m.mb is None:
@@ -315,7 +315,10 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
 
 
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
-    """Remarks on a rod: mass per length, centre of mass beyond its end, or inertia above the maximum m l (L - l)."""
+    """Yield remarks on implausible values of a rod.
+
+    The values are the mass per length, a centre of mass beyond the end of the rod, and an inertia above m l (L - l).
+    """
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
     centroid, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))
     if length is None:

@@ -34,7 +34,7 @@ class RigFromModel:
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Output of `dpr-lab rig from --json`."""
+        """Return the output of `dpr-lab rig from --json`."""
         return {"schema": 1, **asdict(self), "file": str(self.file)}
 
 
@@ -111,7 +111,7 @@ MEANING = {
 
 
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
-    """Bounds of the parameters, as in `rig new`.
+    """Return the bounds of the parameters, as in `rig new`.
 
     The bounds are extended if the value of the model is outside. A missing value is set to its lower bound.
     """
@@ -153,7 +153,7 @@ def _text(
     notes: list[str],
     source: str,
 ) -> str:
-    """Text of the rig file.
+    """Return the text of the rig file.
 
     Notes on the import are added to `notes`.
     """
@@ -189,7 +189,7 @@ def _text(
 
 
 def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.01) -> list[int]:
-    """Encoder readings with the rods hanging, counts, for encoders at the joints of the model.
+    """Return the encoder readings with the rods hanging, counts, for encoders at the joints of the model.
 
     If rounding to whole counts changes a reading by more than `noted` counts, a note is added.
     """
@@ -206,7 +206,7 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.
 
 
 def _reversed(chain: "ModelChain") -> list[str]:
-    """Notes on joints whose positive direction is opposite to that of dpr-lab."""
+    """Return the notes on joints whose positive direction is opposite to that of dpr-lab."""
     return [
         f"joint {part.joint.name!r} turns opposite to the angle of dpr-lab: its direction in [encoders] is -1, so"
         " recordings of the angle in the model can be used unchanged"
@@ -216,7 +216,7 @@ def _reversed(chain: "ModelChain") -> list[str]:
 
 
 def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
-    """Nominal values of the arm by key.
+    """Return the nominal values of the arm by key.
 
     A is the inertia about its axis with the rods at its end, kg m^2.
     """
@@ -226,7 +226,7 @@ def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
 
 
 def _motor(arm: "ChainArm", driven: dict[str, float]) -> MotorMeasures | None:
-    """Motor of the arm, from the gears of the driven joints; None if the arm has no motor."""
+    """Return the motor of the arm, from the gears of the driven joints; None if the arm has no motor."""
     if arm.joint.name not in driven:
         return None
     gear = abs(driven[arm.joint.name])

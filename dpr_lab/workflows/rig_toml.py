@@ -73,12 +73,12 @@ def _text(value: str) -> str:
 
 
 def _comment(text: object) -> str:
-    """Text of a TOML comment; characters that TOML does not allow in it are replaced."""
+    """Return the text of a TOML comment; characters that TOML does not allow in it are replaced."""
     return "".join(c if c.isprintable() else " " for c in str(text))
 
 
 def _keys(bounds: Bounds, std: float | None = None, digits: int = 4) -> list[str]:
-    """Keys with the nominal value and either its bounds or the measured value with its standard uncertainty.
+    """Return the keys with the nominal value and either its bounds or the measured value with its standard uncertainty.
 
     `digits` is the number of significant digits of the nominal value.
     """

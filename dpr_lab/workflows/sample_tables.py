@@ -56,7 +56,7 @@ def write_sample_tables(out: Path) -> tuple[Path, ...]:
 
 
 def film_points(table: Path, rig_file: Path) -> str:
-    """Points of pivot, elbow and tip in a film of a release, as CSV in pixels.
+    """Return the points of pivot, elbow and tip in a film of a release, as CSV in pixels.
 
     Args:
         table: time, angle of the inner rod from the hanging position, angle of the outer rod relative to it, degrees

@@ -141,7 +141,7 @@ class Service:
             self._process.end()
 
     def _called(self, request: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Immediate result of a request; None for a job, which is queued."""
+        """Return the immediate result of a request; None for a job, which is queued."""
         name, params = request["method"], request.get("params", {})
         if name == "status":
             return self._status()
@@ -216,7 +216,10 @@ class Service:
             self._out({"id": job.id, "result": message})
 
     def _last_message(self, job: _Job, process: ChildFunction | None) -> Mapping[str, Any] | RpcError:
-        """Result or error of a job in the child process; its progress is sent to the client in the meantime."""
+        """Return the result or error of a job in the child process.
+
+        Its progress is sent to the client in the meantime.
+        """
         if process is None:  # cancelled before its start
             return {}
         try:
@@ -357,7 +360,7 @@ def _imported(name: str) -> Any:
 
 
 def _progress(event: events.Event) -> dict[str, Any] | None:
-    """Parameters of the notification for an event; None for an event that is not reported."""
+    """Return the parameters of the notification for an event; None for an event that is not reported."""
     match event:
         case events.StageBegan():
             return {"event": "stage", "number": event.number, "of": event.of, "name": event.name}

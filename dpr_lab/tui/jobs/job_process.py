@@ -94,7 +94,7 @@ class JobHeard(Message, bubble=False):
 
 
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
-    """Start a `JobProcess` and post its events to its owner as `JobHeard` messages.
+    """Start a `JobProcess`; its events are posted to its owner as `JobHeard` messages.
 
     Raises:
         SafetyStop: the page is read-only, and the job does more than read.

@@ -43,7 +43,7 @@ class KeptComparison:
         write_whole(self.file, write)
 
     def load(self) -> "list[Comparison] | list[ArmComparison]":
-        """Stored comparisons for the same inputs; empty if there are none or the file is invalid."""
+        """Return the stored comparisons for the same inputs; empty if none are stored or the file is invalid."""
         from dpr_lab.identification.compare import Comparison
         from dpr_lab.identification.moving_arm.identify import ArmComparison
 

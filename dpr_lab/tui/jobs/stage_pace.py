@@ -4,7 +4,9 @@ from collections.abc import Collection, Mapping
 
 
 class StagePace:
-    """Estimator of the remaining time: typical durations of the stages, scaled by the durations of finished stages.
+    """Estimator of the remaining time of a job.
+
+    The estimate is the sum of typical durations of the remaining stages, scaled by the durations of finished stages.
 
     Args:
         typical: typical duration of each stage, s, in the order of the stages
@@ -29,7 +31,7 @@ class StagePace:
         self._since, self._compiled = now, True
 
     def left(self, now: float) -> float | None:
-        """Estimated remaining time, s; None if the current stage takes longer than usual."""
+        """Return the estimated remaining time, s; None if the current stage takes longer than usual."""
         pace = self._took / self._expected if self._took > 0 else 1.0
         names = list(self._typical)
         current, *coming = (pace * self._typical[name] for name in names[names.index(self._stage) :])

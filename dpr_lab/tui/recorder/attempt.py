@@ -58,9 +58,9 @@ class Attempt:
 
     @property
     def inputs(self) -> Array:
-        """(n,) input of the arm's drive at the samples of `trace`, in its unit of the rig file.
+        """Input of the arm's drive (n,) at the samples of `trace`, in the unit that the rig file states.
 
-        Empty without a drive.
+        The array is empty without a drive.
         """
         inputs = np.concatenate(self._inputs) if self._inputs else np.empty(0)
         return inputs if len(inputs) == len(self.trace[0]) else np.empty(0)

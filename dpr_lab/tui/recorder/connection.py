@@ -66,7 +66,7 @@ class DeviceConnection:
             await asyncio.to_thread(recorder.close)
 
     def fresh(self, now: float) -> bool:
-        """Whether the device is connected and has reported recently."""
+        """Return whether the device is connected and has reported recently."""
         return self.connected is not None and self.seen.fresh(now)
 
     def tell(self, order: RecorderOrder) -> None:
@@ -82,7 +82,7 @@ class DeviceConnection:
             raise SafetyStop(READ_ONLY)
 
     def reports(self) -> Iterator[RecorderReport]:
-        """Messages of the recorder since the last call."""
+        """Yield the messages of the recorder since the last call."""
         if self._recorder is None:
             return
         for report in self._recorder.reports():

@@ -20,14 +20,14 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 def carry_out(
     order: CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
 ) -> AttemptFinished:
-    """Execute a capture command; errors are those of `capture`."""
+    """Execute a capture command; the exceptions are those of `capture`."""
     guided = _GuidedCapture(order, device, inbox, outbox)
     captured = capture(device, rig, order.pose, order.options, runs, guided.on_progress, guided.confirm)
     return AttemptFinished(order.attempt, captured, device.clock_fit())
 
 
 def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
-    """Number of samples lost since earlier counts, by cause.
+    """Return the number of samples that were lost since the counts `before`, by cause.
 
     A device counts lost torques only while it streams.
     """
@@ -62,9 +62,11 @@ class _GuidedCapture:
             self._unsent.clear()
 
     def confirm(self) -> bool | None:
-        """Whether to release the rods; None while undecided.
+        """Return True if the rods may be released now, and None while no release command permits it.
 
-        Only a recent release command for this attempt and pose, sent after it was requested, permits the release.
+        A release command permits the release if it is recent, was sent after the request, and names this attempt and
+        this
+        pose.
         """
         self._end_if_wanted()
         if self._asked_at is None:
@@ -89,7 +91,7 @@ def _thinned(recorded: SwingReading) -> SwingReading:
 
 
 def _joined(readings: Sequence[SwingReading]) -> SwingReading:
-    """The newest reading, with the points of earlier readings that could not be sent."""
+    """Return the newest reading, extended by the points of earlier readings that could not be sent."""
     t, theta = zip(*(reading.fresh for reading in readings), strict=True)
     inputs = [reading.inputs for reading in readings if reading.inputs is not None]
     fresh = np.concatenate(t), np.concatenate(theta)

@@ -25,7 +25,7 @@ class Inbox:
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
     def next(self) -> Exercise | CaptureAttempt | None:
-        """Next command, if any."""
+        """Return the next command; None if no command waits."""
         with contextlib.suppress(queue.Empty):
             return self._waiting.get_nowait()
         return None
@@ -39,7 +39,7 @@ class Inbox:
         return latest
 
     def why_to_end(self, attempt: int) -> str:
-        """Reason why an attempt must end; empty if the attempt may continue."""
+        """Return the reason why an attempt must end; empty if the attempt may continue."""
         if self.gone:
             return "the screen has ended"
         return "stopped by the operator" if attempt in self._cancelled else ""

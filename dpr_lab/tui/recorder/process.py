@@ -157,7 +157,7 @@ class _IdleWatch:
         self._outbox.add_if_read(self._last)
 
     def _still(self) -> bool:
-        """Whether all encoders read the last reported angles within their noise."""
+        """Return whether the reading of every encoder differs from its last report by no more than the noise."""
         noise = 1 + SETTINGS.noises * self._rig.encoders.noise_counts
         return all(
             joint in self._last_reported and abs(n - self._last_reported[joint]) <= noise

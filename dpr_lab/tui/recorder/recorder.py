@@ -33,7 +33,7 @@ class Recorder:
             self._process.pipe.send(order)
 
     def reports(self) -> Iterator[RecorderReport]:
-        """Reports since the last call, without waiting."""
+        """Yield the reports that arrived since the last call; do not wait for further ones."""
         while not self._over and self._process.pipe.poll():
             try:
                 report = self._process.pipe.recv()

@@ -38,11 +38,11 @@ class Sighting:
     """Time of the reading, `time.monotonic()`, s."""
 
     def fresh(self, now: float) -> bool:
-        """Whether the reading is still current."""
+        """Return whether the reading is still current."""
         return now - self.at <= SIGHTING.fresh_s
 
     def settles(self, ordered: float) -> bool:
-        """Whether the reading shows the result of a release command.
+        """Return whether the reading shows the result of a release command.
 
         Args:
             ordered: instant at which the command was sent, s, as in `time.monotonic()`
@@ -52,12 +52,12 @@ class Sighting:
         return self.at >= ordered if not self.latched else self.at > ordered + SIGHTING.outcome_s
 
     def ago(self, now: float) -> str:
-        """Text that states the age of the reading, for example `last seen 3.2 s ago`."""
+        """Return the text that states the age of the reading, for example `last seen 3.2 s ago`."""
         return f"last seen {now - self.at:.1f} s ago" if math.isfinite(self.at) else "never seen"
 
 
 def seen_in(report: Idle | AttemptSeen, before: Sighting) -> Sighting:
-    """Last readings after a report; values that the report does not contain are kept."""
+    """Return the last readings after a report; values that the report does not contain keep their old readings."""
     if isinstance(report, Idle):
         return Sighting(report.theta, report.latched, report.at)
     theta = before.theta

@@ -36,21 +36,21 @@ def start_of_diagnosis(model: Path | None) -> Path | None:
 
 
 def ratios(model: "MovingArmModel") -> Group:
-    """Table of the ratios that the recordings determine, and warnings."""
+    """Draw a table of the ratios that the recordings determine, followed by warnings."""
     inertia = "the inertia a of the inner rod" if model.scale == "a" else "the inertia b of the outer rod"
     rows = table(f"Ratios to {inertia}", moving_arm.RATIO_COLUMNS, moving_arm.ratio_rows(model))
     return Group(rows, sentences("Warnings", [*model.failures, *model.warnings], mark="!"))
 
 
 def absolute(model: "MovingArmModel") -> Group:
-    """Table of the absolute values, and a sentence on the quantity that determines their scale."""
+    """Draw a table of the absolute values, followed by a sentence on the quantity that determines their scale."""
     rows = table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     return Group(rows, Text(note, "dim"))
 
 
 def identifiability(model: "MovingArmModel") -> Group:
-    """Sentences on values that the recordings do not determine, and on values they cannot separate."""
+    """Draw sentences that name the values which the recordings cannot determine or cannot separate."""
     undetermined = [f"{name}: {reason}" for name, reason in model.undetermined.items()]
     notes = [superscripts(note) for note in model.notes]
     known = "" if undetermined or model.notes else "The recordings determine all values of this rig."
@@ -76,7 +76,7 @@ def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ComparedArmRun:
-    """Content of the charts: one joint of a run and of the model, by segment."""
+    """Content of the charts: the measured and simulated angle of one joint in a run, by segment."""
 
     comparison: "ArmComparison"
     joint: int
@@ -104,7 +104,7 @@ class ComparedArmRun:
         )
 
     def figures(self, news: str) -> str:
-        """Residuals of all joints in one line, followed by `news`."""
+        """Return the residuals of all joints in one line, followed by `news`."""
         shown, scale = self.comparison, self.unit.small_per_rad
         sizes = [
             f"{JOINT_NAMES[joint][-2:]} {pair(scale * np.array([shown.rms_rad[name], shown.noise_rad[name]]))}"
@@ -117,5 +117,5 @@ class ComparedArmRun:
 
 
 def joints_of(comparison: "ArmComparison") -> list[int]:
-    """Joints of a comparison that have readings."""
+    """Return the joints of a comparison that have readings."""
     return [joint for joint, name in enumerate(KEYS) if name in comparison.rms_rad]

@@ -127,7 +127,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return counted_runs(count) if count else ""
 
     def missing(self) -> str:
-        """Message that names the missing device, rig or pose; empty if nothing is missing."""
+        """Return the message that names the missing device, rig or pose; empty if nothing is missing."""
         if self._rig is None:
             return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
         if self.device.opening is not None:
@@ -141,7 +141,10 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return ""
 
     def at_stake(self) -> str:
-        """Sentence on a recording that quitting would end or leave undecided; empty if there is none."""
+        """Return a sentence that names the recording which quitting would end or leave undecided.
+
+        Empty if there is none.
+        """
         if self.recording is not None:
             return "The current recording ends now; the data recorded so far are kept."
         if self.workspace.undecided is None:
@@ -184,7 +187,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self.options = replace(self.options, until_rest=False, duration=self.workspace.next_duration_s)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Whether an action is available; Keep and Again need a recording that waits for a decision."""
+        """Return whether an action is available; Keep and Again need a recording that waits for a decision."""
         return action not in ("keep", "again") or self.workspace.undecided is not None
 
     def hear(self, report: RecorderReport) -> None:
@@ -296,7 +299,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             raise DprError(self.worded(BUSY))
 
     def _obstacle(self) -> str:
-        """Reason why the rods may not be released now; empty if a release is permitted."""
+        """Return the reason why the rods may not be released now; empty if a release is permitted."""
         if self.attempt is None:
             return self.worded("press {capture.start} to be guided to the pose first")
         if not self.device.fresh(now := time.monotonic()):
@@ -358,7 +361,9 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self.post_message(self.Done())
 
     def _decided(self, what: str, take: Callable[[Path], None]) -> None:
-        """Pass the run that waits for a decision to `take`, which keeps it or sets it aside.
+        """Pass the run that waits for a decision to `take`.
+
+        The function `take` keeps the run or sets it aside.
 
         Raises:
             DprError: no recording is finished; the message contains the verb `what`.

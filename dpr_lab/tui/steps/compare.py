@@ -102,7 +102,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         yield Static(id="figures", markup=False)
 
     def missing(self) -> str:
-        """Message that names the missing model or runs; empty if both exist."""
+        """Return the message that names the missing model or runs; empty if both exist."""
         known = self.workspace.model is not None and self.workspace.model.is_file()
         no_model = f"No model yet: identify one in step {self.services.key_of('Identify')}"
         return super().missing() or ("" if known else no_model)
@@ -144,18 +144,18 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         return "" if self._saved else super().work
 
     def pace(self, now: float) -> str:
-        """Remaining time as text, estimated from the number of finished runs."""
+        """Return the remaining time as text, estimated from the number of finished runs."""
         done, net = self._compared, now - self._started - self._compiled_s
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
-        """Message if the model, runs or torques changed since the last comparison; otherwise empty."""
+        """Return the message if the model, runs or torques changed since the last comparison; otherwise empty."""
         if not self._compared or not self._saved or self.missing() or self._compared_subject == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Whether an action is available.
+        """Return whether an action is available.
 
         The kind of torque can be changed while the job waits. A moving arm has no second curve.
         """
@@ -352,7 +352,10 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         self.say(compared.figures(news))
 
     def _free_run(self, shown: "Comparison") -> "FreeRun":
-        """Free run from the position of the slider; while it is simulated, the last known free run."""
+        """Return the free run that starts at the position of the slider.
+
+        While this free run is simulated, the stored free run of the comparison is returned.
+        """
         from dpr_lab.identification.compare import FreeRun
 
         run = self._comparisons.index(shown)

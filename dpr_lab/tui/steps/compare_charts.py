@@ -33,7 +33,7 @@ SETTINGS = CompareSettings()
 
 @dataclass(frozen=True, slots=True)
 class ComparedRun:
-    """Content of the charts: one axis of a comparison, its free run, and a second comparison."""
+    """Content of the charts: one joint of a comparison, its free run, and a second comparison."""
 
     comparison: "Comparison"
     free_run: "FreeRun"
@@ -90,7 +90,7 @@ class ComparedRun:
         )
 
     def figures(self, news: str) -> str:
-        """Figures of the comparison, followed by `news`; the second comparison has its own line."""
+        """Return the figures of the comparison, followed by `news`; the second comparison has its own line."""
         second = "" if self.second is None else f"\nsecond: {_figures(self.second, self.unit)}"
         return _figures(self.comparison, self.unit) + (f"  {news}" if news else "") + second
 
@@ -99,7 +99,7 @@ class ComparedRun:
 
 
 def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
-    """Residuals and free-run errors of both rods in one sentence, as in the table of `dpr-lab compare`."""
+    """Return one sentence with the residuals and free-run errors of both rods, as `dpr-lab compare` tabulates them."""
     from dpr_lab.report.tables import COMPARISON_COLUMNS, comparison_rows, to_the_end
 
     row = dict(zip(COMPARISON_COLUMNS, comparison_rows([comparison], unit)[0], strict=True))
@@ -112,9 +112,9 @@ def _figures(comparison: "Comparison", unit: AngleUnit) -> str:
 
 
 def _range_of(angle: Array) -> tuple[float, float]:
-    """Range of the chart for a measured angle.
+    """Return the range of the chart that a measured angle needs.
 
-    The free run is ignored. If it diverges, its curve leaves the chart.
+    The free run does not change the range. If it diverges, its curve leaves the chart.
     """
     low, high = float(np.nanmin(angle)), float(np.nanmax(angle))
     room = max(0.06 * (high - low), 0.01)

@@ -76,7 +76,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self.action_look()
 
     def outcome(self) -> str:
-        """Short name of the connected device; empty if no device is connected."""
+        """Return the short name of the connected device; empty if no device is connected."""
         connected = self.device.connected
         if connected is None:
             return ""
@@ -204,7 +204,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         links.highlighted = 0
 
     def _offers(self, links: Links) -> dict[str, str]:
-        """Mapping of link URLs to descriptions, with the last used link first."""
+        """Return the available links as a mapping from URL to description; the last used link comes first."""
         offers = {}
         if self.workspace.link:
             offers[self.workspace.link] = "used last"

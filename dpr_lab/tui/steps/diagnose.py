@@ -128,7 +128,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """Short verdict for the list of steps."""
+        """Return the short verdict for the list of steps."""
         if self._diagnosis is None:
             return ""
         named = len(self._diagnosis.effects)
@@ -169,7 +169,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.begin(jobs.diagnose, request=request)
 
     def pace(self, now: float) -> str:
-        """Remaining time as text, estimated from the durations of the stages."""
+        """Return the remaining time as text, estimated from the durations of the stages."""
         left = self._pace.left(now) if self._pace is not None else None
         return f"about {left:.0f} s left" if left is not None else ""
 
@@ -310,7 +310,10 @@ def _progress(number: int, of: int) -> str:
 
 
 def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
-    """Named effects with their probabilities and indistinguishable effects, their alternatives, and sensor faults."""
+    """Draw the named effects, their alternatives, and the sensor faults.
+
+    Each named effect is shown with its probability and its indistinguishable effects.
+    """
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.words import in_words
 
@@ -329,7 +332,7 @@ def _which(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
 
 
 def _effect(row: Sequence[str]) -> Group:
-    """A named effect: probability, indistinguishable effects, and size with 90 % intervals."""
+    """Draw a named effect with its probability, its indistinguishable effects, and its size with 90 % intervals."""
     from dpr_lab.report.gap import tables as gap_tables
 
     name, twins, probability, share, parameters = row
@@ -341,7 +344,7 @@ def _effect(row: Sequence[str]) -> Group:
 
 
 def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
-    """Remaining gap after each added effect, and its reduction on held-out data."""
+    """Draw the gap that remains after each added effect, and the reduction of the gap on held-out data."""
     from dpr_lab.report.digits import three
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
@@ -387,7 +390,7 @@ def _far(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
 
 
 def _next(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
-    """Recommendations, minimum detectable effects and assumptions."""
+    """Draw the recommendations, the minimum detectable effects and the assumptions."""
     from dpr_lab.report.gap import tables as gap_tables
     from dpr_lab.report.words import in_words
 

@@ -140,7 +140,7 @@ in the folder of the workspace.
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """Upper limit of the remaining time of the search, as text; empty if unknown.
+        """Return the upper limit of the remaining time of the search, as text; empty if unknown.
 
         The search may end before its maximum number of generations.
         """
@@ -238,7 +238,7 @@ in the folder of the workspace.
         self.query_one("#seen-text", Static).update(_identifiability(model))
 
     def _doubt(self, model: "Model | MovingArmModel") -> str:
-        """Note if the model was fitted to other runs than those selected; otherwise empty."""
+        """Return a note if the model was fitted to other runs than the selected ones; otherwise an empty text."""
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
         return "" if used == selected or not selected else " This model was fitted to other runs than those selected."
 
@@ -268,7 +268,7 @@ in the folder of the workspace.
 
 
 def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
-    """Estimated time of the remaining generations, s; None if there are no data.
+    """Return the estimated time of the remaining generations, s; None if there are no data.
 
     Args:
         instants: end of each generation since the start or the last pause, s
@@ -290,7 +290,7 @@ def _history(model: "Model") -> list[GenerationDone]:
 
 
 def _identifiability(model: "Model") -> Group:
-    """Identifiability of the parameters from the recordings, and recommended bench measurements."""
+    """Draw which parameters the recordings identify, and which bench measurements are recommended."""
     from dpr_lab.identification.directions import described
 
     identifiability = model.identifiability

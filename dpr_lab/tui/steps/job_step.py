@@ -19,7 +19,7 @@ from dpr_lab.tui.steps.step import Step
 
 
 def job_keys(place: str) -> list[Binding]:
-    """Keys that control the job of a step."""
+    """Return the keys that control the job of a step."""
     return [
         Binding("s", "start", "Start", id=f"{place}.start"),
         Binding("w", "pause", "Pause/continue", id=f"{place}.pause"),
@@ -30,7 +30,7 @@ def job_keys(place: str) -> list[Binding]:
 
 
 def torque_key(place: str) -> Binding:
-    """Key that selects measured or commanded torques, shown if runs contain both."""
+    """Return the key that selects measured or commanded torques; the screen shows it if runs contain both."""
     return Binding("T", "torque", "Torques", id=f"{place}.torque", tooltip="measured or commanded torques")
 
 
@@ -74,7 +74,10 @@ class JobStep(Step):
         self._basis: dict[str, str] = {}
 
     def stale(self) -> str:
-        """Sentence on the inputs that changed since the result was computed; empty if no input changed."""
+        """Return a sentence that names the inputs which changed after the result was computed.
+
+        Empty if none changed.
+        """
         made, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
         changed = [kind for kind in self.RESTS_ON if made.get(kind, now[kind]) != now[kind]]
         if not changed or not self.outcome() or self.job is not None:
@@ -95,7 +98,7 @@ class JobStep(Step):
         return f"{text}, {pace}" if pace else text
 
     def pace(self, now: float) -> str:
-        """Remaining time as text, estimated only from the progress of this job; empty if unknown.
+        """Return the remaining time as text, estimated only from the progress of this job; empty if unknown.
 
         Durations of earlier jobs are not used.
         """
@@ -111,7 +114,7 @@ class JobStep(Step):
         return max(len(self.workspace.runs), 1)
 
     def missing(self) -> str:
-        """Message if no runs are selected; otherwise empty."""
+        """Return a message if no runs are selected; otherwise an empty text."""
         step = self.services.key_of("Capture")
         no_runs = self.worded(f"No runs selected: record some in step {step}, or choose recorded ones ({{app.browse}})")
         return "" if self.workspace.runs else no_runs
@@ -147,7 +150,7 @@ class JobStep(Step):
         """
 
     def at_stake(self) -> str:
-        """Warning that quitting ends the running job; empty if no job is running."""
+        """Return the warning that quitting ends the running job; empty if no job is running."""
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:
@@ -217,7 +220,7 @@ class JobStep(Step):
             self.job.cancel()
 
     def whole_number(self, name: str, least: int = 0, most: int = 2**32 - 1) -> int:
-        """Integer from a form field; the default range is that of a 32-bit seed.
+        """Return the integer from a form field; the default range is that of a 32-bit seed.
 
         Raises:
             ConfigError: the text is not such a number.

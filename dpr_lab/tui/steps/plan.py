@@ -96,7 +96,7 @@ diagnosed first.
             yield Static(id="details")
 
     def missing(self) -> str:
-        """Empty, because a first plan needs only a rig file."""
+        """Return an empty text, because a first plan needs only a rig file."""
         return ""
 
     def outcome(self) -> str:
@@ -114,7 +114,7 @@ diagnosed first.
         self.invite()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Whether an action is available; a release can be taken only if the plan has one."""
+        """Return whether an action is available; a release can be taken only if the plan has one."""
         if action == "take":
             return self._made is not None and bool(self._made.plan.releases) and self.job is None
         return super().check_action(action, parameters)
@@ -190,7 +190,7 @@ diagnosed first.
         return releases[row] if 0 <= row < len(releases) else None
 
     def _diagnosis(self) -> Path | None:
-        """Diagnosis of the workspace; None unless it belongs to the selected runs."""
+        """Return the diagnosis of the workspace; None if it does not belong to the selected runs."""
         made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
         unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
         return self.workspace.diagnosis if unchanged else None
@@ -224,7 +224,7 @@ def _row(release: "PlannedRelease", unit: AngleUnit) -> tuple[str, ...]:
 
 
 def _details(made: "Plan", release: "PlannedRelease | None") -> RenderableType:
-    """Details of the selected release, the causes that no release separates, and the assumptions."""
+    """Draw the details of the selected release, the causes that no release separates, and the assumptions."""
     from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, limit_forecast_rows, ratio_std_rows
     from dpr_lab.report.words import in_words, named
 

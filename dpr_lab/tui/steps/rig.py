@@ -102,7 +102,7 @@ the selected rig.
         self._read()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Whether an action is available; the page can be scrolled only if it is longer than the screen."""
+        """Return whether an action is available; the page can be scrolled only if it is longer than the screen."""
         return action != "page" or self.query_one("#described").max_scroll_y > 0
 
     def action_page(self, by: int) -> None:
@@ -196,13 +196,13 @@ def _description(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
 
 
 def _mounted(rig: Rig) -> tuple[str, ...]:
-    """Names of the parameters of the mounted rods."""
+    """Return the names of the parameters of the mounted rods."""
     joints = {"both": "12", "inner": "1", "outer": "2"}[rig.rods.mounted]
     return tuple(name for name in PARAMETERS if name[-1] in joints or (name == "mb" and joints == "12"))
 
 
 def _setup(rig: Rig) -> Iterator[Content]:
-    """Mounting of the rods, if it differs from two rods that swing freely."""
+    """Yield sentences that describe the mounting of the rods, if it differs from two rods that swing freely."""
     if rig.rods.mounting != "both":
         yield Content("the elbow is clamped" if rig.rods.number == 2 else f"{rig.rods.names[0]} alone, on joint 1")
     if rig.joints.inner == "prescribed":
@@ -212,7 +212,7 @@ def _setup(rig: Rig) -> Iterator[Content]:
 
 
 def _arm(rig: Rig, unit: AngleUnit) -> Iterator[Content]:
-    """Mode and parameters of a moving arm, and the constants of its motor."""
+    """Yield lines with the mode and the parameters of a moving arm, and with the constants of its motor."""
     arm, motor = rig.arm, rig.motor
     if arm.mode == "clamped":
         return

@@ -63,11 +63,14 @@ class Step(Guarded, Vertical, can_focus=True):
         return False
 
     def outcome(self) -> str:
-        """Short result for the list of steps; empty if there is no result."""
+        """Return the short result for the list of steps; empty if there is no result."""
         return ""
 
     def stale(self) -> str:
-        """Changes since the result was computed, and the key that repeats it; empty if it is current."""
+        """Return a sentence that names what changed after the result was computed; empty if the result is current.
+
+        The sentence also names the key that repeats the computation.
+        """
         return ""
 
     @property
@@ -76,11 +79,11 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def report(self) -> Path | None:
-        """Path of the report of the step; None if there is no report."""
+        """Return the path of the report of the step; None if there is no report."""
         return None
 
     def missing(self) -> str:
-        """Sentence that names the missing prerequisite and how to provide it; empty if there is none."""
+        """Return the sentence that names the missing prerequisite and how to provide it; empty if there is none."""
         return ""
 
     def enter(self) -> None:
@@ -90,5 +93,5 @@ class Step(Guarded, Vertical, can_focus=True):
         """Handle a report of the recorder."""
 
     def at_stake(self) -> str:
-        """Warning about work that would be lost if the operator quits now; empty if there is none."""
+        """Return the warning about work that would be lost if the operator quits now; empty if there is none."""
         return ""

@@ -130,7 +130,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
 
 
 def warnings_of(preview: Preview) -> list[str]:
-    """Warnings on a table, which the operator must confirm before the run is written."""
+    """Return the warnings about a table; the operator must confirm them before the run is written."""
     return [question.sentence for question in preview.questions]
 
 

@@ -134,7 +134,7 @@ class Display:
         return self._number
 
     def _cell(self, number: int) -> tuple[int, int]:
-        """Cell that encodes the number of a frame.
+        """Return the cell that encodes the number of a frame.
 
         It is in the right half of the screen, because a key also sends `ESC [ 1 ; 2 R`.
         """

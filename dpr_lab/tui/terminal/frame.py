@@ -22,7 +22,10 @@ class Look:
     ground: str = ""
 
     def after(self, before: "Look | None") -> str:
-        """Control sequence that changes from the style `before` to this style; None stands for an unknown style."""
+        """Return the control sequence that changes from the style `before` to this style.
+
+        None stands for an unknown style.
+        """
         if before is None or before.attributes != self.attributes:
             parts = [part for part in ("0", self.attributes, self.colour, self.ground) if part]
         else:
@@ -89,7 +92,10 @@ class CellFrame:
                         self._put(max(x, begin), y, strip.crop(max(begin - x, 0), end - x))
 
     def changes(self) -> str:
-        """Output that changes the terminal to the requested content, which is then recorded as transmitted."""
+        """Return the output that changes the terminal to the requested content.
+
+        The requested content is then recorded as transmitted.
+        """
         out: list[str] = []
         pen: Look | None = None
         for y, (wanted, sent) in enumerate(zip(self._wanted, self._sent, strict=True)):
@@ -149,7 +155,7 @@ class CellFrame:
 
 
 def _runs(wanted: Sequence[Cell], sent: Sequence[Cell]) -> Iterator[tuple[int, int]]:
-    """First and last cell of each section to send.
+    """Yield the first and the last cell of each section that must be sent.
 
     A section includes unchanged cells if sending them is shorter than a cursor movement.
     """

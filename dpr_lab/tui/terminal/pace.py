@@ -35,7 +35,7 @@ class Pace:
         self._out: dict[int, float] = {}
 
     def wait(self, now: float) -> float:
-        """Waiting time until the next frame may be sent, s."""
+        """Return the waiting time until the next frame may be sent, s."""
         self._count(now)
         budget = max(-self._credit, 0.0) / (SETTINGS.bytes_per_cell_s * self._cells)
         return max(budget, *(sent_at + SETTINGS.lost_after_s - now for sent_at in self._out.values()), 0.0)

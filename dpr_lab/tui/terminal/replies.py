@@ -41,7 +41,7 @@ class ReplyParser(XTermParser):
         return [events.Key(Keys.Ignore, sequence)] if reply else super()._sequence_to_key_events(sequence, alt)
 
     def _in_reply(self, sequence: str) -> bool:
-        """Whether a sequence is a prefix of a reply.
+        """Return whether a sequence is a prefix of a reply.
 
         The parser passes each sequence again as it grows.
         """

@@ -155,7 +155,7 @@ class CaptureView(Vertical):
 
 
 def _lengths(rig: Rig) -> Lengths:
-    """Lengths for the drawing of the rods; a single rod is drawn as the inner one."""
+    """Return the lengths that the drawing of the rods uses; a single rod is drawn as the inner one."""
     outer = rig.L2 or rig.L1
     if rig.rods.number == 2:
         return Lengths(rig.L0, rig.L1, outer)
@@ -163,7 +163,7 @@ def _lengths(rig: Rig) -> Lengths:
 
 
 def headline(state: CaptureState) -> Content:
-    """Next action of the operator, in one line."""
+    """Return one line with the next action of the operator."""
     attempt = state.attempt
     if state.countdown and state.live:
         releasing = CODE_FIRST if state.code else RELEASING
@@ -249,7 +249,7 @@ def _judgement(verdict: QualityReport) -> Iterator[Content]:
 
 
 def _placement(state: CaptureState) -> Placement | None:
-    """Target position of the rods for the drawing; None after all poses are recorded."""
+    """Return the position to which the operator turns the rods; None after all poses are recorded."""
     if state.all_done:
         return None
     if state.attempt is not None:

@@ -204,7 +204,7 @@ class Chart(Vertical, can_focus=True):
         return x_view, self._y_view or self._content.y_range or self._y_fitting(x_view)
 
     def compose(self) -> ComposeResult:
-        """Legend above the chart."""
+        """Build the legend and, below it, the chart."""
         yield self._head
         yield self._readings
         yield self._plot
@@ -303,7 +303,7 @@ class Chart(Vertical, can_focus=True):
         self._plot.set_ylimits(*y_view)
 
     def _share_for_labels(self) -> float:
-        """Width of the labels to the right of the plotted range, as a fraction of the width of this range."""
+        """Return the width of the labels at the right end of the lines, divided by the width of the plotted range."""
         columns = max(self._plot.size.width - self._plot.margin_left - 2, 8)
         longest = max((len(s.label) for s in self._content.series if len(s.label) <= SETTINGS.end_label), default=0)
         several = len(self._content.series) > 1 and 4 * longest < columns
@@ -324,7 +324,10 @@ class Chart(Vertical, can_focus=True):
             self._plot.plot(x[piece], y[piece], line_style=self._colour(series.tone), hires_mode=HiResMode.BRAILLE)
 
     def _draw_band(self, band: Band, x_view: tuple[float, float], columns: int) -> None:
-        """Draw the edges of a band as dots at every second cell, in the quarter of the row that contains the edge."""
+        """Draw the edges of a band as dots at every second cell.
+
+        Each dot is in the quarter of the row that contains the edge.
+        """
         x = x_view[0] + (np.arange(0, columns, 2) + 0.5) * (x_view[1] - x_view[0]) / columns
         for edge in (band.low, band.high):
             style, y = self._colour(band.tone), np.full(len(x), edge)
@@ -364,7 +367,7 @@ class Chart(Vertical, can_focus=True):
             return "default"
 
     def _y_fitting(self, x_view: tuple[float, float]) -> tuple[float, float]:
-        """Range of y within a view of x, with a margin."""
+        """Return the range of y within a view of x, extended by a margin."""
         inside = [s.y[(s.x >= x_view[0]) & (s.x <= x_view[1])] for s in self._content.series]
         band = self._content.band
         low, high = range_of([*inside, *([np.array([band.low, band.high])] if band else [])])
@@ -373,7 +376,7 @@ class Chart(Vertical, can_focus=True):
 
 
 def _same(old: _Content, new: _Content) -> bool:
-    """Whether two contents look the same."""
+    """Return whether two contents look the same."""
     if len(old.series) != len(new.series) or replace(old, series=()) != replace(new, series=()):
         return False
     return all(

@@ -39,7 +39,7 @@ def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
 
 
 def smallest(low: float, high: float) -> float:
-    """Width of the narrowest view whose ticks differ in floating point."""
+    """Return the width of the narrowest view whose tick values are distinct floating-point numbers."""
     return SETTINGS.narrowest * max(abs(low), abs(high), SETTINGS.narrowest)
 
 
@@ -56,7 +56,10 @@ def moved(view: tuple[float, float], direction: int) -> tuple[float, float]:
 
 
 def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tuple[Array, Array]:
-    """Visible part of a line, reduced to the extremes in each column: at most two points, and NaN at breaks."""
+    """Return the visible part of a line, reduced to at most two extreme points in each column.
+
+    NaN separates the pieces of a broken line.
+    """
     first, last = np.searchsorted(x, x_view)
     shown = slice(max(int(first) - 1, 0), int(last) + 1)
     return trace(x[shown], y[shown], points=2 * columns)
@@ -73,6 +76,6 @@ def even_ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def pieces(y: Array) -> Iterator[slice]:
-    """Sections of a line between its NaN values."""
+    """Return the sections of a line between its NaN values."""
     edges = np.flatnonzero(np.diff(np.isfinite(y), prepend=False, append=False))
     return (slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))

@@ -20,7 +20,7 @@ def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
 
 
 def next_pose(done: Mapping[str, int], repeats: int, current: str) -> str:
-    """Next pose to record: the current pose until it has enough runs, then the first incomplete pose."""
+    """Return the next pose to record: the current pose until it has enough runs, then the first incomplete pose."""
     if done.get(current, repeats) < repeats:
         return current
     return next((pose for pose, number in done.items() if number < repeats), current)

@@ -31,13 +31,13 @@ class Cursors:
 
 
 def first_cursors(x_view: tuple[float, float]) -> Cursors:
-    """Initial cursors, at one and two thirds of the view."""
+    """Return the initial cursors, at one and two thirds of the view."""
     low, high = x_view
     return Cursors((low + (high - low) / 3, high - (high - low) / 3))
 
 
 def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, Array]], colours: Sequence[str]) -> Text:
-    """Text with the cursor positions, the values of each line there, and their differences.
+    """Return a text with the positions of the cursors, the values of each line at the cursors, and their differences.
 
     Args:
         cursors: positions of the cursors
@@ -61,7 +61,7 @@ def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, A
 
 
 def _at(cursors: Cursors, x: Array, y: Array) -> tuple[float, float]:
-    """Values of a line at both cursors by linear interpolation; NaN outside its points."""
+    """Interpolate a line linearly at both cursors; return NaN outside its points."""
     if not len(x):
         return float("nan"), float("nan")
     a, b = np.interp(cursors.at, x, y, left=np.nan, right=np.nan).tolist()

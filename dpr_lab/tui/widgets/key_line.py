@@ -48,7 +48,7 @@ class KeyLine(Widget):
             self.refresh()
 
     def render(self) -> Text:
-        """The keys with their descriptions.
+        """Return the keys with their descriptions.
 
         A click on a key triggers its action.
         """

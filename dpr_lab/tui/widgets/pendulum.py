@@ -103,7 +103,7 @@ class Pendulum(_Drawing):
         return 0.95 * min(self.size.width / 2, self.size.height) / reach
 
     def _points(self, theta: Angles) -> list[tuple[float, float]]:
-        """Positions of hub, elbow and tip, in columns and rows."""
+        """Return the positions of hub, elbow and tip, in columns and rows."""
         points = [(self.size.width / 2, self.size.height / 2)]
         for angle, length in zip(theta[1:], (self._lengths.inner, self._lengths.outer), strict=True):
             x, y = points[-1]
@@ -128,7 +128,13 @@ class ArmAbove(_Drawing):
         self._limits: ArmLimits | None = None
 
     def show(self, theta0: float | None, limits: ArmLimits | None, *, old: bool = False) -> None:
-        """Draw the arm at theta0, rad; with None, only the circle; with `old`, in grey."""
+        """Draw the arm at the angle theta0, rad.
+
+        Args:
+            theta0: angle of the arm, rad; None draws only the circle
+            limits: limits of the arm, or None
+            old: whether the reading is outdated; the arm is then grey
+        """
         moved = theta0 is None or self._theta0 is None or abs(theta0 - self._theta0) > 3e-3
         if moved or (limits, old) != (self._limits, self._old):
             self._theta0, self._limits, self._old = theta0, limits, old
@@ -148,7 +154,7 @@ class ArmAbove(_Drawing):
                     self.set_pixel(int(x), int(y), mark, self._colour("foreground"))
 
     def _point(self, angle: float) -> tuple[float, float]:
-        """Position of the tip of the arm, in columns and rows.
+        """Return the position of the tip of the arm, in columns and rows.
 
         A row is as high as two columns are wide.
         """
@@ -160,7 +166,7 @@ class ArmAbove(_Drawing):
 
 
 def _alike(old: Angles | None, new: Angles | None) -> bool:
-    """Whether two sets of angles give the same picture, so that encoder noise causes no redrawing."""
+    """Return whether two sets of angles give the same picture; encoder noise then causes no redrawing."""
     if old is None or new is None:
         return old is new
     return all(abs(a - b) < 3e-3 for a, b in zip(old, new, strict=True))

@@ -27,7 +27,7 @@ class Placement:
 
 
 def placement_text(placement: Placement, unit: AngleUnit) -> Content:
-    """Two lines for each rod: its angle, then the remaining angle and the direction to turn."""
+    """Return two lines for each rod: its angle; the remaining angle and the direction in which to turn the rod."""
     names = ("inner θ1", "outer θ2") if len(placement.wanted) > 1 else ("rod θ1",)
     lines = [
         line
@@ -46,7 +46,7 @@ def _rod(name: str, wanted: float, error: float, tolerance: float, unit: AngleUn
 
 
 def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0) -> str:
-    """Text bar of an error.
+    """Return the text bar of an error.
 
     The brackets `[ ]` mark the tolerance, and a character marks the error. An arrow stands for an error beyond the bar.
 
@@ -100,7 +100,7 @@ def latch_text(latched: bool | None) -> Content:
 
 
 def angles_text(theta: Sequence[float], unit: AngleUnit, number: int = 2) -> str:
-    """Absolute angles of the arm and the mounted rods without whole turns.
+    """Return the absolute angles of the arm and the mounted rods without whole turns.
 
     The angle of the arm is within half a turn of 0, those of the rods are between -90 and 270 degrees. Rods rest near
     180 degrees (hanging) or 0 (upright), far from the ends of this range.
@@ -120,7 +120,7 @@ def ordered_text(ordered: float, now: float) -> Content:
 
 
 def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleUnit, number: int = 2) -> Content:
-    """Last readings, marked as outdated. The latch may have moved since then."""
+    """Return the last readings, marked as outdated; the latch may have moved since then."""
     lines = [latch_text(None) if ordered is None else ordered_text(ordered, now)]
     if sighting.latched is not None and ordered is None:
         was = "CLOSED" if sighting.latched else "OPEN"
@@ -131,7 +131,7 @@ def old_text(sighting: Sighting, ordered: float | None, now: float, unit: AngleU
 
 
 def lost_text(lost: Mapping[str, int], samples: int | None) -> Content:
-    """Number of samples, and losses by cause."""
+    """Return a text with the number of samples and the number of lost samples, by cause."""
     counted = "" if samples is None else f"{samples} samples, "
     causes = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in lost.items() if n)
     text = f"lost   {BAD if causes else GOOD} {counted}{causes or 'none lost'}"

@@ -339,7 +339,7 @@ class FormatScreen(ModalScreen[str | None]):
     """
 
     def compose(self) -> ComposeResult:
-        """Available formats."""
+        """Build the list of available formats."""
         yield OptionList(*EXPORTERS)
 
     @on(OptionList.OptionSelected)
@@ -377,7 +377,7 @@ def _about(known: RunSurveyed) -> str:
 
 
 def _reason(gate: str) -> str:
-    """Reasons why the quality gate did not rate a run "ok"; empty if it did."""
+    """Return the reasons why the quality gate rated a run other than "ok"; empty if the rating is "ok"."""
     return gate if ":" in gate else ""
 
 

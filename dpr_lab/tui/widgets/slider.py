@@ -43,7 +43,7 @@ class Slider(Widget, can_focus=True):
         self._label, self._unit, self._step = label, unit, step
 
     def validate_value(self, value: float) -> float:
-        """The value limited to the range and rounded to a step."""
+        """Limit a value to the range, and round it to a step."""
         return min(max(round(value / self._step) * self._step, 0.0), self.maximum)
 
     def watch_maximum(self) -> None:

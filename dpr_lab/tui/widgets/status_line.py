@@ -21,7 +21,7 @@ class RecordingNow:
     """Duration of the recording, s; None: until rest."""
 
     def __str__(self) -> str:
-        """Pose and time for the status line."""
+        """Return the pose and time for the status line."""
         duration = "" if self.of is None else f" of {self.of:g}"
         return f"● REC {self.pose} {self.t:.0f}{duration} s"
 
@@ -53,7 +53,7 @@ class StatusLine(Static):
 
 
 def _rests(work: Sequence[str], folder: Path) -> Iterator[list[Content]]:
-    """Versions of the text on running work and folder, from the longest to the shortest."""
+    """Yield versions of the text that names the running work and the folder, from the longest to the shortest."""
     shorter = (work, work, [text.partition(",")[0] for text in work], [text.partition(" ")[0] for text in work])
     for k, texts in enumerate(shorter):
         shown = [Content.styled(f"▸ {', '.join(texts)}", "bold $primary")] if texts else []

@@ -64,7 +64,7 @@ class Stepper(Static):
 
 
 def _row(steps: Sequence[StepStatus], shown: int, between: str = " › ") -> Text:
-    """All steps in one row; only the first `shown` results are included."""
+    """Return all steps in one row; only the first `shown` results are included."""
     row, left = Text(no_wrap=True, overflow="ellipsis"), shown
     for number, step in enumerate(steps, 1):
         outcome = f" ({step.outcome})" if step.outcome and left > 0 else ""
