@@ -41,13 +41,19 @@ class ArmParameters(NamedTuple):
 
 
 def with_gravity(base: ArrayLike, L1: float, g: float) -> BaseParameters:
-    """Base parameters with the corresponding e2, from (6,) a, b, d, e1, c1, c2, SI."""
+    """Return the base parameters with the corresponding e2, from (6,) a, b, d, e1, c1, c2, SI."""
     a, b, d, e1, c1, c2 = np.asarray(base, dtype=np.float64).tolist()
     return BaseParameters(a, b, d, e1, d * g / L1, c1, c2)
 
 
 def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: ArmParameters) -> tuple[BaseParameters, ArmModel]:
-    """Base parameters of the rods and model of the arm, for the nine parameters Z and the frame (L0, L1, g), SI."""
+    """Return the base parameters of the rods and the model of the arm.
+
+    Args:
+        Z: (9,) parameters of the rods, SI
+        frame: L0, L1, g, SI
+        arm: parameters of the arm
+    """
     L0, L1, g = frame
     m1, m2, mb = np.asarray(Z, dtype=np.float64)[2:5].tolist()
     model = ArmModel(float(arm.J0) + (m1 + m2 + mb) * L0**2, L0 / g, float(arm.c0), float(arm.k0))
@@ -56,7 +62,10 @@ def mounted(Z: ArrayLike, frame: tuple[float, float, float], arm: ArmParameters)
 
 @subroutine
 def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[float, float, float]:
-    """First row (M00, M01, M02) of the mass matrix, kg m^2: inertia of the arm and its coupling with the rods."""
+    """Return the first row (M00, M01, M02) of the mass matrix, kg m^2.
+
+    M00 is the inertia of the arm. M01 and M02 couple the arm with the rods.
+    """
     turning = arm.inertia + base.a * motion.sin1 * motion.sin1 + base.b * motion.sin2 * motion.sin2
     turning += 2.0 * base.d * motion.sin1 * motion.sin2
     return turning, arm.reach * base.e1 * motion.cos1, arm.reach * base.e2 * motion.cos2
@@ -64,7 +73,7 @@ def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[fl
 
 @inlined
 def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: float, d: float) -> tuple[float, float]:
-    """Centrifugal torques on theta1 and theta2 due to the rotation of the arm, divided by its squared speed, kg m^2."""
+    """Return the centrifugal torques on theta1 and theta2 for unit squared speed of the arm, kg m^2."""
     return (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
 
 
@@ -72,7 +81,10 @@ def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: floa
 def push_on_arm(
     motion: Motion, base: BaseParameters, arm: ArmModel, torque0: float, alphas: tuple[float, float]
 ) -> float:
-    """Torque that friction must balance to hold the arm at rest, N m; `alphas` are the rods' accelerations, rad/s^2."""
+    """Return the torque that friction must balance to hold the arm at rest, N m.
+
+    `alphas` are the rods' accelerations, rad/s^2.
+    """
     pull = base.e1 * (motion.sin1 * motion.omega1 * motion.omega1 - motion.cos1 * alphas[0])
     pull += base.e2 * (motion.sin2 * motion.omega2 * motion.omega2 - motion.cos2 * alphas[1])
     return torque0 - arm.stiffness * motion.theta0 + arm.reach * pull
@@ -98,7 +110,7 @@ class ReducedRods(NamedTuple):
 def reduced_rods(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> ReducedRods:
-    """Reduced equations that determine the rods' accelerations; arguments as for `arm_accelerations`."""
+    """Return the reduced equations that determine the rods' accelerations; arguments as for `arm_accelerations`."""
     a, b, d, e1, e2, c1, c2 = base
     sin1, cos1, sin2, cos2 = motion.sin1, motion.cos1, motion.sin2, motion.cos2
     omega0, omega1, omega2 = motion.omega0, motion.omega1, motion.omega2
@@ -132,7 +144,7 @@ def reduced_rods(
 def arm_accelerations(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
-    """Angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, with all joints sliding.
+    """Return the angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, with all joints sliding.
 
     Args:
         motion: angles and speeds

@@ -86,7 +86,7 @@ def base_parameters(Z: ArrayLike, L1: float, g: float) -> Array:
 
 
 def loaded(Z: ArrayLike, added: AddedMass) -> Array:
-    """(9,) parameters of the rig with a known attached mass, SI.
+    """Return the (9,) parameters of the rig with a known attached mass, SI.
 
     The mass changes the mass, centre of mass and inertia of its rod:
 
@@ -108,7 +108,10 @@ def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tup
 
 
 def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
-    """(6,) contribution of a known attached mass to the base parameters, SI; zeros if no mass is attached."""
+    """Return the (6,) contribution of a known attached mass to the base parameters, SI.
+
+    Zeros if no mass is attached.
+    """
     if added is None:
         return np.zeros(len(BASE))
     m, r = added.mass, added.position
@@ -118,20 +121,23 @@ def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
 
 
 def added_to_run(setup: Setup, L1: float, g: float) -> Array:
-    """(6,) contribution of a run to the base parameters: a known mass, and the inertia of a prescribed inner rod."""
+    """Return the (6,) contribution of a run to the base parameters, SI.
+
+    The contribution comes from a known attached mass and from the inertia of a prescribed inner rod.
+    """
     added = added_base(setup.added, L1, g)
     added[0] += PRESCRIBED.inertia if setup.inner is not None else 0.0
     return added
 
 
 def whole_parameters(Z: ArrayLike, L1: float, g: float) -> Array:
-    """(..., 7) base parameters of a whole rig from (..., 9) parameters, SI."""
+    """Return the (..., 7) base parameters of a whole rig from (..., 9) parameters, SI."""
     on_elbow = np.asarray(Z, dtype=np.float64)[..., PARAMETERS.index("m2")] * L1**2
     return np.concatenate([base_parameters(Z, L1, g), on_elbow[..., None]], axis=-1)
 
 
 def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
-    """(..., 6) base parameters of the parts that are mounted in a run.
+    """Return the (..., 6) base parameters of the parts that are mounted in a run.
 
     Args:
         whole: (..., 7) in the order of `WHOLE`, SI; (..., 6) if p is not needed
@@ -154,7 +160,7 @@ def base_of_run(whole: ArrayLike, setup: Setup, L1: float, g: float) -> Array:
 
 
 def base_slopes(setup: Setup, L1: float, g: float) -> Array:
-    """(6, 7) derivative of the base parameters of a run with respect to the base parameters of the whole rig."""
+    """Return the (6, 7) derivative of the base parameters of a run with respect to those of the whole rig."""
     unit = np.eye(len(WHOLE))
     if not setup.alone:
         return unit[: len(BASE)]
@@ -165,13 +171,16 @@ def base_slopes(setup: Setup, L1: float, g: float) -> Array:
 
 
 def ratios(base: ArrayLike) -> Array:
-    """(..., 5) ratios from (..., 6) base parameters, in the order of `RATIOS`."""
+    """Return the (..., 5) ratios from (..., 6) base parameters, in the order of `RATIOS`."""
     base = np.asarray(base, dtype=np.float64)
     return base[..., _OTHERS] / base[..., _B, None]
 
 
 def base_from_ratios(ratios: ArrayLike) -> Array:
-    """(..., 6) base parameters with b = 1 from (..., 5) ratios; the motion does not depend on the scale b."""
+    """Return the (..., 6) base parameters with b = 1 from (..., 5) ratios.
+
+    The motion does not depend on the scale b.
+    """
     return np.insert(np.asarray(ratios, dtype=np.float64), _B, 1.0, axis=-1)
 
 
@@ -192,7 +201,7 @@ def rows(base: ArrayLike, L1: float, g: float) -> Array:
 
 
 def base_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
-    """(6, 9) derivative of `base_parameters` with respect to the nine parameters, SI."""
+    """Return the (6, 9) derivative of `base_parameters` with respect to the nine parameters, SI."""
     l1, l2, m1, m2, *_ = np.asarray(Z, dtype=np.float64)
     zero = 0.0
     return np.array(
@@ -223,6 +232,9 @@ def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
 
 
 def ratio_slopes(base: ArrayLike) -> Array:
-    """(5, 6) derivative of the ratios with respect to the base parameters, (6,): d(x/b) = (dx - (x/b) db) / b."""
+    """Return the (5, 6) derivative of the ratios with respect to the base parameters (6,).
+
+    For a ratio x / b it is d(x/b) = (dx - (x/b) db) / b.
+    """
     unit = np.eye(len(BASE))
     return (unit[_OTHERS] - np.outer(ratios(base), unit[_B])) / np.asarray(base)[_B]

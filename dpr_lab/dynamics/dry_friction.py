@@ -19,13 +19,13 @@ Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 @subroutine
 def direction_of(speed: float) -> float:
-    """Direction in which a joint slides: 1, -1, or 0 at rest."""
+    """Return the direction in which a joint slides: 1, -1, or 0 at rest."""
     return 1.0 if speed > 0.0 else (-1.0 if speed < 0.0 else 0.0)
 
 
 @subroutine
 def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
-    """Accelerations (alpha0, alpha1, alpha2), rad/s^2, with each joint of direction 0 held at rest."""
+    """Return the accelerations (alpha0, alpha1, alpha2), rad/s^2, with each joint of direction 0 held at rest."""
     free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
     together = (rods.torque1 + rods.torque2) / (rods.inertia1 + rods.inertia2 + 2.0 * rods.coupling)
     outer = rods.torque2 / rods.inertia2
@@ -37,7 +37,7 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
 
 @subroutine
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
-    """Friction torques that hold the joints of direction 0 at rest, N m; undefined for all other joints."""
+    """Return the friction torques that hold the joints of direction 0 at rest, N m; undefined for all other joints."""
     across = rods.inertia2 + rods.coupling
     of_both, outer = rods.torque1 + rods.torque2, rods.torque2
     rest1, rest2 = direction1 == 0.0, direction2 == 0.0
@@ -48,7 +48,7 @@ def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[flo
 
 @subroutine
 def _beyond(push: float, forward: float, backward: float) -> float:
-    """Direction in which a joint at rest yields to a torque; 0 if friction holds the joint."""
+    """Return the direction in which a joint at rest yields to a torque; 0 if friction holds the joint."""
     return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
 
 
@@ -56,7 +56,7 @@ def _beyond(push: float, forward: float, backward: float) -> float:
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
-    """Directions in which both joints continue: 1, -1, or 0 for a joint that stays at rest.
+    """Return the directions in which both joints continue: 1, -1, or 0 for a joint that stays at rest.
 
     Args:
         rods: reduced equations with all torques except the friction of joints at rest
@@ -114,7 +114,7 @@ def slides_with_arm(
     directions: tuple[float, float],
     limits: Limits,
 ) -> tuple[float, float, float]:
-    """Directions in which an arm at rest and both rod joints continue, in the order arm, joint 1, joint 2.
+    """Return the directions in which an arm at rest and both rod joints continue, in the order arm, joint 1, joint 2.
 
     There are three cases: the arm is held, or slides in either direction. In each case `slides` gives the directions of
     the rod joints. Exactly one of the three cases is consistent.

@@ -21,14 +21,14 @@ from dpr_lab.kernels import njit
 
 @njit
 def read_at(t: float, model: RigModel) -> tuple[float, float]:
-    """Instants, s since the release, of the angles of joints 1 and 2 that are read at the device time t."""
+    """Return the instants, s since the release, of the angles of joints 1 and 2 that are read at the device time t."""
     shift1, shift2 = reading_shifts(t, model.params, model.active)
     return t + shift1, t + shift2
 
 
 @njit
 def arm_lateness(model: RigModel) -> float:
-    """Time by which the angle read at the arm is older than the angle read at joint 1, s."""
+    """Return the time by which the angle read at the arm is older than the angle read at joint 1, s."""
     return arm_delay(0.0, model.params, model.active)
 
 
@@ -51,7 +51,7 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
-    """(n, N, axes) readings of the same angles under n sets of encoder errors, without integration, rad.
+    """Return the (n, N, axes) readings of the same angles under n sets of encoder errors, without integration, rad.
 
     Args:
         angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad

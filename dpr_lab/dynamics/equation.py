@@ -59,7 +59,7 @@ def accelerations(
     tau1: float,
     tau2: float,
 ) -> tuple[float, float]:
-    """Angular accelerations (alpha1, alpha2) of the rods, rad/s^2.
+    """Return the angular accelerations (alpha1, alpha2) of the rods, rad/s^2.
 
     Args:
         theta1: angle of the inner rod, rad

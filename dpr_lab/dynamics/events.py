@@ -64,7 +64,7 @@ class JointMotion(NamedTuple):
 
 @subroutine
 def of_joints(values: Three) -> Three:
-    """Speeds or accelerations of joint 1, joint 2 and the arm, from the values for theta0, theta1 and theta2."""
+    """Convert speeds or accelerations of theta0, theta1, theta2 to those of joint 1, joint 2 and the arm."""
     return values[1], values[2] - values[1], values[0]
 
 
@@ -121,7 +121,9 @@ def stopped(
 
 @subroutine
 def stops_at(before: float, after: float, slope: float) -> float:
-    """Fraction of a step at which a speed crosses zero, from a parabola with the given slope at the end of the step.
+    """Return the fraction of a step at which a speed crosses zero.
+
+    The speed is approximated by a parabola with the given slope at the end of the step.
 
     Args:
         before: speed at the start, positive in the direction of motion; not negative
@@ -137,13 +139,16 @@ def stops_at(before: float, after: float, slope: float) -> float:
 
 @subroutine
 def yields_at(before: float, after: float, h: float) -> float:
-    """Fraction of a step of length h after which a joint breaks away, from its margins at both ends of the step."""
+    """Return the fraction of a step of length h at which a joint breaks away.
+
+    The margin of the joint is interpolated linearly between both ends of the step.
+    """
     left = max(before, 0.0)
     return left / (left - after) + EVENTS.late * h
 
 
 @subroutine
 def correction(speed: float, acceleration: float, h: float) -> float:
-    """Time until a speed near zero becomes zero, s, limited to a small part of the preceding step h."""
+    """Return the time until a speed near zero becomes zero, s, limited to a small part of the preceding step h."""
     later = -speed / acceleration if acceleration != 0.0 else 0.0
     return min(max(later, -EVENTS.farthest * h), EVENTS.farthest * h)

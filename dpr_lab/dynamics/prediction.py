@@ -87,7 +87,9 @@ def predict_batch(
 def internal_states(
     base: ArrayLike, params: ArrayLike, constants: RigConstants, segments: Segments, initial: ArrayLike
 ) -> Array:
-    """(S, k) internal states of effects (`INTERNAL`) at the start of each segment; arguments as for `predict`.
+    """Return the (S, k) internal states of effects (`INTERNAL`) at the start of each segment.
+
+    Arguments as for `predict`.
 
     The states are zero if no active effect has internal states.
     """
@@ -107,7 +109,7 @@ def _predicted(
     internal: ArrayLike | None,
     columns: int,
 ) -> tuple[Array, Array]:
-    """Predicted readings, (n, N, columns), and internal states at the starts of the segments, (n, S, k)."""
+    """Return the predicted readings, (n, N, columns), and internal states at the starts of the segments, (n, S, k)."""
     bases, params, initial = (np.asarray(values, dtype=np.float64) for values in (bases, params, initial))
     n, count, runs = len(bases), len(segments), len(segments.setups)
     params = _shaped(params, (n, SIZE) if params.ndim == 2 else (n, runs, SIZE), "params").reshape(n, -1, SIZE)

@@ -117,7 +117,7 @@ def segment_errors(
 
 
 def _targets(targets: ArrayLike, samples: int) -> tuple[Array, bool]:
-    """Targets extended to (samples, 4), and whether they contain speeds."""
+    """Return the targets extended to (samples, 4), and whether they contain speeds."""
     targets = np.asarray(targets, dtype=np.float64)
     if targets.ndim != 2 or targets.shape[0] != samples or targets.shape[1] not in (2, 4):
         raise ValueError(f"targets must have shape ({samples}, 2 or 4), not {targets.shape}")
@@ -128,7 +128,7 @@ def _targets(targets: ArrayLike, samples: int) -> tuple[Array, bool]:
 
 
 def _weights(whitening: ArrayLike | None, weigh_speeds: bool) -> Array:
-    """(4,) weights of the cost.
+    """Return the (4,) weights of the cost.
 
     The first three are the metric of the angle error, elements 11, twice 12, and 22 of W^T W. The last one is the
     weight of the squared speed errors.
@@ -215,7 +215,7 @@ def _accelerated(
     omega1: float,
     omega2: float,
 ) -> tuple[float, float]:
-    """Accelerations of one lane, rad/s^2, by elimination.
+    """Return the accelerations of one lane, rad/s^2, by elimination.
 
     Divided by a, the mass matrix is [[1, coupling], [coupling, b]].
     """
@@ -227,7 +227,7 @@ def _accelerated(
 
 @subroutine
 def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after a small rotation by `angle` (see `GUARD`); `square` is the squared angle."""
+    """Return the sine and cosine after a small rotation by `angle` (see `GUARD`); `square` is the squared angle."""
     p = square * (1.0 / 362880.0) - 1.0 / 5040.0
     p = (p * square + 1.0 / 120.0) * square - 1.0 / 6.0
     turn = angle + angle * square * p
@@ -239,7 +239,7 @@ def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[flo
 
 @subroutine
 def _nudged(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Sine and cosine after a much smaller rotation than in `turned`."""
+    """Return the sine and cosine after a much smaller rotation than in `turned`."""
     turn = angle + angle * square * (square * (1.0 / 120.0) - 1.0 / 6.0)
     shrink = square * (square * (1.0 / 24.0) - 0.5)
     return sine + (sine * shrink + cosine * turn), cosine + (cosine * shrink - sine * turn)

@@ -38,7 +38,7 @@ def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[Array, Inte
 
 
 def sample_steps(t: Array, offsets: Integers, longest: Array) -> tuple[Array, Integers]:
-    """Equal steps from each sample of a segment to the next.
+    """Return the equal steps from each sample of a segment to the next.
 
     Args:
         t: (N,) instants of all segments in sequence, increasing within each, s

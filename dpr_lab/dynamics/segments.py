@@ -97,7 +97,7 @@ class Segments:
         return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
 
     def samples_of(self, indices: Integers) -> Integers:
-        """Indices of the samples of some segments in sequence; the segments are given by their indices."""
+        """Return the indices of the samples of some segments in sequence; the segments are given by their indices."""
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
     def chosen(self, indices: Integers) -> "Segments":

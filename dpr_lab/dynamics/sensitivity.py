@@ -83,7 +83,7 @@ def driven(
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> Array:
-    """(samples, 4) states as in `sensitivities`, without derivatives and in a third of the time."""
+    """Return the (samples, 4) states as in `sensitivities`, without derivatives and in a third of the time."""
     return _followed(ratios, L1, g, segments, initial, 0)[0]
 
 
@@ -110,7 +110,7 @@ def _integrated(
     count: Integers,
     outputs: int,
 ) -> tuple[Array, Array, Array]:
-    """States, their derivatives, and their derivatives with respect to the torque factor 1 / b.
+    """Return the states, their derivatives, and their derivatives with respect to the torque factor 1 / b.
 
     The shapes are (samples, 4), (samples, `outputs`, 9) and (samples, `outputs`).
     """
@@ -209,7 +209,7 @@ def _runge_kutta(
 
 @subroutine
 def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float, float]:
-    """Sine and cosine of an angle after a rotation by `turn`, from the sine and cosine before it."""
+    """Return the sine and cosine of an angle after a rotation by `turn`, from the sine and cosine before it."""
     square = turn * turn
     if square > GUARD:
         return math.sin(angle + turn), math.cos(angle + turn)

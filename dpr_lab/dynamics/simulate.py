@@ -109,7 +109,7 @@ def as_state(values: Sequence[float] | Array) -> AnyState:
 
 
 def motors_of(states: Array) -> Array:
-    """(n, 3) state of the motor behind backlash, from rows of `integrate`.
+    """Return the (n, 3) state of the motor behind backlash, from rows of `integrate`.
 
     The columns are its angle, rad, its speed, rad/s, and the impulse that the gear has still to transmit, N m s.
     """

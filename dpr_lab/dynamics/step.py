@@ -71,7 +71,7 @@ def motion_of(
     forces: tuple[float, float],
     directions: tuple[float, float],
 ) -> Motion:
-    """Motion at time t, s, from angles and speeds in the order theta0, theta1, theta2."""
+    """Return the motion at time t, s, from angles and speeds in the order theta0, theta1, theta2."""
     theta0, theta1, theta2 = thetas
     omega0, omega1, omega2 = omegas
     sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
@@ -108,10 +108,11 @@ def _length(x: float, y: float) -> float:
 
 @subroutine
 def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants: RigConstants) -> tuple[float, float]:
-    """Magnitudes of the forces on joints 1 and 2, N: mass times acceleration minus weight, of all parts on the joint.
+    """Return the magnitudes of the forces on joints 1 and 2, N.
 
-    The forces are those in the plane of the rods. The component along the arm, which is zero for a held arm, is
-    neglected.
+    A force is the sum of mass times acceleration minus weight over all parts that hang on the joint. The forces are
+    those
+    in the plane of the rods. The component along the arm, which is zero for a held arm, is neglected.
     """
     alpha0, alpha1, alpha2 = alphas
     whirl1, whirl2 = motion.omega1 * motion.omega1, motion.omega2 * motion.omega2
@@ -133,7 +134,7 @@ def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants:
 def accelerations_at(
     t: float, x: RigState, displacement1: float, displacement2: float, model: RigModel, mode: int, drive: float
 ) -> Three:
-    """Accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2.
+    """Return the accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2.
 
     `displacement1` and `displacement2` are the displacements of the joints since the last update of the internal
     states, rad.
@@ -163,7 +164,10 @@ def _stage(
     drive: float,
     directions: Three,
 ) -> SteppedStage:
-    """One stage of a step with given directions of sliding of joint 1, joint 2 and the arm; 0 is a joint at rest."""
+    """Return one stage of a step with given directions of sliding of joint 1, joint 2 and the arm.
+
+    0 is a joint at rest.
+    """
     motion = motion_of(
         t,
         (x.theta0, x.theta1, x.theta2),
@@ -196,7 +200,10 @@ def _stage(
 
 @subroutine
 def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: float) -> Three:
-    """Directions in which joint 1, joint 2 and the arm continue: 1 or -1, or 0 if Coulomb friction holds the joint."""
+    """Return the directions in which joint 1, joint 2 and the arm continue.
+
+    A direction is 1 or -1, or 0 if Coulomb friction holds the joint.
+    """
     directions = _directions(x, model, mode)
     if directions[0] != 0.0 and directions[1] != 0.0 and directions[2] != 0.0:
         return directions
@@ -220,7 +227,10 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 
 @subroutine
 def _directions(x: RigState, model: RigModel, mode: int) -> Three:
-    """Directions of joint 1, joint 2 and the arm by the signs of their speeds; nan without Coulomb friction."""
+    """Return the directions of joint 1, joint 2 and the arm by the signs of their speeds.
+
+    Nan without Coulomb friction.
+    """
     first = direction_of(x.omega1) if model.required.dry1 else math.nan
     second = direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
     return first, second, direction_of(x.omega0) if model.required.dry0 and mode == FREE else math.nan
@@ -228,7 +238,7 @@ def _directions(x: RigState, model: RigModel, mode: int) -> Three:
 
 @subroutine
 def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
-    """Margins (friction limit minus torque) of the joints at rest, N m; inf for all other joints."""
+    """Return the margins (friction limit minus torque) of the joints at rest, N m; inf for all other joints."""
     motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)
@@ -254,7 +264,10 @@ class TriedStep(NamedTuple):
 def _runge_kutta(
     t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float, directions: Three
 ) -> TriedStep:
-    """One classical Runge-Kutta step of length h; accelerations and margins at its end are those of the last stage."""
+    """Return one classical Runge-Kutta step of length h.
+
+    Accelerations and margins at its end are those of the last stage.
+    """
     resting = directions[0] == 0.0 or directions[1] == 0.0 or directions[2] == 0.0
     reached = _stage(t, x, (0.0, 0.0, 0.0), model, mode, drive, directions)
     first = _margins(reached, model, directions) if resting else (math.inf, math.inf, math.inf)
@@ -295,7 +308,7 @@ def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: T
 
 @subroutine
 def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMotion:
-    """Motion of the joints in a trial step from the state x."""
+    """Return the motion of the joints in a trial step from the state x."""
     y = tried.end
     before, after = of_joints((x.omega0, x.omega1, x.omega2)), of_joints((y.omega0, y.omega1, y.omega2))
     return JointMotion(directions, before, after, of_joints(tried.alphas))

@@ -46,7 +46,7 @@ class KnownMotion(NamedTuple):
     """(n, axes) known generalised torques on the angles, N m."""
 
     def part(self, mask: Flags | slice, axes: int) -> "KnownMotion":
-        """Motion of the first `axes` axes at the instants that `mask` selects."""
+        """Return the motion of the first `axes` axes at the instants that `mask` selects."""
         by_axis = (values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive))
         return KnownMotion(self.t[mask], self.run[mask], *by_axis)
 
@@ -155,7 +155,10 @@ def _put(
 
 @njit
 def _driven(t: Array, run: Integers, force: Array, friction: Array, stiffness: Array) -> Array:
-    """(n, k) accelerations of oscillators of mass 1 that are at rest until t = 0, by the trapezoidal rule."""
+    """Return the (n, k) accelerations of oscillators of mass 1, by the trapezoidal rule.
+
+    The oscillators are at rest until t = 0.
+    """
     count = len(stiffness)
     accelerations, x, v = np.zeros((len(t), count)), np.empty(count), np.empty(count)
     for i in range(len(t)):

@@ -174,13 +174,9 @@ def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dic
 
 
 def plausibility(params: Array, effect: str) -> float:
-    """Prior weight of the fitted size of an effect: nearly one below its scale, falling with the fourth power above it.
+    """Return the prior weight of the fitted size of an effect.
 
-        w = 1 / (1 + u^4),    u = max over amplitudes | x | / s,    s the `prior_scale` of each amplitude
-
-    w is the prior density per unit of ln | x |. Indistinguishable effects explain the recordings equally well, and
-    their sizes have equal significance. The ratio of their weights is therefore the ratio of their posterior
-    probabilities.
+    The weight is nearly one below the scale of the effect, and falls with the fourth power of the size above it.
     """
     amplitudes = EFFECTS[effect].amplitudes
     u = max(abs(float(params[place])) / p.prior_scale for place, p in zip(_AMPLITUDES[effect], amplitudes, strict=True))
@@ -214,7 +210,7 @@ def param_index(effect: str, parameter: str) -> int:
 
 
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
-    """Values of the shape parameters that an effect proposes for given recordings.
+    """Return the values of the shape parameters that an effect proposes for given recordings.
 
     None if the effect has no such function; the grid of `scan` is then used.
     """

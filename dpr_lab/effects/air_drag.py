@@ -15,7 +15,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _between(start: float, slope: float, low: float, high: float) -> tuple[float, float]:
-    """Integrals of v |v| and s v |v| over low <= s <= high for v of constant sign, by two Gauss points."""
+    """Return the integrals of v |v| and s v |v| over low <= s <= high for v of constant sign, by two Gauss points."""
     span, node = high - low, 0.5 / math.sqrt(3.0)
     s1, s2 = low + (0.5 - node) * span, low + (0.5 + node) * span
     v1, v2 = start + slope * s1, start + slope * s2
@@ -25,7 +25,7 @@ def _between(start: float, slope: float, low: float, high: float) -> tuple[float
 
 @inlined
 def moments(start: float, slope: float, length: float) -> tuple[float, float]:
-    """Integrals of v |v| and s v |v| over 0 <= s <= length for v = start + slope s.
+    """Return the integrals of v |v| and s v |v| over 0 <= s <= length for v = start + slope s.
 
     The result is exact: v |v| is quadratic on both sides of a sign change of v, and two Gauss points integrate cubics
     exactly.
@@ -41,7 +41,10 @@ def moments(start: float, slope: float, length: float) -> tuple[float, float]:
 
 @inlined
 def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
-    """Drag torques of the outer rod on both rods, N m; joint 2 transmits the drag force to the inner rod."""
+    """Return the drag torques of the outer rod on both rods, N m.
+
+    Joint 2 transmits the drag force to the inner rod.
+    """
     lever = constants.L1 * (motion.cos1 * motion.cos2 + motion.sin1 * motion.sin2)
     force, moment = moments(lever * motion.omega1, motion.omega2, constants.L2)
     return torques(-coefficient_kg_per_m2 * lever * force, -coefficient_kg_per_m2 * moment)
@@ -49,7 +52,7 @@ def outer(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float)
 
 @inlined
 def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) -> Terms:
-    """Drag torques of both rods, N m; the rods have the same width."""
+    """Return the drag torques of both rods, N m; the rods have the same width."""
     carried = outer(motion, constants, coefficient_kg_per_m2)
     drag1 = coefficient_kg_per_m2 * constants.L1**4 / 4.0 * motion.omega1 * abs(motion.omega1)
     return torques(carried.torque1 - drag1, carried.torque2)
@@ -57,7 +60,7 @@ def both(motion: Motion, constants: RigConstants, coefficient_kg_per_m2: float) 
 
 @inlined
 def of_arm(joint: Joint, coefficient_kg_m2: float) -> float:
-    """Drag torque on the arm, N m."""
+    """Return the drag torque on the arm, N m."""
     return -coefficient_kg_m2 * joint.speed * abs(joint.speed)
 
 

@@ -24,7 +24,7 @@ def propose(recorded: Recorded) -> list[dict[str, float]] | None:
 
 
 def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 6.25e-4) -> float:
-    """Longest integration step, s: 40 steps per period of the arm's vibration, but not below `finest_s`.
+    """Return the longest integration step, s: 40 steps per period of the arm's vibration, but not below `finest_s`.
 
     The default of `finest_s` is a quarter of 2.5 ms.
     """

@@ -11,7 +11,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def play(angle: float, held: float, play_rad: float) -> float:
-    """Angle at the encoder, rad: constant while the joint is inside the backlash, otherwise it follows the joint."""
+    """Return the angle at the encoder, rad.
+
+    The angle is constant while the joint is inside the backlash; otherwise it follows the joint.
+    """
     half = 0.5 * abs(play_rad)
     return min(max(held, angle - half), angle + half)
 
@@ -75,7 +78,7 @@ def _hidden(params: Params) -> float:
 
 
 def _longest_step(params: Params, *, longest_s: float = 1.25e-3) -> float:
-    """Longest integration step, s.
+    """Return the longest integration step, s.
 
     The drive torque is constant within a step, but a light motor inside the backlash follows all its changes.
     """
@@ -94,7 +97,7 @@ _SOURCE = "Play operator: Visintin (1994), Differential Models of Hysteresis, ch
 
 
 def _of_encoder(joint: int, stage: StageName, bench_check: str) -> Effect:
-    """Backlash of the encoder of joint 1 or 2."""
+    """Return the backlash of the encoder of joint 1 or 2."""
     return Effect(
         name=f"backlash_joint{joint}",
         words=f"encoder backlash, joint {joint}",

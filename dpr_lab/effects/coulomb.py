@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def dry(joint: Joint, torque_Nm: float) -> float:
-    """Friction torque -F sgn(u) of the joint on the following rod, N m."""
+    """Return the friction torque -F sgn(u) of the joint on the following rod, N m."""
     return -torque_Nm * joint.direction
 
 

@@ -6,7 +6,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def swallowed(torque: float, width_Nm: float) -> float:
-    """Difference between acting and known torque, N m: minus the torque inside the zone, -+ its half width outside."""
+    """Return the difference between acting and known torque, N m.
+
+    Inside the zone it is minus the known torque, outside it is -+ half the width of the zone.
+    """
     return -min(max(torque, -width_Nm), width_Nm)
 
 

@@ -11,7 +11,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_Nm: float, order: float) -> float:
-    """Cogging torque on the following rod, N m: harmonics of the orders N and 2 N."""
+    """Return the cogging torque on the following rod, N m: harmonics of the orders N and 2 N."""
     phase = order * joint.angle
     sin, cos = sincos(phase)
     first = cos1_Nm * cos + sin1_Nm * sin
@@ -19,7 +19,7 @@ def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_N
 
 
 def harmonics(params: Params) -> Words:
-    """Amplitude, order and phase of both harmonics.
+    """Return the amplitude, order and phase of both harmonics.
 
     A cos(N q) + B sin(N q) = sqrt(A^2 + B^2) sin(N q + atan2(A, B))
     """

@@ -50,7 +50,7 @@ ARM = next((i for i, (effect, _) in enumerate(_STATES) if effect.stage == "arm")
 
 
 def stepped_states() -> Iterator[tuple[Effect, InternalState]]:
-    """Pairs of effect and state, for all internal states that move with a joint."""
+    """Return the pairs of effect and state, for all internal states that move with a joint."""
     return (_STATES[i] for i in STEPPED)
 
 
@@ -67,11 +67,14 @@ class Contribution(NamedTuple):
     """Index in `STEPPED` of the internal state that the call updates; used in the stage `transition` only."""
 
     def guard(self) -> str:
-        """Source line of the `if` around the statements; its condition is that the effect is active."""
+        """Return the source line of the `if` around the statements; its condition is that the effect is active."""
         return f"if active[{_ALL.index(self.effect)}]:"
 
     def statements(self, stage: str, notation: Mapping[str, str]) -> list[str]:
-        """Source that calls the kernel and combines its value with the others, with the names of `notation`."""
+        """Return the source that calls the kernel and combines its value with those of other kernels.
+
+        The names in the source are those of `notation`.
+        """
         row, wanted, start = STAGES[stage], arguments(self.kernel), SLICES[self.effect.name].start
         states = {s.name: f"{{{row.states}_{i}}}" for i, (e, s) in enumerate(stepped_states()) if e is self.effect}
         params = {p.name: f"{{params_{start + i}}}" for i, p in enumerate(self.effect.parameters)}
@@ -112,7 +115,10 @@ _NOTATION = _ScalarNotation(joint0="joint0(motion)", joint1="joint1(motion)", jo
 
 
 def scalar_stage(stage: str) -> Any:
-    """Compiled scalar version of a stage: (arguments of the stage, params, active) -> results of the stage."""
+    """Return the compiled scalar version of a stage.
+
+    It has the form (arguments of the stage, params, active) -> results of the stage.
+    """
     row, calls = STAGES[stage], contributions(stage)
     states = range(len(STEPPED)) if stage == "transition" else range(1)
     results = {
@@ -233,11 +239,14 @@ _REQUIREMENTS = np.array(
 
 
 def active_effects(params: Array) -> Flags:
-    """Mask (..., effects) of the active effects in parameters (..., SIZE): those with a non-zero amplitude."""
+    """Return the mask (..., effects) of the effects that have a non-zero amplitude in parameters (..., SIZE)."""
     return np.logical_or.reduceat(params[..., _AMPLITUDES] != 0.0, _FIRST_AMPLITUDES, axis=-1)
 
 
 def required_by(active: Flags) -> Requirements:
-    """Requirements of the effects that a mask (..., effects) marks as active; each field has the shape (...)."""
+    """Return the requirements of the effects that a mask (..., effects) marks as active.
+
+    Each field has the shape (...).
+    """
     required = np.logical_or.reduce(active[..., None, :] & _REQUIREMENTS, axis=-1)
     return Requirements(*(required[..., i] for i in range(len(_REQUIREMENTS))))

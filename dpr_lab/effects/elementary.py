@@ -15,7 +15,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _expm1_parts(x: float) -> tuple[float, float]:
-    """Parts 2^n and e^r - 1 of the exponential of x = n ln(2) + r, for |x| <= 700."""
+    """Return the parts 2^n and e^r - 1 of the exponential of x = n ln(2) + r, for |x| <= 700."""
     # Adding 1.5 * 2^52 rounds to an integer in the low bits.
     shifted = x * 1.4426950408889634 + 6755399441055744.0
     n = shifted - 6755399441055744.0
@@ -37,14 +37,14 @@ def _expm1_parts(x: float) -> tuple[float, float]:
 
 @inlined
 def exp(x: float) -> float:
-    """Exponential function e^x; x is clipped to [-700, 700]."""
+    """Return the exponential function e^x; x is clipped to [-700, 700]."""
     scale, rest = _expm1_parts(min(max(x, -700.0), 700.0))
     return scale + scale * rest
 
 
 @inlined
 def tanh(x: float) -> float:
-    """Hyperbolic tangent."""
+    """Return the hyperbolic tangent."""
     scale, rest = _expm1_parts(min(2.0 * abs(x), 44.0))
     expm1 = scale * rest + (scale - 1.0)
     return math.copysign(expm1 / (expm1 + 2.0), x)
@@ -52,7 +52,7 @@ def tanh(x: float) -> float:
 
 @inlined
 def sincos(x: float) -> tuple[float, float]:
-    """Sine and cosine, for |x| below a million."""
+    """Return the sine and cosine, for |x| below a million."""
     n = np.rint(x * 6.36619772367581382433e-01)
     r = (x - n * 1.57079632673412561417) - n * 6.07710050650619224932e-11
     z = r * r

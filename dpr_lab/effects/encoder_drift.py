@@ -13,7 +13,7 @@ A faster drift is visible while the rods hang.
 
 @inlined
 def drifting(encoder: EncoderReading, offset_rad: float, rate_rad_per_s: float) -> float:
-    """Error of the reading, rad: the offset at the release plus the drift since then."""
+    """Return the error of the reading, rad: the offset at the release plus the drift since then."""
     return offset_rad + rate_rad_per_s * max(encoder.t, 0.0)
 
 

@@ -22,7 +22,7 @@ def eccentric(
     cos6_rad: float,
     sin6_rad: float,
 ) -> float:
-    """Error of the reading, rad: the sum over k of A_k cos(k q) + B_k sin(k q)."""
+    """Return the error of the reading, rad: the sum over k of A_k cos(k q) + B_k sin(k q)."""
     sin, cos = sincos(encoder.angle)
     cos_k, sin_k, error = 1.0, 0.0, 0.0
     for A, B in (

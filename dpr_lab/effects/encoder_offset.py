@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_rad: float) -> float:
-    """Error of the reading, rad: the constant offset."""
+    """Return the error of the reading, rad: the constant offset."""
     return offset_rad
 
 

@@ -13,7 +13,7 @@ USUAL_LINES = (
 
 @inlined
 def stretched(encoder: EncoderReading, excess: float) -> float:
-    """Error of the reading, rad: `excess` times the angle from hanging."""
+    """Return the error of the reading, rad: `excess` times the angle from hanging."""
     return excess * (encoder.angle - encoder.hanging)
 
 
@@ -35,7 +35,10 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
 
 
 def usual_counts(counts: float, near: float = 2e-3) -> int | None:
-    """Counts per turn of the common encoder nearest to `counts`; None if the relative difference is `near` or more."""
+    """Return the counts per turn of the common encoder nearest to `counts`.
+
+    None if the relative difference is `near` or more.
+    """
     nearest = min((4 * lines for lines in USUAL_LINES), key=lambda usual: abs(usual / counts - 1.0))
     return nearest if abs(nearest / counts - 1.0) < near else None
 

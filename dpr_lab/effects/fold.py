@@ -20,12 +20,12 @@ def slices(effects: Iterable[Effect]) -> dict[str, slice]:
 
 
 def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
-    """Names of a kernel's arguments."""
+    """Return the names of a kernel's arguments."""
     return tuple(inspect.signature(kernel).parameters)
 
 
 def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
-    """Source of a kernel call; each argument gets the first expression that is available under its name."""
+    """Return the source of a kernel call; each argument gets the first expression that is available under its name."""
     values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
     return f"{kernel}({', '.join(values)})"
 

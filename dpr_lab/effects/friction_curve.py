@@ -32,7 +32,7 @@ def curve(
     rise3_Nm: float,
     rise4_Nm: float,
 ) -> float:
-    """Friction torque on the following rod, N m: a step at rest, and one ramp between successive speeds.
+    """Return the friction torque on the following rod, N m: a step at rest, and one ramp between successive speeds.
 
     Fast swings reach the last speed, 8 rad/s. Above it only viscous friction increases.
     """

@@ -7,7 +7,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def drifting(joint: Joint, rate_Nm_per_rad: float) -> float:
-    """Torque -r t u on the following rod, N m; t is the time since the release, u the speed of the joint."""
+    """Return the torque -r t u on the following rod, N m.
+
+    T is the time since the release, u the speed of the joint.
+    """
     return -rate_Nm_per_rad * joint.t * joint.speed
 
 

@@ -9,13 +9,13 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stopped(joint: Joint, stiffness_Nm_per_rad: float, range_rad: float) -> float:
-    """Torque of a stiff spring that acts beyond the range on either side, N m."""
+    """Return the torque of a stiff spring that acts beyond the range on either side, N m."""
     beyond = max(joint.angle - range_rad, 0.0) + min(joint.angle + range_rad, 0.0)
     return -stiffness_Nm_per_rad * beyond
 
 
 def within_turns(params: Params, *, most_rad: float = 3 * math.pi) -> bool:
-    """Whether the range ends within one and a half turns.
+    """Return whether the range ends within one and a half turns.
 
     A torque that starts only after more turns is not that of a stop.
     """

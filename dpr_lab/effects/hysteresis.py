@@ -8,14 +8,9 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def deflected(presliding: float, displacement: float, length_rad: float) -> float:
-    r"""Presliding state after a displacement in one direction: exact solution of Dahl's equation, always stable.
+    r"""Return the presliding state after a displacement in one direction.
 
-        dz/dx = (1 - z sgn(dx)) / length    =>    z = s + (z_0 - s) exp(-|x| / length),    s = sgn(x)
-
-    Args:
-        presliding: z_0, -1 to 1
-        displacement: rotation x since z_0, rad
-        length_rad: rotation over which the joint starts to slide
+    This is the exact solution of Dahl's equation; it is stable for any displacement.
     """
     side = 1.0 if displacement > 0.0 else -1.0
     return side + (presliding - side) * exp(-abs(displacement) / length_rad)
@@ -23,13 +18,13 @@ def deflected(presliding: float, displacement: float, length_rad: float) -> floa
 
 @inlined
 def dahl(joint: Joint, presliding: float, torque_Nm: float, length_rad: float) -> float:
-    """Friction torque -F z on the following rod, N m, with the presliding state z after the displacement."""
+    """Return the friction torque -F z on the following rod, N m, with the presliding state z after the displacement."""
     return -torque_Nm * deflected(presliding, joint.displacement, length_rad)
 
 
 @inlined
 def sliding(speed: float) -> float:
-    """Presliding state of a joint that has slid for a long time, with the sign of its speed."""
+    """Return the presliding state of a joint that has slid for a long time, with the sign of its speed."""
     return tanh(speed / SMOOTHING)
 
 

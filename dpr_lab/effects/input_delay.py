@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def later(delay_s: float) -> float:
-    """Delay of the known torques, s."""
+    """Return the delay of the known torques, s."""
     return delay_s
 
 

@@ -64,14 +64,14 @@ def _error(kernel: Callable[..., Any], effect: Effect) -> str:
 
 
 def _place(kernel: Callable[..., Any], message: str) -> str:
-    """File and line of an error; if the message does not contain them, file and line of the kernel."""
+    """Return the file and line of an error; if the message does not contain them, file and line of the kernel."""
     code = kernel.__code__
     lines = re.findall(r'File "([^"]+)", line (\d+)', message) or [(code.co_filename, str(code.co_firstlineno))]
     return f"{lines[-1][0].rpartition('/')[2]}, line {lines[-1][1]}: "
 
 
 def _cause(message: str) -> str:
-    """First informative sentence of a compiler error, without its formatting."""
+    """Return the first informative sentence of a compiler error, without its formatting."""
     plain = [re.sub(r"\x1b\[[0-9;]*m", "", line).strip() for line in message.splitlines()]
     causes = [line for line in plain if line and not line.startswith(("Failed in", "File ", ">>>", "-", "During:"))]
     return causes[0].partition(" Raised from")[0].rstrip(".:") if causes else "unknown reason"

@@ -41,7 +41,7 @@ LATENCY_JOINT2 = Effect(
 
 @inlined
 def later(delay_s: float) -> float:
-    """Lead of the arm's reading relative to that of joint 1, s."""
+    """Return the lead of the arm's reading relative to that of joint 1, s."""
     return delay_s
 
 

@@ -30,7 +30,9 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, Ri
 
 
 def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
-    """(SIZE,) maximum absolute size of each amplitude on a rig, in the unit of the amplitude; inf for shape parameters.
+    """Return the (SIZE,) maximum absolute size of each amplitude on a rig, in the unit of the amplitude.
+
+    Inf for shape parameters.
 
     Args:
         base: base parameters of the whole rig from the rig file, SI
@@ -44,7 +46,7 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
 
 
 def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
-    """Effects whose fitted sizes are implausible: at a limit, or not possible together.
+    """Return the effects whose fitted sizes are implausible: at a limit, or not possible together.
 
     Another cause is then probable. This does not apply to limits that follow from the equation and lie within the scale
     of the prior, such as the share 1 of a saturated drive.
@@ -67,6 +69,6 @@ def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> t
 
 
 def relative_size(params: Array, limits: Array, effect: str) -> float:
-    """Rms of the amplitudes of one effect relative to their limits, dimensionless."""
+    """Return the rms of the amplitudes of one effect relative to their limits, dimensionless."""
     amplitudes = [param_index(effect, parameter.name) for parameter in EFFECTS[effect].amplitudes]
     return float(np.sqrt(np.mean((params[amplitudes] / limits[amplitudes]) ** 2)))

@@ -7,7 +7,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def loaded(joint: Joint, friction_radius_m: float) -> float:
-    """Friction torque -mu r |N| sgn(u) on the following rod, N m; |N| is the magnitude of the joint force."""
+    """Return the friction torque -mu r |N| sgn(u) on the following rod, N m.
+
+    |N| is the magnitude of the joint force.
+    """
     return -friction_radius_m * joint.force * joint.direction
 
 

@@ -46,7 +46,7 @@ _OF_ARM = np.array(
 
 
 def differ(params: Array, setups: Sequence[Setup]) -> bool:
-    """Whether the effects (..., SIZE) in any run differ from those of the whole rig because of its mounting."""
+    """Return whether the effects (..., SIZE) in any run differ from those of the whole rig because of its mounting."""
     return any(setup.held or _undriven(params, setup) or _still(params, setup) for setup in setups)
 
 

@@ -139,20 +139,20 @@ HELD_ARM = ArmModel(math.inf, 0.0, 0.0, 0.0)
 
 @inlined
 def joint0(motion: Motion) -> Joint:
-    """Joint of the arm in a motion of the rig, without its force."""
+    """Return the joint of the arm in a motion of the rig, without its force."""
     return Joint(motion.t, motion.theta0, motion.omega0, motion.displacement0, 0.0, motion.direction0)
 
 
 @inlined
 def joint1(motion: Motion) -> Joint:
-    """Joint 1 in a motion of the rig."""
+    """Return joint 1 in a motion of the rig."""
     angle = motion.theta1 - math.pi
     return Joint(motion.t, angle, motion.omega1, motion.displacement1, motion.force1, motion.direction1)
 
 
 @inlined
 def joint2(motion: Motion) -> Joint:
-    """Joint 2 in a motion of the rig."""
+    """Return joint 2 in a motion of the rig."""
     angle, speed = motion.theta2 - motion.theta1, motion.omega2 - motion.omega1
     return Joint(motion.t, angle, speed, motion.displacement2, motion.force2, motion.direction2)
 
@@ -165,25 +165,25 @@ def yielding(joint: Joint, push: float) -> Joint:
 
 @inlined
 def encoder0(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Reading of the arm's encoder at an angle of the arm, rad."""
+    """Return the reading of the arm's encoder at an angle of the arm, rad."""
     return EncoderReading(0, angle, 0.0, constants.counts_per_rev0, t, run)
 
 
 @inlined
 def encoder1(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Reading of encoder 1 at an absolute angle, rad."""
+    """Return the reading of encoder 1 at an absolute angle, rad."""
     return EncoderReading(1, angle, math.pi, constants.counts_per_rev1, t, run)
 
 
 @inlined
 def encoder2(angle: float, t: float, run: int, constants: RigConstants) -> EncoderReading:
-    """Reading of encoder 2 at an angle of joint 2, rad."""
+    """Return the reading of encoder 2 at an angle of joint 2, rad."""
     return EncoderReading(2, angle, (1.0 - constants.relative2) * math.pi, constants.counts_per_rev2, t, run)
 
 
 @inlined
 def torques(torque1: float, torque2: float) -> Terms:
-    """Terms of generalised torques on theta1 and theta2, N m."""
+    """Return the terms of generalised torques on theta1 and theta2, N m."""
     return Terms(0.0, 0.0, 0.0, torque1, torque2)
 
 

@@ -25,7 +25,7 @@ class RigScales(NamedTuple):
 
 
 def scales(base: BaseParameters, constants: RigConstants, joint: int) -> RigScales:
-    """Reference values of a rig at joint 0 or 1 of the rods, or at the arm (-1).
+    """Return the reference values of a rig at joint 0 or 1 of the rods, or at the arm (-1).
 
     The reference gravity torque of the arm is ten times that of joint 1.
     """

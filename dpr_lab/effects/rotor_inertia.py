@@ -7,18 +7,21 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rotor1(inertia_kgm2: float) -> Terms:
-    """Contribution of an inertia J that rotates at omega1."""
+    """Return the contribution of an inertia J that rotates at omega1."""
     return Terms(inertia_kgm2, 0.0, 0.0, 0.0, 0.0)
 
 
 @inlined
 def rotor2(inertia_kgm2: float) -> Terms:
-    """Contribution of an inertia J that rotates at omega2 - omega1; its kinetic energy is J (omega2 - omega1)^2 / 2."""
+    """Return the contribution of an inertia J that rotates at omega2 - omega1.
+
+    Its kinetic energy is J (omega2 - omega1)^2 / 2.
+    """
     return Terms(inertia_kgm2, inertia_kgm2, -inertia_kgm2, 0.0, 0.0)
 
 
 def armature(params: Params) -> Words:
-    """Inertia of the rotor as an element of rigid-body programs."""
+    """Return the inertia of the rotor as an element of rigid-body programs."""
     return {"armature": params["inertia_kgm2"]}
 
 

@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float, constant_Nm: float) -> float:
-    """Torque C - k q - k3 q^3 on the following rod, N m.
+    """Return the torque C - k q - k3 q^3 on the following rod, N m.
 
     A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3. The remaining term 3 K3
     q0 q^2 is neglected, so that the torque is linear in all amplitudes. For a twisted hose, only C differs from zero.
@@ -18,7 +18,9 @@ def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float,
 
 
 def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 20) -> Params:
-    """Angle, rad from hanging, at which the torque of the spring is zero; {} if the angle is beyond half a turn.
+    """Return the angle, rad from hanging, at which the torque of the spring is zero.
+
+    {} if the angle is beyond half a turn.
 
     Newton's method starts from C / k. If the angle is farther away, the torque is practically constant.
     """
@@ -31,7 +33,7 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
 
 
 def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5) -> bool:
-    """Whether a single spring can have these sizes.
+    """Return whether a single spring can have these sizes.
 
     C = K q0 + K3 q0^3 and k = K + 3 K3 q0^2 with K >= 0 imply k >= 3/2 (4 K3 C^2)^(1/3). A stiffness below the fraction
     `tolerance` of this bound is rejected, for example a constant torque with only a hardening term. The tolerance
@@ -45,7 +47,9 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
 
 
 def linear(params: Params, negligible: float = 1e-3) -> Words:
-    """Stiffness and rest angle of a linear spring; {} if it has no rest angle or its cubic term is not negligible.
+    """Return the stiffness and rest angle of a linear spring.
+
+    {} if it has no rest angle or its cubic term is not negligible.
 
     A cubic term is negligible below the fraction `negligible` of the linear torque at half a turn.
     """

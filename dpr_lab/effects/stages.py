@@ -70,7 +70,7 @@ class Stage:
 
 
 def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...]:
-    """Statements that add a torque x of one joint to the torques on both rods.
+    """Return the statements that add a torque x of one joint to the torques on both rods.
 
     A torque of joint 1 acts on the inner rod. A torque of joint 2 acts on the outer rod, with its reaction on the inner
     rod.
@@ -79,7 +79,7 @@ def _joint_torque(joint: int, arguments: Collection[str] = ()) -> tuple[str, ...
 
 
 def _terms(joint: int, arguments: Collection[str]) -> tuple[str, ...]:
-    """Combination for a kernel without a joint argument, which returns `Terms`."""
+    """Return the combination for a kernel without a joint argument, which returns `Terms`."""
     if "joint" in arguments:
         return _joint_torque(joint)
     return (
@@ -105,7 +105,7 @@ _TERMS = Stage(
 
 
 def _held_arm() -> Stage:
-    """Stage at which an effect replaces the inertia, friction and stiffness of the arm."""
+    """Return the stage at which an effect replaces the inertia, friction and stiffness of the arm."""
     return Stage(
         arguments="constants, arm",
         quantities={"constants": "{constants}"},
@@ -116,7 +116,7 @@ def _held_arm() -> Stage:
 
 
 def _play(joint: int) -> Stage:
-    """Stage of the backlash of a joint's encoder, which returns the angle that the encoder holds."""
+    """Return the stage of the backlash of a joint's encoder, which returns the angle that the encoder holds."""
     angle, hold = f"angle{joint}", f"hold{joint}"
     return Stage(
         arguments=f"{angle}, {hold}",

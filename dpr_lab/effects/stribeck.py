@@ -8,7 +8,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stribeck(joint: Joint, torque_Nm: float, extra_at_rest_Nm: float, speed_rad_per_s: float) -> float:
-    """Friction torque -(F + S exp(-(u / u_s)^2)) sgn(u) on the following rod, N m."""
+    """Return the friction torque -(F + S exp(-(u / u_s)^2)) sgn(u) on the following rod, N m."""
     ratio = joint.speed / speed_rad_per_s
     return -(torque_Nm + extra_at_rest_Nm * exp(-ratio * ratio)) * joint.direction
 

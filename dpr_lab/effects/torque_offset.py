@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def shifted(offset_Nm: float) -> float:
-    """Difference between acting and known torque, N m: the constant offset."""
+    """Return the difference between acting and known torque, N m: the constant offset."""
     return offset_Nm
 
 

@@ -8,12 +8,12 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rescaled(torque: float, excess: float) -> float:
-    """Difference between acting and known torque, N m: `excess` times the known torque."""
+    """Return the difference between acting and known torque, N m: `excess` times the known torque."""
     return excess * torque
 
 
 def gear(params: Params) -> Words:
-    """Gear ratio of the drive's motor, relative to the gear ratio that was used to compute the known torques."""
+    """Return the gear ratio of the drive's motor, divided by the ratio from which the known torques were computed."""
     return {"gear": 1.0 + params["excess"]}
 
 

@@ -71,5 +71,5 @@ def read_quantity(text: str, unit: str, example: str) -> float:
 
 
 def _normal(unit: str) -> str:
-    """Unit in the spelling of `UNITS`: without spaces, multiplication signs and powers."""
+    """Return the unit in the spelling of `UNITS`: without spaces, multiplication signs and powers."""
     return "".join(unit.translate(_SPELLINGS).split())

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def viscous_ground(motion: Motion, friction_Nms: float) -> Terms:
-    """Friction torque tau2 = -c omega2, N m."""
+    """Return the friction torque tau2 = -c omega2, N m."""
     return torques(0.0, -friction_Nms * motion.omega2)
 
 

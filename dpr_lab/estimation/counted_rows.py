@@ -38,7 +38,9 @@ SETTINGS = CountedRowSettings()
 
 
 def edge_rows(angles: Array) -> Integers | None:
-    """Indices of the rows at an edge, one count after the previous row; None if rows are not sent at each count.
+    """Return the indices of the rows at an edge, one count after the previous row.
+
+    None if rows are not sent at each count.
 
     Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. Two kinds
     of rows are left out: the first row, and a row that differs by more than one count and therefore follows a lost row.
@@ -54,7 +56,9 @@ def edge_rows(angles: Array) -> Integers | None:
 
 
 def whole_changes(angles: Array) -> Integers | None:
-    """(n - 1, m) changes from row to row, in units of the smallest change; None if they are not integers.
+    """Return the (n - 1, m) changes from row to row, in units of the smallest change.
+
+    None if they are not integers.
 
     Args:
         angles: (n, m) readings of the encoders, in any unit

@@ -179,7 +179,10 @@ def refuse_held(runs: Sequence[Run]) -> None:
 
 
 def rest_fault(motion: RodMotion, part: FreePart) -> str:
-    """Reason why the rest before the release does not determine the noise of the readings; empty if there is none."""
+    """Return the reason why the rest before the release does not determine the noise of the readings.
+
+    Empty if there is none.
+    """
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < HELD.fewest:
         return "too short"
@@ -192,20 +195,20 @@ def rest_fault(motion: RodMotion, part: FreePart) -> str:
 
 
 def still_band(motion: RodMotion) -> float:
-    """Width of the band of rest, rad: the maximum excursion of rods that count as at rest."""
+    """Return the width of the band of rest, rad: the maximum excursion of rods that count as at rest."""
     excursion = float(np.ptp(motion.rods, axis=0).max()) if len(motion.t) else 0.0
     noise = float(_noise(motion).max())
     return max(min(HELD.still_rad, HELD.of_motion * excursion), HELD.noise * noise)
 
 
 def _noise(motion: RodMotion) -> Array:
-    """(2,) standard deviation of the readings of both rods, rad."""
+    """Return the (2,) standard deviation of the readings of both rods, rad."""
     samples = slice(HELD.readings)
     return difference_std(motion.t[samples], motion.rods[samples]) if len(motion.t) > ORDER else np.zeros(2)
 
 
 def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
-    """Intervals in which the rods are held, each as first sample and index after the last."""
+    """Return the intervals in which the rods are held, each as first sample and index after the last."""
     return [
         (first, stop)
         for first, stop in _still_intervals(motion, band)
@@ -216,7 +219,7 @@ def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 
 
 def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """(n - width + 1, ...) maxima over windows of `width` rows of (n, ...).
+    """Return the (n - width + 1, ...) maxima over windows of `width` rows of (n, ...).
 
     They are combined recursively from the maxima over windows of half the width.
     """
@@ -241,7 +244,7 @@ def _still_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 
 
 def _turns(motion: RodMotion, first: int, stop: int) -> bool:
-    """Whether an interval contains a turning point of a swing.
+    """Return whether an interval contains a turning point of a swing.
 
     The criterion is a significant parabola that accelerates towards hanging. Near a turning point, the noisy readings
     of a slow rod, for example from a video, stay within the band for a long time, like those of a rod at rest.
@@ -257,7 +260,9 @@ def _turns(motion: RodMotion, first: int, stop: int) -> bool:
 
 
 def _fall(t: Array, rods: Array) -> int:
-    """First sample of a fall from rest, if a fall describes the readings better than one parabola; otherwise 0.
+    """Return the first sample of a fall from rest, if a fall describes the readings better than one parabola.
+
+    Otherwise 0.
 
     The model of a fall is rest until t0, and alpha (t - t0)^2 / 2 after it.
     """
@@ -271,7 +276,7 @@ def _fall(t: Array, rods: Array) -> int:
 
 
 def _restarts(motion: RodMotion, stop: int, band: float) -> bool:
-    """Whether rods that hang at rest swing again later, which is impossible for a decaying swing."""
+    """Return whether rods that hang at rest swing again later, which is impossible for a decaying swing."""
     later = motion.rods[stop:]
     return bool(len(later)) and float(np.ptp(later, axis=0).max()) > HELD.restart * band
 
@@ -286,7 +291,7 @@ def _hangs(rods: Array) -> bool:
 
 
 def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
-    """Whether the motion in an interval has a known input: a known torque acts, or the prescribed arm moves."""
+    """Return whether the motion in an interval has a known input: a known torque acts, or the prescribed arm moves."""
     pushed = False
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
@@ -295,7 +300,7 @@ def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 
 
 def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
-    """Whether the rods move between two held intervals."""
+    """Return whether the rods move between two held intervals."""
     whole = first == 0 and stop == len(motion.t)
     if stop - first < (2 if whole else HELD.fewest):
         return False
@@ -336,7 +341,10 @@ def _short_rest(motion: RodMotion, band: float) -> int:
 
 
 def _onset(motion: RodMotion, rest: int, first: int) -> int:
-    """First sample of the motion of rods that rest from sample `rest` on and have moved at sample `first`."""
+    """Return the first sample of a motion.
+
+    The rods rest from sample `rest` on, and have moved at sample `first`.
+    """
     t, rods = motion.t, motion.rods
     if first - rest < HELD.fewest:
         return first

@@ -11,7 +11,7 @@ from dpr_lab.kernels import njit, subroutine
 
 @njit
 def log_likelihood(t: Array, theta: Array, snap: float, prior: Array) -> float:
-    """Log-likelihood of the innovations, up to a constant, in filter units (the noise of a reading is 1).
+    """Return the log-likelihood of the innovations, up to a constant, in filter units (the noise of a reading is 1).
 
         -1/2 sum_k (log S_k + y_k^2 / S_k)
 

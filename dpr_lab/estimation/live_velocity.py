@@ -94,7 +94,7 @@ class VelocityFilter:
         self._interval = math.nan
 
     def update(self, t: float, theta: ArrayLike) -> Array:
-        """(2,) speeds after the sample theta (2,) at time t, rad/s.
+        """Return the (2,) speeds after the sample theta (2,) at time t, rad/s.
 
         Raises:
             ValueError: t is not later than the previous sample.

@@ -113,7 +113,7 @@ def noise_floor(run: Run, rig: Rig, *, still: bool = True) -> NoiseFloor:
 
 
 def _film_std(film: FilmNoise, joints: JointAngles) -> Array:
-    """(2,) standard deviation of the joint angles of a video, rad; both are equal for a single rod."""
+    """Return the (2,) standard deviation of the joint angles of a video, rad; both are equal for a single rod."""
     rods = np.asarray(film.std) * np.ones(2)
     to_joints = np.linalg.inv(joints.to_rods_matrix)
     return np.sqrt(to_joints**2 @ rods**2)
@@ -160,12 +160,12 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 
 def _still_window(run: Run) -> int:
-    """Minimum number of samples within one step for which rounding errors are not independent."""
+    """Return the minimum number of samples within one step for which rounding errors are not independent."""
     return max(2, round(NOISE.still_s * run.rate_hz))
 
 
 def _still(readings: Array, steps: Array, window: int) -> Flags:
-    """(n - window + 1, m) whether `window` successive readings, of (n, m), stay within one step."""
+    """Return the (n - window + 1, m) whether `window` successive readings, of (n, m), stay within one step."""
     least = most = readings
     covered = 1
     while covered < window:  # the extremes over a window follow from those over two neighbouring halves
@@ -176,7 +176,7 @@ def _still(readings: Array, steps: Array, window: int) -> Flags:
 
 
 def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool) -> Array:
-    """(m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
+    """Return the (m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
 
     A table of angles may come from other encoders than those of the rig file. Unless it has no noise at all, it counts
     as rounded only if its own readings show a step.
@@ -188,7 +188,7 @@ def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool)
 
 
 def _steps(readings: Array, counts: Array) -> Array:
-    """(m,) rounding step: all changes of the readings are multiples of this step; 0 if there is none.
+    """Return the (m,) rounding step: all changes of the readings are multiples of this step; 0 if there is none.
 
     A count of the rig and the smallest change are tried.
     """
@@ -205,7 +205,7 @@ def _steps(readings: Array, counts: Array) -> Array:
 
 
 def rounding_std(readings: Array, steps: Array, window: int) -> Array:
-    """(m,) standard deviation of the rounding errors of readings (n, m) that are multiples of `steps` (m,).
+    """Return the (m,) standard deviation of the rounding errors of readings (n, m) that are multiples of `steps` (m,).
 
     The result is step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent.
     If a reading stays within one step for `window` samples, it may be near the edge between two values, with errors of
@@ -218,7 +218,7 @@ def rounding_std(readings: Array, steps: Array, window: int) -> Array:
 
 
 def difference_std(t: Array, values: Array) -> Array:
-    """Standard deviation of white noise on a smooth signal at uneven instants, robust to jumps.
+    """Return the standard deviation of white noise on a smooth signal at uneven instants, robust to jumps.
 
     Divided differences over seven neighbours cancel any polynomial of degree five. At unit gain on white noise they are
 
@@ -248,7 +248,7 @@ def difference_std(t: Array, values: Array) -> Array:
 
 
 def difference_weights(windows: Array, period: float) -> Array:
-    """(windows, 7) weights of divided differences of sixth order, with unit gain on white noise.
+    """Return the (windows, 7) weights of divided differences of sixth order, with unit gain on white noise.
 
     Args:
         windows: (windows, 7) increasing instants, s
@@ -265,7 +265,9 @@ def difference_weights(windows: Array, period: float) -> Array:
 
 
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
-    """(2,) autocorrelation of the noise of joints 1 and 2 at a lag of `apart` samples; 0 if it is not significant.
+    """Return the (2,) autocorrelation of the noise of joints 1 and 2 at a lag of `apart` samples.
+
+    0 if it is not significant.
 
     For white noise the estimate is 0 +- 1 / sqrt(n). A tracker or a filter causes a larger value. For a video the value
     is the autocorrelation of the lengths of the rods, modelled as a process of first order.
@@ -282,7 +284,10 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
 
 
 def _rest_std(t: Array, joints: Array) -> Array:
-    """Standard deviation of each joint about a straight line, because a hand-held rod drifts; outliers are excluded."""
+    """Return the standard deviation of each joint about a straight line, because a hand-held rod drifts.
+
+    Outliers are excluded.
+    """
     line = np.vander(t - t.mean(), 2)
     return np.array([_about(line, joint) for joint in joints.T])
 

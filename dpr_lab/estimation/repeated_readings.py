@@ -53,7 +53,9 @@ SETTINGS = RepeatSettings()
 
 
 def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], str]:
-    """Indices of the rows with a new reading, and a note about the other rows; the note is empty if there are none.
+    """Return the indices of the rows with a new reading, and a note about the other rows.
+
+    The note is empty if there are none.
 
     Args:
         t: (n,) increasing times, s
@@ -79,7 +81,7 @@ def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], 
 
 
 def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
-    """Middle row of each burst, and whether the rows come in bursts."""
+    """Return the middle row of each burst, and whether the rows come in bursts."""
     steps = np.diff(t)
     if len(steps) < SETTINGS.bursts * SETTINGS.rows:
         return np.arange(len(t)), False
@@ -96,7 +98,7 @@ def _bursts(t: Array) -> tuple[NDArray[np.intp], bool]:
 
 
 def _held(again: Flags, columns: Sequence[Array]) -> bool:
-    """Whether most equal rows are held readings.
+    """Return whether most equal rows are held readings.
 
     A held reading is followed by a large change in the direction of the motion.
     """

@@ -138,7 +138,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
 
 
 def _swing(run: Run) -> tuple[Array, Array, float]:
-    """Instants, s, angles of the rods, rad, and median sampling interval, s, from the release on."""
+    """Return the instants, s, angles of the rods, rad, and median sampling interval, s, from the release on."""
     swing = run.swing
     if len(swing.t) < 2:
         raise RunError(f"{run.name}: {len(swing.t)} samples after the release; at least 2 are needed for a velocity")
@@ -152,7 +152,10 @@ def _sections(samples: int, period: float) -> list[slice]:
 
 
 def _peaks(grid: Array, values: Array) -> Array:
-    """Positions of the maxima of values (k, ...) on an even grid (k,), by a parabola through three points."""
+    """Return the positions of the maxima of values (k, ...) on an even grid (k,).
+
+    Each maximum is the vertex of a parabola through three points.
+    """
     middle = values.argmax(axis=0)
     inner = np.clip(middle, 1, len(grid) - 2)
     left, top, right = (np.take_along_axis(values, (inner + side)[None], axis=0)[0] for side in (-1, 0, 1))

@@ -36,14 +36,19 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 
 
 def shifted(fit: Fit, change: Array) -> Array:
-    """(free,) change of the fitted values if the predicted readings change by the whitened `change` (segments, m)."""
+    """Return the (free,) change of the fitted values for a change of the predicted readings.
+
+    Args:
+        fit: the fit
+        change: (segments, m) whitened change of the predicted readings
+    """
     A, change_of_all = fit.linear.A[:, :, fit.inside], np.zeros(len(fit.free))
     change_of_all[fit.inside] = -_shift(_inner(fit, 1.0), A, change)
     return change_of_all
 
 
 def _inner(fit: Fit, inflation: float) -> Array:
-    """(inside, inside) covariance of the values inside their bounds, divided by the inflation."""
+    """Return the (inside, inside) covariance of the values inside their bounds, divided by the inflation."""
     space = ColumnSpace.of(fit.linear.A[:, :, fit.inside], fit.linear.e)
     rows = inflation**0.5 * fit.prior[:, fit.inside]
     return space.with_prior(rows, np.zeros(len(rows))).covariance()

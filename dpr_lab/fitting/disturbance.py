@@ -39,7 +39,9 @@ ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
 
 
 def torque_noise(torques: Torques) -> Array:
-    """(2,) standard deviation of the white noise of measured torques after the release, N m; zero for other torques.
+    """Return the (2,) standard deviation of the white noise of measured torques after the release, N m.
+
+    Zero for other torques.
 
     It is estimated from the median absolute differences of several orders. The smallest estimate is used, because
     changes of the torque itself can only increase an estimate. For interpolated torques, the original rows are used,
@@ -93,12 +95,12 @@ def disturbance(
 
 
 def most_noise(problem: Problem) -> Array:
-    """(2,) largest `torque_noise` of all runs, N m."""
+    """Return the (2,) largest `torque_noise` of all runs, N m."""
     return np.max([np.zeros(2), *(torque_noise(s.torques) for s in problem.segments.setups if s.torques)], axis=0)
 
 
 def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
-    """(2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
+    """Return the (2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
 
     The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised by halving the
     variance of each joint, starting from the upper limits `torque_noise`. These are upper limits because the torque of
@@ -144,19 +146,19 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
 
 
 def _rows(torques: Torques) -> Torques:
-    """Torques at the rows of the recording."""
+    """Return the torques at the rows of the recording."""
     return torques if torques.interpolated is None else torques.interpolated
 
 
 def _at(values: Array, place: Array) -> Array:
-    """Linear interpolation of values (n, ...) on a grid at positions (m,) in grid points."""
+    """Return the linear interpolation of values (n, ...) on a grid at positions (m,) in grid points."""
     lower = np.minimum(place.astype(np.int64), len(values) - 2)
     share = (place - lower).reshape(-1, *[1] * (values.ndim - 1))
     return (1 - share) * values[lower] + share * values[lower + 1]
 
 
 def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
-    """(n, 4) change of the initial state that is equivalent to a unit acceleration of the arm."""
+    """Return the (n, 4) change of the initial state that is equivalent to a unit acceleration of the arm."""
     rig = problem.model.constants
     d, e1 = reference.bases[reference.motion.run][:, 2], reference.bases[reference.motion.run][:, 3]
     levers = -rig.L0 / rig.g * np.stack([e1, d * rig.g / rig.L1], axis=1) * np.cos(reference.motion.theta)
@@ -164,12 +166,12 @@ def _push_of_arm(reference: Trajectory, problem: Problem) -> Array:
 
 
 def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
-    """(n, 4) change of the initial state that is equivalent to a unit acceleration of the inner rod."""
+    """Return the (n, 4) change of the initial state that is equivalent to a unit acceleration of the inner rod."""
     return PRESCRIBED.inertia * reference.into[:, :, 0]
 
 
 def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
-    """First and second time derivative, (n, 4) each, of the equivalent change of the initial state `push`.
+    """Return the first and second time derivative, (n, 4) each, of the equivalent change of the initial state `push`.
 
     They are needed because an error e of a prescribed angle acts through its second derivative. Integrating by parts
     twice gives two contributions to the readings: -out slope e at the same instant, and out times the integral of bend
@@ -184,7 +186,7 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
 
 
 def _of_motion(motion: ArmMotion | None) -> float:
-    """Square root of the intensity of the noise of a prescribed angle, rad s^(1/2).
+    """Return the square root of the intensity of the noise of a prescribed angle, rad s^(1/2).
 
     Zero without a prescribed motion.
     """
@@ -192,7 +194,10 @@ def _of_motion(motion: ArmMotion | None) -> float:
 
 
 def _spread(setup: Setup, most_Nm: ArrayLike) -> Array:
-    """(2, 2) square root of the intensity of the torque noise of joints 1 and 2 on theta1 and theta2, N m s^(1/2)."""
+    """Return the (2, 2) square root of the intensity of the torque noise, N m s^(1/2).
+
+    The rows are theta1 and theta2, the columns are joints 1 and 2.
+    """
     if setup.torques is None:
         return np.zeros((2, 2))
     t = _rows(setup.torques).t

@@ -170,38 +170,47 @@ class FreeParameter:
     """Whether the parameter is an amplitude; otherwise it is a shape parameter."""
 
     def read(self, estimate: Estimate) -> float:
-        """Value of the parameter in an estimate."""
+        """Return the value of the parameter in an estimate."""
         return float(estimate.vector[self.place])
 
 
 def unknown_ratios(base: ArrayLike) -> Array:
-    """(7,) the five ratios, b and p/b, from base parameters (7,) with p, or (6,) without p."""
+    """Return (7,) five ratios, b and p/b, from base parameters (7,) with p, or (6,) without p."""
     values = np.asarray(base, dtype=np.float64)
     b = values[BASE.index("b")]
     return np.append(base_ratios(values[: len(BASE)]), [b, values[-1] / b if len(values) > len(BASE) else np.nan])
 
 
 def with_scale(ratios: Array, b: float) -> Array:
-    """(7,) ratios with another scale b of all torques, kg m^2."""
+    """Return the (7,) ratios with another scale b of all torques, kg m^2."""
     ratios = ratios.copy()
     ratios[SCALE] = b
     return ratios
 
 
 def whole_of(ratios: Array) -> Array:
-    """(..., 7) base parameters of the whole rig, SI, from (..., 7) ratios, b and p/b; p is nan without p/b."""
+    """Return the (..., 7) base parameters of the whole rig, SI, from (..., 7) ratios, b and p/b.
+
+    P is nan without p/b.
+    """
     on_elbow = ratios[..., ON_ELBOW:] if ratios.shape[-1] > ON_ELBOW else np.full((*ratios.shape[:-1], 1), np.nan)
     unit = np.concatenate([base_from_ratios(ratios[..., : len(RATIOS)]), on_elbow], axis=-1)
     return ratios[..., SCALE, None] * unit
 
 
 def alone_share(ratios: Array) -> float:
-    """Inertia of the inner rod alone about joint 1, divided by b of the whole rig, from (7,) ratios, b and p/b."""
+    """Return the inertia of the inner rod alone about joint 1, divided by b of the whole rig.
+
+    Args:
+        ratios: (7,) ratios, b and p/b
+    """
     return float(ratios[RATIOS.index("a/b")] - ratios[ON_ELBOW])
 
 
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
-    """Indices of the unknowns in `Estimate.ratios` that the runs determine; all other unknowns keep their values.
+    """Return the indices of the unknowns in `Estimate.ratios` that the runs determine.
+
+    All other unknowns keep their values.
 
     Runs with two free rods determine the five ratios; additional runs with only the inner rod also determine p/b. If
     joint 1 is prescribed, the outer rod determines d/b and c2/b. If no run has a swing of both rods, some elements have
@@ -229,7 +238,7 @@ def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tupl
 
 
 def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATIOS))) -> tuple[FreeParameter, ...]:
-    """Free parameters for the identifiable ratios."""
+    """Return the free parameters for the identifiable ratios."""
     steps = DIFFERENCE_STEPS
     sizes = np.maximum(np.abs(estimate.ratios), steps.least_ratio).tolist()
     lower = [0.0 if place in FRICTION else -np.inf for place in range(len(UNKNOWN_RATIOS))]
@@ -242,7 +251,7 @@ def ratio_parameters(estimate: Estimate, visible: Iterable[int] = range(len(RATI
 
 
 def zero_parameters(setups: Iterable[Setup]) -> tuple[FreeParameter, ...]:
-    """Free parameters for the zero offsets of the measured encoders, separate for each run."""
+    """Return the free parameters for the zero offsets of the measured encoders, separate for each run."""
     encoders = [(run, joint) for run, setup in enumerate(setups) for joint in range(1 if setup.alone else 2)]
     names = [f"zero{joint + 1}_of_run{run + 1}_rad" for run, joint in encoders]
     places = [ZEROS_BEGIN + 2 * run + joint for run, joint in encoders]
@@ -258,7 +267,9 @@ def effect_parameters(
     overrides: tuple[tuple[int, float], ...] = (),
     limits: Array | None = None,
 ) -> tuple[FreeParameter, ...]:
-    """Free parameters for the amplitudes of an effect; with `refined` also for its continuous shape parameters.
+    """Return the free parameters for the amplitudes of an effect.
+
+    With `refined` also for its continuous shape parameters.
 
     Args:
         effect: the effect

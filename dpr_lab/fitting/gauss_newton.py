@@ -211,7 +211,7 @@ class RigPrior:
     def at(
         cls, problem: Problem, estimate: Estimate, free: tuple[FreeParameter, ...], linear: Linearisation
     ) -> "RigPrior":
-        """Prior for steps from an estimate, weighted by the residual at this estimate."""
+        """Return the prior for steps from an estimate, weighted by the residual at this estimate."""
         if problem.prior is None or not free:
             return cls(problem, estimate, free, np.zeros((0, len(free))), np.zeros(0), 1.0)
         A, e = problem.prior.rows(estimate, free)
@@ -219,18 +219,18 @@ class RigPrior:
         return cls(problem, estimate, free, weight**0.5 * A, weight**0.5 * e, weight)
 
     def cost(self, step: Array) -> float:
-        """Cost of the prior after a step."""
+        """Return the cost of the prior after a step."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def absorbed(self, space: ColumnSpace) -> Flags:
-        """(free,) mask of the amplitudes that are indistinguishable from earlier unknowns."""
+        """Return the (free,) mask of the amplitudes that are indistinguishable from earlier unknowns."""
         if self.problem.prior is None:
             return np.zeros(len(self.free), dtype=np.bool_)
         return self.problem.prior.absorbed(space, self.estimate, self.free, (self.A, self.e))
 
 
 def _amplitude_changed(end: Iteration, free: Sequence[FreeParameter], settings: GaussNewton) -> bool:
-    """Whether an amplitude changed so much that the derivative of its effect's shape is outdated."""
+    """Return whether an amplitude changed so much that the derivative of its effect's shape is outdated."""
     shaped = {parameter.effect for parameter in free if not parameter.amplitude}
     amplitudes = [parameter for parameter in free if parameter.amplitude and parameter.effect in shaped]
     pairs = [(parameter.read(end.linearised_at), parameter.read(end.estimate)) for parameter in amplitudes]
@@ -297,7 +297,7 @@ def iterate(
 
 
 def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, settings: GaussNewton) -> StopReason | None:
-    """Reason to stop after a successful step with a small reduction of the cost; None: continue.
+    """Return the reason to stop after a successful step with a small reduction of the cost; None: continue.
 
     If the residual is far above the noise, a preliminary fit stops already at a larger reduction, because the model
     error exceeds any small reduction. The values of chi2 are not compared if the simulation of a segment failed before
@@ -324,7 +324,7 @@ def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iterat
 
 
 def _step(state: Iteration, free: tuple[FreeParameter, ...], prior: RigPrior) -> Array:
-    """(free,) damped step within the bounds; zero for absorbed amplitudes."""
+    """Return the (free,) damped step within the bounds; zero for absorbed amplitudes."""
     if not free:
         return np.zeros(0)
     space = ColumnSpace.of(*state.linear.flat)
@@ -334,7 +334,7 @@ def _step(state: Iteration, free: tuple[FreeParameter, ...], prior: RigPrior) ->
 
 
 def bounds(estimate: Estimate, free: Sequence[FreeParameter]) -> Array:
-    """(2, free) lower and upper bounds of a step from an estimate."""
+    """Return the (2, free) lower and upper bounds of a step from an estimate."""
     value = np.array([parameter.read(estimate) for parameter in free])
     return np.array([[parameter.lower for parameter in free], [parameter.upper for parameter in free]]) - value
 

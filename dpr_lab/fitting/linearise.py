@@ -36,7 +36,7 @@ the prior, angle and speed would be indistinguishable. The same holds for the an
 
 
 def slow_starts(setup: Setup, states: int = 4) -> Array:
-    """(states,) inverse prior standard deviations of the step of an initial state.
+    """Return the (states,) inverse prior standard deviations of the step of an initial state.
 
     The state of a clamped arm is fixed.
     """
@@ -82,7 +82,7 @@ class Linearisation:
         return self.A.reshape(self.e.size, self.A.shape[2]), self.e.ravel()
 
     def projected(self, columns: Array) -> Array:
-        """(segments, m, k) whitened columns with the initial states projected out."""
+        """Return the (segments, m, k) whitened columns with the initial states projected out."""
         absorbed = self.Q @ (self.Q.transpose(0, 2, 1) @ columns)
         return np.subtract(columns, absorbed, out=absorbed)
 
@@ -94,7 +94,7 @@ class Linearisation:
         return replace(self, residual=residual, e=self.projected(residual[:, :, None])[:, :, 0])
 
     def chosen(self, columns: Sequence[int]) -> "Linearisation":
-        """Linearisation with only some of the free parameters."""
+        """Return the linearisation with only some of the free parameters."""
         return replace(
             self, A=self.A[:, :, columns], initial_state_coefficients=self.initial_state_coefficients[:, :, columns]
         )
@@ -104,7 +104,7 @@ class Linearisation:
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def initial_steps(self, step: Array) -> Array:
-        """(segments, 4) least-squares steps of the initial states for a given step of the free parameters."""
+        """Return the (segments, 4) least-squares steps of the initial states for a given step of the parameters."""
         residual = np.where(np.isfinite(self.residual), self.residual, 0.0)[:, :, None]
         remaining = self.Q.transpose(0, 2, 1) @ residual - (self.initial_state_coefficients @ step)[:, :, None]
         return np.asarray(np.linalg.solve(self.R, remaining)[:, :, 0], dtype=np.float64)

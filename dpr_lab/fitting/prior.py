@@ -77,7 +77,7 @@ class Prior:
     """(SIZE,) maximum sizes of the amplitudes of effects."""
 
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-        """(n, free) A and (n,) e of the cost |e - A step|^2 that the prior adds to a step from an estimate."""
+        """Return the rows A (n, free) and e (n,) of the cost |e - A step|^2 that the prior adds to a step."""
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
         if of_ratios:
@@ -98,7 +98,7 @@ class Prior:
         free: Sequence[FreeParameter],
         rows: tuple[Array, Array],
     ) -> Flags:
-        """(free,) mask of the amplitudes that these recordings cannot distinguish from earlier unknowns.
+        """Return the (free,) mask of the amplitudes that these recordings cannot distinguish from earlier unknowns.
 
         The order of the unknowns is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if
         the recordings, with the prior of the earlier unknowns, contain less information on it than its own prior.
@@ -125,7 +125,7 @@ class Prior:
         return amplitudes & unseen
 
     def std(self, parameter: FreeParameter) -> float:
-        """Prior standard deviation of one unknown."""
+        """Return the prior standard deviation of one unknown."""
         if parameter.block == "ratios":
             return float(self.covariance[parameter.place, parameter.place] ** 0.5)
         if parameter.block == "zeros":
@@ -134,7 +134,7 @@ class Prior:
 
 
 def prior_of(rig: Rig) -> Prior:
-    """Prior of a rig file."""
+    """Return the prior of a rig file."""
     Z = rig.nominal
     whole = whole_parameters(Z, rig.L1, rig.g)
     mean = unknown_ratios(whole)
@@ -153,14 +153,14 @@ def prior_of(rig: Rig) -> Prior:
 
 
 def parameter_std(rig: Rig) -> Array:
-    """(9,) prior standard deviation of each parameter: of its measurement, or of its bounds."""
+    """Return the (9,) prior standard deviation of each parameter: of its measurement, or of its bounds."""
     lower, upper = rig.bounds
     measured = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS])
     return np.where(rig.searched, (upper - lower) / np.sqrt(12), measured)
 
 
 def unknown_jacobian(Z: Array, rig: Rig) -> Array:
-    """(7, 9) derivative of the ratios, b and p/b with respect to the nine parameters."""
+    """Return the (7, 9) derivative of the ratios, b and p/b with respect to the nine parameters."""
     b = base_jacobian(Z, rig.L1, rig.g)[_B]
     p = rig.L1**2 * np.eye(len(PARAMETERS))[PARAMETERS.index("m2")]
     *_, scale, on_elbow = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))

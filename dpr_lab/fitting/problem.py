@@ -30,7 +30,10 @@ class OutputModel(Protocol):
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
-        """(samples, 2) readings of joint 1 and joint 2 by their encoders, rad; not finite if the integration fails."""
+        """Return the (samples, 2) readings of joint 1 and joint 2 by their encoders, rad.
+
+        Not finite if the integration fails.
+        """
         ...
 
     def slopes(
@@ -40,7 +43,9 @@ class OutputModel(Protocol):
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """(samples, 2, free + 4) derivatives; the last four are with respect to the initial state of the segment.
+        """Return the (samples, 2, free + 4) derivatives.
+
+        The last four are with respect to the initial state of the segment.
 
         `predicted` are the readings at the estimate, if known. A model that computes derivatives less accurately
         compares its own readings with them.
@@ -136,7 +141,7 @@ class Problem:
         return innovations(zeros, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
 
     def by_sample(self, whitened: Array) -> Array:
-        """(samples, 2) values from whitened values (segments, m)."""
+        """Return the (samples, 2) values from whitened values (segments, m)."""
         owner = self.owner
         row = np.arange(len(owner)) - self.segments.offsets[owner]
         return whitened.reshape(len(whitened), -1, self.axes)[owner, row]
@@ -152,16 +157,19 @@ class Problem:
         )
 
     def all_free(self, free: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
-        """Unknowns in addition to the initial states, including the encoder zeros of each run if they are free."""
+        """Return all unknowns except the initial states.
+
+        If the zeros of the encoders are free, the zeros of each run are included.
+        """
         zeros = zero_parameters(self.segments.setups) if self.rezeroed else ()
         return (*free, *(parameter for parameter in zeros if parameter not in free))
 
     def predict(self, estimate: Estimate) -> Array:
-        """(samples, 2) predicted readings, rad."""
+        """Return the (samples, 2) predicted readings, rad."""
         return self.model.predict(self.segments, estimate) + self._zeros(estimate)
 
     def _zeros(self, estimate: Estimate) -> Array | float:
-        """(samples, 2) encoder zeros in the run of each sample, rad; 0 if no zeros are free."""
+        """Return the (samples, 2) encoder zeros in the run of each sample, rad; 0 if no zeros are free."""
         if not len(estimate.zeros):
             return 0.0
         zeros = np.zeros((len(estimate.zeros), self.axes))
@@ -169,7 +177,9 @@ class Problem:
         return zeros[self.segments.run[self.owner]]
 
     def slopes(self, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None) -> Array:
-        """(samples, 2, free + 4) derivatives of the predicted readings; the last four are for the initial state.
+        """Return the (samples, 2, free + 4) derivatives of the predicted readings.
+
+        The last four are for the initial state.
 
         With `predicted`, (samples, 2), the model checks the accuracy of its derivatives (`OutputModel.slopes`).
         """
@@ -187,7 +197,7 @@ class Problem:
         return slopes
 
     def chi2_by_segment(self, predicted: Array) -> Array:
-        """(segments,) sum of squared whitened residuals; inf for a segment whose simulation fails."""
+        """Return the (segments,) sum of squared whitened residuals; inf for a segment whose simulation fails."""
         with np.errstate(over="ignore", invalid="ignore"):
             if self.disturbance is not None:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)

@@ -63,13 +63,9 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], H, self.gradient[columns] - across.T @ out[:, -1])
 
     def gains_given(self, across: Array, within: Array, gradient: Array, positive: bool) -> Array:
-        """(sets,) additional reduction of |e|^2 by each of many small sets of columns, fitted with these columns.
+        """Return the (sets,) additional reduction of |e|^2 by each of many small sets of columns.
 
-        Args:
-            across: (k, sets, n) inner products of these columns with the columns of the sets
-            within: (sets, n, n) inner products within each set
-            gradient: (sets, n) inner products with the residual
-            positive: whether x must not be negative for sets of one column
+        Each set is fitted together with the columns of this space.
         """
         norm = np.sqrt(
             np.maximum(np.diagonal(within, axis1=1, axis2=2), 0.0)
@@ -87,23 +83,23 @@ class ColumnSpace:
         return np.asarray(2 * np.einsum("si,si->s", x, remaining) - np.einsum("si,sij,sj->s", x, H, x))
 
     def solution(self, bounds: Array | None = None, damping: float = 0.0) -> Array:
-        """(k,) least-squares solution within its lower and upper bounds (2, k)."""
+        """Return the (k,) least-squares solution within its lower and upper bounds (2, k)."""
         H = _ridged(self.H, RIDGE + damping)
         if bounds is None:
             return np.asarray(np.linalg.solve(H, self.gradient), dtype=np.float64) * self.scale
         return bounded_solution(H, self.gradient, *bounds / self.scale) * self.scale
 
     def reduction(self, x: Array) -> float:
-        """Reduction of |e|^2 by given coefficients x (k,)."""
+        """Return the reduction of |e|^2 by given coefficients x (k,)."""
         unit = x / self.scale
         return float(2 * unit @ self.gradient - unit @ _ridged(self.H) @ unit)
 
     def gain(self) -> float:
-        """Reduction of |e|^2 by the unbounded solution."""
+        """Return the reduction of |e|^2 by the unbounded solution."""
         return self.reduction(self.solution())
 
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
-        """(k,) share of each column's squared norm that remains after projection on the earlier columns.
+        """Return the (k,) share of each column's squared norm that remains after projection on the earlier columns.
 
         A column of which only rounding errors remain is not used in the projection of later columns. If there is no
         such column, the shares are the squared diagonal of the Cholesky factor.
@@ -120,11 +116,11 @@ class ColumnSpace:
         return remaining
 
     def covariance(self) -> Array:
-        """(k, k) covariance of the solution under unit white noise."""
+        """Return the (k, k) covariance of the solution under unit white noise."""
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:
-        """Cosine between the response to a direction of some columns and its projection on other columns."""
+        """Return the cosine between the response to a direction of some columns and its projection on other columns."""
         x = direction / self.scale[columns]
         overlap = self.H[others][:, columns] @ x
         length = float(x @ self.H[columns][:, columns] @ x)

@@ -80,7 +80,7 @@ class Trajectory:
     """(segments + 1,) index of the first sample of each segment, then the number of samples."""
 
     def response(self, problem: Problem, torque: Array) -> Array:
-        """(segments, m, k) whitened change of the encoder readings due to generalised torques, (n, 2, k), N m."""
+        """Return the (segments, m, k) whitened change of the readings due to generalised torques (n, 2, k), N m."""
         torque, count = np.ascontiguousarray(torque), torque.shape[2]
         changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, count))
         grid = _Grid(self.motion.t, self.into, self.out, self.at, self.edges, self.first)
@@ -90,7 +90,7 @@ class Trajectory:
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
-        """(n, 2, k) generalised torques, N m, of effects (k, SIZE) of one stage in `TRAJECTORY_TORQUES`."""
+        """Return the (n, 2, k) generalised torques, N m, of effects (k, SIZE) of one stage in `TRAJECTORY_TORQUES`."""
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
@@ -100,7 +100,7 @@ class Trajectory:
         return torques
 
     def of_setup(self, setup: Setup) -> Flags:
-        """(n,) mask of the grid points in runs with a given setup."""
+        """Return the (n,) mask of the grid points in runs with a given setup."""
         return np.array([other == setup for other in self.setups])[self.motion.run]
 
     def _torques(
@@ -187,7 +187,7 @@ def trajectory(
 
 
 def _followed(bases: Array, rig: RigConstants, grid: Segments, estimate: Estimate) -> FollowedSwing:
-    """Simulated swings of two rods on an arm that is clamped or has a prescribed motion."""
+    """Return the simulated swings of two rods on an arm that is clamped or has a prescribed motion."""
     states, slopes = follow(estimate.ratios, grid, estimate.initial, rig, outputs=4)
     phi = slopes[:, :, len(RATIOS) :]
     lost = ~(np.isfinite(phi).all(axis=(1, 2)) & (np.abs(states) < FOLLOW.wildest).all(axis=1))
@@ -208,7 +208,7 @@ def _grid(first: float, last: float, spacing: float) -> Array:
 
 
 def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
-    """(n, 2) torques on theta1 and theta2, N m, due to the acceleration and squared speed of an arm, (n, 2).
+    """Return the (n, 2) torques on theta1 and theta2, N m, due to the acceleration and squared speed of an arm, (n, 2).
 
     The equation is (54) of docs/theory.md.
     """
@@ -219,7 +219,10 @@ def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Arr
 
 
 def _accelerations(bases: Array, held: Flags, L1: float, g: float, states: Array, drive: Array) -> tuple[Array, Array]:
-    """(n, 2, 2) inverse mass matrices and (n, 2) accelerations of equation (1), with joint 2 fixed if `held`."""
+    """Return the (n, 2, 2) inverse mass matrices and the (n, 2) accelerations of equation (1).
+
+    If `held` is true, joint 2 is fixed.
+    """
     a, b, d, e1, c1, c2 = bases.T
     (sin1, sin2), (cos1, cos2), (omega1, omega2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T), states[:, 2:].T
     coupling, *torques = coupled(sin1, cos1, sin2, cos2, omega1, omega2, d, e1, d * g / L1, c1, c2)

@@ -48,7 +48,7 @@ def without_outstanding(
 
 
 def relative_chi2(fitted: Fit) -> Array:
-    """(segments,) chi2 of each segment relative to the median; inf for a segment whose simulation fails.
+    """Return the (segments,) chi2 of each segment relative to the median; inf for a segment whose simulation fails.
 
     The median is that of the segments that the model can simulate.
     """
@@ -93,7 +93,7 @@ def _lost_and_chi2(fitted: Fit) -> tuple[int, float]:
 
 
 def student_weights(problem: Problem, first_fit: Fit, freedom: float = 4.0) -> Array:
-    """(samples, 2) Student-t weights of the residuals of a fit, relative to the spread of each channel.
+    """Return the (samples, 2) Student-t weights of the residuals of a fit, relative to the spread of each channel.
 
     Source: Lange, Little & Taylor (1989), Robust statistical modeling using the t distribution, JASA 84, 881-896.
     """

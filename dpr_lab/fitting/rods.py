@@ -35,7 +35,7 @@ class RodsAlone:
         return RodsAlone(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
-        """(samples, 2) encoder readings, rad."""
+        """Return the (samples, 2) encoder readings, rad."""
         values, _ = self._ratios(segments, estimate)
         begins = segments.turning_as_one(estimate.initial)
         states, _, _ = driven(values, self.constants, segments, begins, 0)
@@ -48,7 +48,10 @@ class RodsAlone:
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """(samples, 2, free + 4) exact derivatives of the readings; the free parameters are ratios, b and p/b."""
+        """Return the (samples, 2, free + 4) exact derivatives of the readings.
+
+        The free parameters are ratios, b and p/b.
+        """
         values, chains = self._ratios(segments, estimate)
         begins = segments.turning_as_one(estimate.initial)
         _, by_unknown, by_push = driven(values, self.constants, segments, begins, 2)
@@ -67,7 +70,7 @@ class RodsAlone:
         return slopes
 
     def _ratios(self, segments: Segments, estimate: Estimate) -> tuple[Array, Array]:
-        """(segments, 6) ratios of each segment and 1 / b, and (segments, 6, 7) derivatives of these values."""
+        """Return the ratios and 1 / b of each segment, (segments, 6), and their derivatives (segments, 6, 7)."""
         by_run = [pushed_by(estimate.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
         return np.array([by_run[run][0] for run in segments.run]), np.array([by_run[run][1] for run in segments.run])
 
@@ -83,7 +86,7 @@ def by_start(slopes: Array, setup: Setup) -> Array:
 
 
 def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """(5,) ratios of a run, and (5, 7) derivatives with respect to the unknown ratios, b and p/b, (7,)."""
+    """Return the (5,) ratios of a run, and (5, 7) derivatives with respect to the unknown ratios, b and p/b, (7,)."""
     if setup.added is None and setup.inner is None and not setup.alone:
         return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
     base = base_of_run(whole_of(unknown), setup, L1, g)
@@ -91,7 +94,7 @@ def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Ar
 
 
 def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """(6, 7) derivative of a run's base parameters with respect to the unknown ratios, b and p/b."""
+    """Return the (6, 7) derivative of a run's base parameters with respect to the unknown ratios, b and p/b."""
     b, slopes = unknown[SCALE], np.zeros((len(WHOLE), len(WHOLE)))
     slopes[_OTHERS, : len(RATIOS)], slopes[_P, ON_ELBOW] = b * np.eye(len(RATIOS)), b
     slopes[:, SCALE] = whole_of(unknown) / b
@@ -99,7 +102,7 @@ def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
 
 
 def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """(6,) ratios of a run and 1 / b of the run, and (6, 7) derivatives of these values.
+    """Return the (6,) ratios of a run and 1 / b of the run, and (6, 7) derivatives of these values.
 
     1 / b is zero without torques.
     """
@@ -116,7 +119,10 @@ def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array,
 def followed(
     ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, outputs: int = 0
 ) -> tuple[Array, Array]:
-    """(N, 4) states of segments for (7,) unknown ratios, and (N, `outputs`, 9) derivatives as in `sensitivities`."""
+    """Return the (N, 4) states of segments for (7,) unknown ratios, and the derivatives of the states.
+
+    The derivatives (N, `outputs`, 9) are those of `sensitivities`.
+    """
     values = np.array([pushed_by(ratios, setup, rig.L1, rig.g)[0] for setup in laid_out.setups])[laid_out.run]
     states, slopes, _ = driven(values, rig, laid_out, laid_out.turning_as_one(initial), outputs)
     return states, slopes

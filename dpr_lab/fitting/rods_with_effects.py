@@ -69,7 +69,7 @@ class RodsWithEffects:
         return RodsWithEffects(constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
-        """(samples, 2) encoder readings, rad."""
+        """Return the (samples, 2) encoder readings, rad."""
         return predict(
             estimate.whole,
             estimate.params,
@@ -86,7 +86,7 @@ class RodsWithEffects:
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """(samples, 2, free + 4) derivatives of the readings; the last four are for the initial state.
+        """Return the (samples, 2, free + 4) derivatives of the readings; the last four are for the initial state.
 
         Args:
             segments: layout of the samples
@@ -133,10 +133,7 @@ class RodsWithEffects:
 
 
 def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
-    """(segments,) whether the readings of a segment differ from the predicted ones by more than `coarse_error` (rms).
-
-    A segment with readings that are not finite is inexact as well.
-    """
+    """Return a (segments,) mask of the segments whose rms prediction error exceeds `coarse_error`."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.add.reduceat(np.sum((reading - predicted) ** 2, axis=1), segments.offsets[:-1])
         followed = np.isfinite(np.add.reduceat(predicted.sum(axis=1), segments.offsets[:-1]))

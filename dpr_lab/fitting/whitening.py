@@ -33,9 +33,9 @@ class Disturbance:
 
 
 def padded(values: Array, weight: Array, offsets: Integers) -> Array:
-    """Weighted values of segments, (segments, longest, axes, k), from (samples, axes, k) and weights (samples, axes).
+    """Weight values and arrange them by segment: (samples, axes, k) become (segments, longest, axes, k).
 
-    Short segments end in zeros.
+    The weights have the shape (samples, axes).
     """
     blocks = np.zeros((len(offsets) - 1, int(np.diff(offsets).max()), weight.shape[1], values.shape[2]))
     _weigh(values, weight, offsets, blocks)

@@ -84,7 +84,10 @@ class Buffers(NamedTuple):
 
 
 def allocate(segments: SegmentArrays, candidates: int, columns: int) -> Buffers:
-    """Outputs and buffers for a number of candidates; `columns` is the number of columns of the readings."""
+    """Return the outputs and buffers for a number of candidates.
+
+    `columns` is the number of columns of the readings.
+    """
     longest, indices = int(np.diff(segments.offsets).max()), partial(np.zeros, LANES, dtype=np.int64)
     angles = np.zeros((candidates, len(segments.t), columns))
     samples = LaneSamples(

@@ -45,7 +45,10 @@ class Drive(NamedTuple):
 
 @lru_cache(maxsize=16)
 def drive_of(setups: tuple[Setup, ...]) -> Drive:
-    """Known torques and arm motions of runs; cached, because every prediction of their segments needs them."""
+    """Return the known torques and arm motions of runs.
+
+    Cached, because every prediction of their segments needs them.
+    """
     no_torques, nothing = (np.zeros(0), np.zeros((0, 2))), (np.zeros(0), np.zeros(0))
     return Drive(
         rods=_in_sequence([s.torques.knots if s.torques and s.torques.on_joints else no_torques for s in setups]),
@@ -83,7 +86,10 @@ def _interval(knots: Knots, run: int, i: int, t: float, near: int = 16) -> int:
 
 @subroutine
 def _value(knots: Knots, i: int, t: float, column: int) -> float:
-    """Value at time t of a function that is linear in interval i; before the first knot the value is constant."""
+    """Return the value at time t of a function that is linear in interval i.
+
+    Before the first knot the value is constant.
+    """
     share = (t - knots.t[i]) / (knots.t[i + 1] - knots.t[i])
     return knots.values[i, column] + max(share, 0.0) * (knots.values[i + 1, column] - knots.values[i, column])
 
@@ -127,7 +133,10 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -
 
 @subroutine
 def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
-    """Speed of the arm at time t from its values at the knots `first` to `last`, rad/s; constant beyond them."""
+    """Return the speed of the arm at time t from its values at the knots `first` to `last`, rad/s.
+
+    Constant beyond them.
+    """
     i, beyond = first, last + 1
     while i < beyond:  # bisection, because numpy's function in a kernel would import all of scipy.linalg
         middle = (i + beyond) // 2

@@ -81,7 +81,10 @@ def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
 
 @subroutine
 def _mode(w: LaneWorkspace, k: int, arm: bool) -> int:
-    """Mode of the arm of lane k: clamped before the release and while Coulomb friction holds it, otherwise free."""
+    """Return the mode of the arm of lane k.
+
+    The arm is clamped before the release and while Coulomb friction holds it; otherwise it is free.
+    """
     return CLAMPED if not arm or waits(w, k) or w.direction0[k] == 0.0 else FREE
 
 

@@ -54,7 +54,10 @@ _NAMES |= {
 
 
 def lane_stage(stage: str) -> Any:
-    """Compiled lane version of a stage: (w, [constants,] active) -> None, which updates the rows of its results."""
+    """Return the compiled lane version of a stage.
+
+    It has the form (w, [constants,] active) -> None and updates the rows of its results.
+    """
     calls = contributions(stage)
     arguments = "w, constants, active" if "constants" in STAGES[stage].quantities else "w, active"
     lines = [f"def {stage}_lanes({arguments}):"]

@@ -36,7 +36,13 @@ def begin_gear(w: LaneWorkspace) -> None:
 
 @subroutine
 def fed(owed: float, behind: float, step: float) -> float:
-    """Torque that transmits the impulse `owed`, N m s, with the first moment `behind`, N m s^2, within two steps."""
+    """Return the torque that transmits an impulse with its first moment within two steps.
+
+    Args:
+        owed: impulse, N m s
+        behind: first moment of the impulse, N m s^2
+        step: length of a step, s
+    """
     return (1.5 * owed + behind / step) / step
 
 

@@ -125,7 +125,7 @@ def _read(block: LaneBlock, advance: Any, buffers: Buffers) -> None:
 
 @subroutine
 def _any_held(w: LaneWorkspace) -> bool:
-    """Whether the next step of any lane starts before the release."""
+    """Return whether the next step of any lane starts before the release."""
     count = 0
     for k in range(LANES):
         count += not w.t[k] > -0.5 * w.step[k]

@@ -55,13 +55,16 @@ def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> No
 
 @subroutine
 def reads_apart(required: Requirements) -> bool:
-    """Whether the encoders of joints 1 and 2 are read one after the other."""
+    """Return whether the encoders of joints 1 and 2 are read one after the other."""
     return required.timing or required.play or required.play1 or required.play0
 
 
 @subroutine
 def params_row(r: int, block: LaneBlock) -> int:
-    """Row of the effects of run r within a candidate; kernels without allocation cannot return the row itself."""
+    """Return the row of the effects of run r within a candidate.
+
+    Kernels without allocation cannot return the row itself.
+    """
     return r if block.candidates.params.shape[1] > 1 else 0
 
 

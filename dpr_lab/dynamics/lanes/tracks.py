@@ -60,7 +60,7 @@ def tracks_of(active: Flags, chained: Flags, run: Integers, chains: Integers) ->
 
 @lru_cache(maxsize=32)
 def _tracks(shape: tuple[int, int, int], active_: bytes, chained_: bytes, run_: bytes, chains_: bytes) -> Tracks:
-    """Implementation of `tracks_of` with hashable arguments, for the cache."""
+    """Implement `tracks_of` with hashable arguments, for the cache."""
     n, runs, _ = shape
     active, chained = (
         np.frombuffer(mask, dtype=np.bool_).reshape(size) for mask, size in ((active_, shape), (chained_, (n, runs)))
@@ -90,7 +90,7 @@ def _parts(
     first: Integers,
     last: Integers,
 ) -> Integers:
-    """(4, tracks) kind, candidate, first and last segment of each track, for the candidates that `which` marks.
+    """Return (4, tracks) kind, candidate, first segment and last segment of the tracks of the marked candidates.
 
     Tracks of one segment have neighbouring candidates, and thus the same instants, in neighbouring lanes.
     """

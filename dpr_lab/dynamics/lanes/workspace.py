@@ -200,13 +200,13 @@ def copy_rows(source: Rows, target: Rows) -> None:
 
 @inlined
 def base_at(w: LaneWorkspace, k: int) -> BaseParameters:
-    """Base parameters of lane k."""
+    """Return the base parameters of lane k."""
     return BaseParameters(w.a[k], w.b[k], w.d[k], w.e1[k], w.e2[k], w.c1[k], w.c2[k])
 
 
 @inlined
 def constants_at(w: LaneWorkspace, k: int, rig: RigConstants) -> RigConstants:
-    """Constants of lane k: those of the rig, with the lengths and masses of the mounted parts."""
+    """Return the constants of lane k: those of the rig, with the lengths and masses of the mounted parts."""
     return RigConstants(
         rig.L0, w.L1[k], w.L2[k], rig.g, w.m1[k], w.m2[k], w.mb[k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2, rig.counts_per_rev0,
@@ -215,13 +215,13 @@ def constants_at(w: LaneWorkspace, k: int, rig: RigConstants) -> RigConstants:
 
 @inlined
 def arm_at(w: LaneWorkspace, k: int, rig: RigConstants) -> ArmModel:
-    """Inertia, friction and stiffness of the arm of lane k."""
+    """Return the inertia, friction and stiffness of the arm of lane k."""
     return ArmModel(w.inertia[k], rig.L0 / rig.g, w.friction[k], w.stiffness[k])
 
 
 @inlined
 def motion_at(w: LaneWorkspace, k: int) -> Motion:
-    """Motion of lane k at the current stage."""
+    """Return the motion of lane k at the current stage."""
     return Motion(
         w.stage_t[k],
         w.stage_theta0[k], w.stage_theta1[k], w.stage_theta2[k],
@@ -234,7 +234,7 @@ def motion_at(w: LaneWorkspace, k: int) -> Motion:
 
 @inlined
 def joint0_at(w: LaneWorkspace, k: int) -> Joint:
-    """Joint of the arm of lane k, equal to `joint0` of its motion, without loading unused values."""
+    """Return the joint of the arm of lane k, equal to `joint0` of its motion, without loading unused values."""
     return Joint(
         w.stage_t[k], w.stage_theta0[k], w.stage_omega0[k], w.displacement0[k], 0.0,
         w.direction0[k],
@@ -243,7 +243,7 @@ def joint0_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def joint1_at(w: LaneWorkspace, k: int) -> Joint:
-    """Joint 1 of lane k, equal to `joint1` of its motion, without loading unused values."""
+    """Return joint 1 of lane k, equal to `joint1` of its motion, without loading unused values."""
     return Joint(
         w.stage_t[k], w.stage_theta1[k] - math.pi, w.stage_omega1[k],
         w.displacement1[k], w.force1[k], w.direction1[k],
@@ -252,7 +252,7 @@ def joint1_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def joint2_at(w: LaneWorkspace, k: int) -> Joint:
-    """Joint 2 of lane k, equal to `joint2` of its motion, without loading unused values."""
+    """Return joint 2 of lane k, equal to `joint2` of its motion, without loading unused values."""
     return Joint(
         w.stage_t[k],
         w.stage_theta2[k] - w.stage_theta1[k], w.stage_omega2[k] - w.stage_omega1[k],
@@ -262,11 +262,11 @@ def joint2_at(w: LaneWorkspace, k: int) -> Joint:
 
 @inlined
 def terms_at(w: LaneWorkspace, k: int) -> Terms:
-    """Terms of the effects of lane k at the stage."""
+    """Return the terms of the effects of lane k at the stage."""
     return Terms(w.term_a[k], w.term_b[k], w.term_coupling[k], w.torque1[k], w.torque2[k])
 
 
 @inlined
 def waits(w: LaneWorkspace, k: int) -> bool:
-    """Whether a step of lane k that starts at `old_t` is before the release."""
+    """Return whether a step of lane k that starts at `old_t` is before the release."""
     return not w.old_t[k] > -0.5 * w.step[k]

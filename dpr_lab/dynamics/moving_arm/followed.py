@@ -106,12 +106,12 @@ def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: A
 
 
 def _shifts() -> Array:
-    """(7, 6) increments of an initial state: zero, then one for each component."""
+    """Return the (7, 6) increments of an initial state: zero, then one for each component."""
     return np.concatenate([np.zeros((1, 6)), FOLLOW.step * np.eye(6)])
 
 
 def _mean_torque(t: Array, torques: Torques | None) -> Array:
-    """(n,) mean known torque on the arm from each instant to the next, N m."""
+    """Return the (n,) mean known torque on the arm from each instant to the next, N m."""
     if torques is None or torques.on_arm is None:
         return np.zeros(len(t))
     until = np.interp(t, *torques.arm_knots)
@@ -122,7 +122,10 @@ def _mean_torque(t: Array, torques: Torques | None) -> Array:
 def _mass_matrices(
     states: Array, model: tuple[float, float, float, float, float], rig: RigConstants, moves: Flags
 ) -> Array:
-    """(n, 3, 3) mass matrices of theta1, theta2, theta0 (`dpr_lab.dynamics.arm`), without coupling to a clamped arm."""
+    """Return the (n, 3, 3) mass matrices of theta1, theta2, theta0 (`dpr_lab.dynamics.arm`).
+
+    A clamped arm has no coupling with the rods.
+    """
     a, b, d, e1, inertia = model
     (sin1, sin2), (cos1, cos2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T)
     M = np.zeros((len(states), 3, 3))
