@@ -238,6 +238,19 @@ def test_earlier_releases_do_not_lower_the_forecast_if_an_effect_that_is_not_exc
     assert forecasts[1] == forecasts[0]
 
 
+def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_the_library(paper: Rig) -> None:
+    known = known_before(paper)
+    causes = Causes("coulomb_joint1", {"coulomb_joint1": 0.8})
+    known = replace(known, causes=(causes,), named=frozenset({causes.about}), diagnosis=of_runs(one_cause(8.0), "P1"))
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    objective = Objective.of(known)
+    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    made = summed_up(objective, [step], PlanLimits(), 0.0)
+    assert made.forecast == [pytest.approx(0.8 * FORECAST.confirmed)]
+    assert made.releases[0].pairs == []
+    assert objective.simulated(swing.release, swing.information) is None
+
+
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])
 def test_a_remainder_or_a_wrong_description_is_never_enough(changed: dict[str, Any]) -> None:
     assert not decided(of_runs(one_cause(**changed), "P1", "P2", "P3"))

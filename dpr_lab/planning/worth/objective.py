@@ -40,7 +40,7 @@ class Objective:
 
     known: Knowledge
     pairs: tuple[OpenPairs, ...]
-    """Candidate causes of each named effect that has at least two of them."""
+    """Candidate causes of each named effect that a release shows."""
     before: tuple[Array, ...]
     """(n, n) D^2 between the causes from the runs recorded so far, for each named effect."""
     ratios: float
@@ -52,7 +52,7 @@ class Objective:
     def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
         """Create the objective from the present knowledge and the limits of the rig."""
         pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
-        pairs = tuple(pair for pair in pairs if len(pair.names) > 1)
+        pairs = tuple(pair for pair in pairs if pair.names)
         before = tuple(pair.distances(known.information) for pair in pairs)
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
@@ -65,9 +65,10 @@ class Objective:
 
         The result is None if there is no such pair.
         """
-        if not self.pairs:
+        several = [open_pair for open_pair in self.pairs if len(open_pair.names) > 1]
+        if not several:
             return None
-        pairs = max(self.pairs, key=lambda open_pair: float(np.sort(open_pair.probabilities)[-2]))
+        pairs = max(several, key=lambda open_pair: float(np.sort(open_pair.probabilities)[-2]))
         before = next(b for open_pair, b in zip(self.pairs, self.before, strict=True) if open_pair is pairs)
         first, second = np.argsort(-pairs.probabilities)[:2].tolist()
         gained = pairs.distances(self.known.information + information) - before
