@@ -10,11 +10,12 @@ calibration error is found by drawing plants with replacement.
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from _bars import Bar, at_most, options, show
+from _trial_cases import Case, hidden
 from plan_other_engine import AMPLITUDES, Plant, near_paper
 
 from dpr_lab.gap.diagnose import diagnose
@@ -32,15 +33,19 @@ from dpr_lab.planning.summary import summed_up
 from dpr_lab.planning.worth.criteria import detectable
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig, load_rig
+from dpr_lab.rig_tables import Pose
 from dpr_lab.run import Run
 from dpr_lab.trials.next_release import EQUAL_TIMES
 from dpr_lab.trials.score import Claim
-from dpr_lab.trials.summary import brier, calibration_error, error_if_exact
+from dpr_lab.trials.summary import brier, calibration_error, error_if_exact, net_calibration_error, reliability
+from sim_device.trials.offline_recorder import record
 
 EFFECTS_OF_PLANT = (1, 1, 2, 1, 0, 1)
 """Number of effects near the limit of detection, by the seed modulo 6."""
 FURTHER = 3
 """Number of releases after the first one."""
+LIMITS = PlanLimits(recording=EQUAL_TIMES)
+"""Limits of the plans; all releases last 10 s."""
 SIZES, SMALL = (0.5, 2.0), (0.05, 0.2)
 """Ranges of sizes, in units of the minimum detectable size in the first release."""
 
@@ -56,7 +61,7 @@ class Menu:
 def menu() -> Menu:
     """Releases of a first plan for the rig `paper`."""
     rig = load_rig("paper")
-    made = plan(rig, limits=PlanLimits(recording=EQUAL_TIMES), count=1 + FURTHER)
+    made = plan(rig, limits=LIMITS, count=1 + FURTHER)
     releases = [CandidateRelease(one.theta1_rad, one.theta2_rad, one.duration_s) for one in made.releases]
     known = known_before(rig)
     (first,) = informed(releases[:1], known.model)
@@ -77,6 +82,33 @@ def faint(seed: int, least: dict[str, float]) -> Plant:
     return Plant(Z, names[0] if count else "", sizes[names[0]] if count else 0.0, rig, sizes)
 
 
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Rig whose releases are recorded."""
+
+    rig: Rig
+    record: Callable[[CandidateRelease, int], Run]
+    """Function that records a release, given the number of earlier releases."""
+
+
+def in_mujoco(seed: int, least: dict[str, float]) -> Subject:
+    """Plant of MuJoCo near the limit of detection."""
+    plant, rng = faint(seed, least), np.random.default_rng([seed, 69])
+    return Subject(plant.rig, lambda release, _: plant.record(release, rng))
+
+
+def own(seed: int, draw: str) -> Subject:
+    """Plant of the simulated device, such as `single:faint` or `background:subtle`."""
+    config, rig = hidden(Case("", draw, seed))
+
+    def recorded(release: CandidateRelease, before: int) -> Run:
+        pose = Pose(theta1=release.theta1, theta2=release.theta2)
+        (run,) = record(config, rig.model_copy(update={"poses": {"P": pose}}), release.duration_s, before=before)
+        return replace(run, rig_sha256=rig.sha256)
+
+    return Subject(rig, recorded)
+
+
 def forecast_of(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, releases: Sequence[CandidateRelease]) -> Plan:
     """Plan that consists of given releases."""
     known, limits = known_after(runs, rig, diagnosis), PlanLimits()
@@ -87,17 +119,26 @@ def forecast_of(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, releases: S
     return summed_up(Objective.of(known, limits), steps, limits, 0.0)
 
 
-def claims_of(plant: Plant, releases: Sequence[CandidateRelease], rng: np.random.Generator) -> list[Claim]:
-    """Forecasts along the releases of one plant, and whether they were right."""
-    runs, forecasts, ended = list[Run](), list[list[float]](), False
-    for k, release in enumerate(releases):
-        runs.append(replace(plant.record(release, rng), name=f"P{k}"))
-        diagnosis = diagnose(runs, plant.rig)
-        ended, later = decided(diagnosis), releases[k + 1 :]
+def claims_of(subject: Subject, releases: Sequence[CandidateRelease]) -> list[Claim]:
+    """Forecasts along the releases of one plant, and whether they were right.
+
+    Args:
+        subject: the plant
+        releases: the releases to record; empty: each release is the first one of a new plan
+    """
+    rig, runs, forecasts, ended = subject.rig, list[Run](), list[list[float]](), False
+    release = releases[0] if releases else first_of(plan(rig, limits=LIMITS, count=1))
+    for left in reversed(range(1 + FURTHER)):
+        runs.append(replace(subject.record(release, len(runs)), name=f"P{len(runs)}"))
+        diagnosis = diagnose(runs, rig)
+        ended = decided(diagnosis)
         if not ended:
-            made = forecast_of(runs, plant.rig, diagnosis, later or [release])
-            ended = made.state == "bench check"
-            forecasts.append(made.forecast[: len(later)])
+            if releases:
+                made = forecast_of(runs, rig, diagnosis, releases[len(runs) :] or [release])
+            else:
+                made = plan(rig, runs, diagnosis, limits=LIMITS, count=max(left, 1))
+            ended, release = made.state == "bench check", first_of(made)
+            forecasts.append(made.forecast[:left])
         if ended:
             break
     return [
@@ -105,6 +146,12 @@ def claims_of(plant: Plant, releases: Sequence[CandidateRelease], rng: np.random
         for k, each in enumerate(forecasts)
         for number, probability in enumerate(each, 1)
     ]
+
+
+def first_of(made: Plan) -> CandidateRelease:
+    """First release of a plan."""
+    first = made.releases[0]
+    return CandidateRelease(first.theta1_rad, first.theta2_rad, first.duration_s)
 
 
 def interval90(plants: Sequence[Sequence[Claim]], draws: int = 500) -> tuple[float, float]:
@@ -123,15 +170,23 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--plants", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0, help="of the first plant")
+    parser.add_argument("--own", default="", help="draw of own plants, such as single:faint or background:subtle")
+    parser.add_argument("--adaptive", action="store_true", help="follow a new plan after each release")
     args = parser.parse_args()
     chosen, plants = menu(), list[list[Claim]]()
     for seed in range(args.seed, args.seed + (2 if args.quick else args.plants)):
-        plants.append(claims_of(faint(seed, chosen.least), chosen.releases, np.random.default_rng([seed, 69])))
+        subject = own(seed, args.own) if args.own else in_mujoco(seed, chosen.least)
+        plants.append(claims_of(subject, [] if args.adaptive else chosen.releases))
         judged = [f"{claim.probability:.2f} {'yes' if claim.true else 'no'}" for claim in plants[-1]]
         print(f"plant {seed}: {judged}", file=sys.stderr, flush=True)
     claims, (low, high) = [claim for each in plants for claim in each], interval90(plants)
+    rows = [
+        Bar(f"{row['claims']} forecasts of {row['stated']:.2f} on average: share that occurred", "-", row["true"], None)
+        for row in reliability(claims)
+    ]
     bars = [
-        at_most(f"calibration error of {len(claims)} forecasts", calibration_error(claims), 0.05),
+        at_most(f"net calibration error of {len(claims)} forecasts", net_calibration_error(plants), 0.05),
+        Bar("calibration error", "-", calibration_error(claims), None),
         Bar("90 % interval: from", "-", low, None),
         Bar("90 % interval: to", "-", high, None),
         Bar("of an exact forecast", "-", error_if_exact(claims), None),
@@ -139,7 +194,7 @@ def main() -> None:
         Bar("mean forecast", "-", float(np.mean([claim.probability for claim in claims])), None),
         Bar("share that occurred", "-", float(np.mean([claim.true for claim in claims])), None),
     ]
-    show("forecast of a decision", bars, args.json)
+    show("forecast of a decision", [*bars, *rows], args.json)
 
 
 if __name__ == "__main__":

@@ -59,6 +59,36 @@ def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
     return float(np.mean([calibration_error(row) for row in drawn])) if claims else float("nan")
 
 
+def net_calibration_error(groups: Sequence[Sequence[Claim]], bins: int = 10) -> float:
+    """Root mean square calibration error without the contribution of chance; claims of one group may be correlated.
+
+    Let s_i be the sum of outcome minus probability over the claims of group i in one bin, n the number of these claims
+    and m the number of groups with such claims. The groups are independent, so the sum of s_i s_j over i != j is on
+    average zero for a calibrated forecast. The squared error is
+
+        sum over bins of  m / (m - 1) (sum over i != j of s_i s_j) / n,  divided by the number of all claims.
+
+    Its average does not depend on the number of groups. It can be negative by chance; the result is then 0. Bins with
+    claims of one group do not contribute. The result is at least as large as the mean absolute error on average.
+
+    Source: A. Kumar, P. Liang & T. Ma (2019), Verified uncertainty calibration, NeurIPS 32, for groups of one claim.
+
+    Args:
+        groups: claims of each independent trial
+        bins: number of bins of equal width
+    """
+    missed, count = np.zeros((2, len(groups), bins))
+    for group, claims in enumerate(groups):
+        for claim in claims:
+            number = min(int(claim.probability * bins), bins - 1)
+            missed[group, number] += claim.true - claim.probability
+            count[group, number] += 1
+    members, size = np.sum(count > 0, axis=0), count.sum(axis=0)
+    squares = (missed.sum(axis=0) ** 2 - np.sum(missed**2, axis=0)) * members / np.maximum(members - 1, 1)
+    total = float(np.sum(squares[size > 0] / size[size > 0]))
+    return math.sqrt(max(total, 0.0) / size.sum()) if size.any() else math.nan
+
+
 def brier(claims: Sequence[Claim]) -> float:
     """Brier score: mean squared difference between stated probability and outcome."""
     return float(np.mean([(claim.probability - claim.true) ** 2 for claim in claims])) if claims else float("nan")

@@ -12,7 +12,7 @@ from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.errors import DprError
 from dpr_lab.rig import PARAMETERS, load_rig
 from dpr_lab.trials.score import Cause, Claim, TrialOutcome, over_limit, read_outcome, score
-from dpr_lab.trials.summary import brier, calibration_error, confusion, reliability, summary
+from dpr_lab.trials.summary import brier, calibration_error, confusion, net_calibration_error, reliability, summary
 from dpr_lab.trials.truth import Truth, assumed_inertia, read_truth, unsealed
 
 CLEAN_ENCODERS = {"step_counts": 1, "jitter_ms": 0.0, "repeated_share": 0.0, "missing_share": 0.0}
@@ -209,6 +209,20 @@ def test_calibration_distinguishes_honest_from_overconfident_probabilities():
     assert sum(row["claims"] for row in reliability(honest)) == 20_000
     boastful = [Claim(0.95, bool(u < 0.6)) for u in chance.uniform(0, 1, 5000)]
     assert calibration_error(boastful) == pytest.approx(0.35, abs=0.03)
+
+
+def test_the_net_calibration_error_contains_no_chance_although_the_claims_of_a_group_agree():
+    chance, bias, squares = np.random.default_rng(2), 0.2, []
+    for _ in range(200):
+        drawn = [(chance.uniform(0.2, 0.9), chance.uniform()) for _ in range(60)]
+        groups = [[Claim(p, bool(u < p - bias))] * 4 for p, u in drawn]
+        alone = [[claim] for group in groups for claim in group]
+        squares.append([net_calibration_error(claims) ** 2 for claims in (groups, alone)])
+    grouped, ungrouped = np.mean(squares, axis=0)
+    assert grouped == pytest.approx(bias**2, abs=0.004)
+    assert ungrouped > bias**2 + 0.008
+    assert net_calibration_error([groups[0]]) == 0.0
+    assert np.isnan(net_calibration_error([[]]))
 
 
 def test_a_summary_counts_hidden_and_absent_effects():
