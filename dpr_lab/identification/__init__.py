@@ -1,1 +1,1 @@
-"""Identification of a rig's parameters from runs, with the source of each value, and comparison of models with runs."""
+"""Identify the parameters of a rig from runs, record the source of each value, and compare models with runs."""

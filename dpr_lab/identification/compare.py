@@ -1,4 +1,4 @@
-"""Comparison of a model with a run: residuals of segments, and a free run up to the predictability horizon."""
+"""Compare a model with a run, in short segments and in a free run up to the predictability horizon."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Comparison(Shown):
-    """One run compared with one model, at the run's instants from the release on."""
+    """Comparison of one run with one model.
+
+    The instants are those of the run, from the release on.
+    """
 
     run: str
     """Name of the run."""
@@ -79,18 +82,18 @@ class Comparison(Shown):
 
     @property
     def free_run_error(self) -> Array:
-        """(n, 2) error of the free run, `measured` - `free_run`, rad; Figure 3 of the publication."""
+        """Error of the free run, (n, 2): `measured` - `free_run`, rad; Figure 3 of the publication."""
         return self.measured - self.free_run
 
     @property
     def segment_residual(self) -> Array:
-        """(n, 2) residual of the segments, `measured` - `tracked`, rad."""
+        """Residual of the segments, (n, 2): `measured` - `tracked`, rad."""
         return self.measured - self.tracked
 
 
 @dataclass(frozen=True, slots=True)
 class FreeRun:
-    """Simulation of a recording from a fitted initial state to the end, without correction."""
+    """Simulation of a recording without correction, from a fitted initial state to the end of the recording."""
 
     t: Array
     """(n,) times since the release, s."""
@@ -102,7 +105,7 @@ class FreeRun:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A run whose segments are fitted with a model; a free run can start at any segment."""
+    """A run whose segments are fitted with a model; a free run can start at each segment."""
 
     preprocessed: PreprocessedRun
     """Run with its velocities and its noise."""
@@ -119,7 +122,7 @@ class Followed:
 
     @property
     def estimate(self) -> Estimate:
-        """Parameters and fitted initial states of the model."""
+        """Parameters of the model, and fitted initial states of the segments."""
         return self.fitted.fit.estimate
 
 
@@ -158,7 +161,10 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 
 @solvable
 def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
-    """Fit the initial states as `follow` does; the run is preprocessed once for several models."""
+    """Fit the initial states of the segments of a preprocessed run.
+
+    The result is that of `follow`. Several models can use the same preprocessed run.
+    """
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
     held_out = not model.used(preprocessed.run.sha256)
@@ -171,10 +177,10 @@ def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, s
 def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> RatioFit:
     """Refit the initial states of a run with the effects of the model.
 
-    The fit starts from the initial states without effects, whose torques may have an error of 20 %. It may therefore
-    converge to a local minimum, in which a segment fits worse than without effects. The fit of this segment is then
-    repeated from its measured initial state and from the final state of the previous segment. The latter is more
-    precise if the rods are fast.
+    The fit starts from the initial states of the model without effects. The torques of this model may have an error of
+    20 %. The fit may therefore converge to a local minimum, in which a segment fits worse than without effects. The fit
+    of this segment is then repeated from its measured initial state and from the final state of the previous segment.
+    The final state is more precise if the rods are fast.
 
     Args:
         bare: fit of the run without effects
@@ -205,9 +211,9 @@ def _with_effects(bare: RatioFit, measured: Array, rig: Rig, model: Model) -> Ra
 
 
 def _continued(problem: Problem, estimate: Estimate) -> Array:
-    """(segments, 4) initial states, equal to the end states of the previous segments.
+    """Return the end state of each segment as the initial state of the next segment.
 
-    The first segment keeps its initial state.
+    The result has the shape (segments, 4). The first segment keeps its initial state.
     """
     laid_out = problem.segments
     if len(laid_out) == 1:
@@ -241,7 +247,9 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 
 
 def compare_followed(followed: Followed) -> Comparison:
-    """Compare a run whose segments are already fitted; the result is the same as from `compare_run`.
+    """Compare a model with a run whose segments are already fitted.
+
+    The result is that of `compare_run`.
 
     Raises:
         RunError: the model cannot follow the readings.

@@ -1,8 +1,8 @@
-"""Parameter directions that recordings and measured values do not determine.
+"""Find the parameter directions that recordings and measured values do not determine.
 
-Information is represented by whitened rows: sensitivities of readings, in standard deviations, to relative changes of
-the parameters. A direction is undetermined (free) if a change of 100 % along it changes the readings, all together, by
-less than one standard deviation.
+Information is represented by whitened rows. A row contains the changes of one reading, in standard deviations, for
+relative changes of the parameters. A direction is free (undetermined) if a change of 100 % along this direction changes
+all readings together by less than one standard deviation.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,30 +19,37 @@ SEEN = 1.0
 
 
 def _decompose(rows: Array) -> tuple[Array, Array]:
-    """Singular values (..., n) of rows (..., m, n), one for each column, and right singular vectors (..., n, n)."""
+    """Return the singular values (..., n) and the right singular vectors (..., n, n) of rows (..., m, n).
+
+    Each of the n columns has a singular value; missing ones are zero.
+    """
     _, s, Vt = np.linalg.svd(rows)
     missing = np.zeros((*s.shape[:-1], Vt.shape[-1] - s.shape[-1]))
     return np.concatenate([s, missing], axis=-1), Vt
 
 
 def free_directions(rows: Array) -> Array:
-    """(n, k) orthonormal directions that the rows do not determine."""
+    """Return an orthonormal basis (n, k) of the directions that the rows do not determine."""
     s, Vt = _decompose(rows)
     return Vt[s < SEEN].T
 
 
 def spread(rows: Array, least: float = SEEN) -> Array:
-    """(n,) relative standard deviation of each parameter; inf if it has a component in a free direction."""
+    """Compute the relative standard deviation (n,) of each parameter from whitened rows.
+
+    The value is inf if the parameter has a component in a free direction. A direction is free if its singular value is
+    smaller than `least`.
+    """
     s, Vt = _decompose(rows)
     std = np.linalg.norm(Vt[s >= least].T / s[s >= least], axis=1)
     return np.where(np.linalg.norm(Vt[s < least], axis=0) > UNREACHED, np.inf, std)
 
 
 def simple_basis(free: Array, names: Sequence[str] = PARAMETERS) -> list[dict[str, float]]:
-    """Find the sparsest basis of the free directions, each direction scaled to a largest change of 1 %.
+    """Find the sparsest basis of the free directions.
 
-    In each step, the sparsest direction that is independent of the previous ones is chosen. Source: T. F. Coleman & A.
-    Pothen (1986), The null space problem I.
+    Each direction is scaled so that its largest change is 1 %. In each step, the sparsest direction that is independent
+    of the previous ones is chosen. Source: T. F. Coleman & A. Pothen (1986), The null space problem I.
     """
     basis: list[Array] = []
     for direction in _simple_directions(free, names):
@@ -54,7 +61,11 @@ def simple_basis(free: Array, names: Sequence[str] = PARAMETERS) -> list[dict[st
 
 
 def _simple_directions(free: Array, names: Sequence[str]) -> Iterator[Array]:
-    """Candidate directions: the common scale of masses, inertias and friction, then directions of few parameters."""
+    """Generate candidate directions, the simplest first.
+
+    The first candidate is the common scale of masses, inertias and friction, if this scale is a free direction.
+    Directions of few parameters follow.
+    """
     scaled = np.array([name[0] in "mcJAf" or name in ("k0", "kt") for name in names], dtype=np.float64)
     scale = scaled / np.linalg.norm(scaled)
     if np.linalg.norm(scale - free @ (free.T @ scale)) < UNREACHED:

@@ -1,4 +1,4 @@
-"""Expected information of releases from the poses of a rig file."""
+"""Compute the expected information of releases from the poses of a rig file."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from dpr_lab.setup import Setup
 
 @dataclass(frozen=True, slots=True)
 class Releases:
-    """Assumptions on future releases."""
+    """Assumptions about future releases."""
 
     duration_s: float = 10.0
     """Duration of each recording, s: the default of `dpr-lab capture`."""
@@ -40,7 +40,9 @@ RELEASES = Releases()
 
 
 def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) -> Array:
-    """Fisher information of the ratios, and of b with an attached mass, in one release from each pose.
+    """Compute the Fisher information of one release from each pose of a rig.
+
+    The unknowns are the ratios, and b if the rig has an added mass.
 
     Args:
         Z: (9,) parameters, SI
@@ -58,7 +60,10 @@ def expected_information(Z: ArrayLike, rig: Rig, releases: Releases = RELEASES) 
 
 
 def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES) -> Array:
-    """(5, 5) Fisher information on the ratios in one release from each pose, for base parameters (6,)."""
+    """Compute the Fisher information (5, 5) on the ratios in one release from each pose.
+
+    `base` contains the base parameters (6,).
+    """
     if not poses:
         return np.zeros((len(RATIOS), len(RATIOS)))
     return information(*expected_releases(base, rig, poses, releases))
@@ -67,9 +72,9 @@ def ratio_information(base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases
 def expected_releases(
     base: ArrayLike, rig: Rig, poses: Sequence[Pose], releases: Releases = RELEASES
 ) -> tuple[Problem, Estimate]:
-    """Problem of simulated releases without noise, cut into segments, with their true parameters.
+    """Simulate releases without noise, and return their fitting problem with the true parameters.
 
-    The standard deviation of a reading is `Rig.reading_std`.
+    The releases are cut into segments. The standard deviation of a reading is `Rig.reading_std`.
     """
     joints, rate_hz = rig.encoders.joint_angles, rig.link.rate_hz
     std = rig.reading_std[1:]
@@ -87,10 +92,12 @@ def expected_releases(
 
 
 def information_root(information: Array, scale: Array) -> Array:
-    """Root F of an information matrix, F^T F = information: sensitivity of whitened readings to the unknowns.
+    """Compute a root F of an information matrix: F^T F = information.
+
+    F is the sensitivity of whitened readings to the unknowns.
 
     Args:
-        information: (n, n) information, singular if the recordings do not determine all unknowns
+        information: (n, n) information; it is singular if the recordings do not determine all unknowns
         scale: (n,) size of each unknown, for numerical scaling
 
     Returns:

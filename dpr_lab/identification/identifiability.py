@@ -1,9 +1,9 @@
-"""Identifiability of a rig from free swings, and bench measurements for parameters that are not identifiable.
+"""Analyse which parameters free swings identify, and recommend bench measurements for the others.
 
 Information is represented by whitened rows: sensitivities to relative changes of the nine parameters. The rows of the
-recordings are F dratios/dZ Z, with F^T F the information of the ratios. The row of a measured value is Z / std. Bounds
-are used only to compute standard deviations, as priors with the standard deviation of a uniform distribution.
-docs/theory.md, equations 48 and 49.
+recordings are F dratios/dZ Z, where F^T F is the information of the ratios and Z the parameters. The row of a measured
+value is Z / std. Bounds are used only to compute standard deviations: a bound is a prior with the standard deviation of
+a uniform distribution. docs/theory.md, equations 48 and 49.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from dpr_lab.shown import Row, Shown
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Thresholds at which a measured value counts as useful, or a measurement is recommended."""
+    """Thresholds from which a measured value counts as useful or a measurement is recommended."""
 
     helps: float = 1.1
     """Minimum factor by which the standard deviation of a parameter increases without a useful measured value."""
@@ -54,7 +54,7 @@ CRAMER_RAO_NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """One bench measurement, with its expected gain."""
+    """A bench measurement and its expected gain."""
 
     name: str
     """Name of the measurement."""
@@ -86,7 +86,7 @@ class Advice:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Measurement as JSON values."""
+        """Return the measurement as JSON values."""
         names = ("name", "how", "gain_bits", "sentence")
         return {name: getattr(self, name) for name in names} | {
             "frees": list(self.frees),
@@ -108,7 +108,10 @@ class LengthError:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Identifiability(Shown):
-    """Information of recordings and measured values together, free directions, and recommended measurements."""
+    """Results of an identifiability analysis: information, free directions and recommended measurements.
+
+    The information is that of recordings and measured values together.
+    """
 
     rank: int
     """Number of directions, of nine, that the recordings determine: at most five, or six with a known added mass."""
@@ -148,7 +151,7 @@ class Identifiability(Shown):
         return {name: value.fixed_by for name, value in self.parameters.items()}
 
     def to_json(self) -> dict[str, Any]:
-        """Analysis as JSON values."""
+        """Return the analysis as JSON values."""
         return {
             "rank": self.rank,
             "singular_values": list(self.singular_values),
@@ -226,7 +229,7 @@ def _bound_rows(rig: Rig, Z: Array) -> Array:
 
 
 def already_made(instrument: Instrument, rig: Rig) -> bool:
-    """Whether the rig file already contains this measurement with at least the same accuracy."""
+    """Check whether the rig file already contains this measurement with at least the same accuracy."""
     if len(instrument.parameters) != 1:
         return False
     std = rig.parameters[instrument.parameters[0]].std
@@ -278,7 +281,7 @@ def bench_advice(
     bounds: Array,
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
-    """Expected gain of each bench measurement, largest first.
+    """Compute the expected gain of each bench measurement, and sort the measurements by it, largest first.
 
     Args:
         answers: (k, n) whitened readings of each measurement, for relative changes of the parameters
@@ -318,7 +321,10 @@ def bench_sequence(
     bounds: Array,
     names: Sequence[str] = PARAMETERS,
 ) -> tuple[Advice, ...]:
-    """Sequence of best measurements until all parameters are determined; arguments as for `bench_advice`."""
+    """Choose the best measurement repeatedly until all parameters are determined.
+
+    The sequence also ends if no measurement has a worthwhile gain. The arguments are those of `bench_advice`.
+    """
     open_measurements, taken = dict(answers), []
     while open_measurements and np.isinf(spread(known)).any():
         advice = _advice(open_measurements, known, bounds, names)

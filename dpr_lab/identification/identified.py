@@ -1,4 +1,4 @@
-"""Build the identified model from a fit of the ratios: values with their intervals and sources."""
+"""Build the identified model from a fit of the ratios, with the interval and the source of each value."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ from dpr_lab.version import __version__
 
 @dataclass(frozen=True, slots=True)
 class IdentifySettings:
-    """Thresholds beyond which an identification gives a warning."""
+    """Thresholds of the warnings and limits of an identification."""
 
     gap_warning: float = 3.0
     """Reduced chi-square above which the model is clearly incomplete."""
@@ -77,7 +77,7 @@ def determined(ratio_uncertainty: RatioUncertainty) -> RatioUncertainty:
 def identified_model(
     ratio_fit: RatioFit, runs: Sequence[PreprocessedRun], rig: Rig, search: SearchRecord, profile: bool
 ) -> Model:
-    """Model of a rig from a fit of its ratios.
+    """Build the model of a rig from a fit of its ratios.
 
     Args:
         ratio_fit: the fit
@@ -136,9 +136,9 @@ def identified_model(
 
 
 def _of_alone(sentences: list[str], alone: bool) -> list[str]:
-    """Adapt sentences on ratios to a rig with the inner rod alone.
+    """Adapt sentences on ratios to a rig on which only the inner rod is mounted.
 
-    The ratios then refer to the inertia a, and sentences on parts that are not mounted are omitted.
+    The ratios then refer to the inertia a. Sentences on parts that are not mounted are omitted.
     """
     if not alone:
         return sentences
@@ -172,7 +172,7 @@ def _ratio(
 
 
 def _scale(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig: Rig, b: ParameterValue) -> Scale:
-    """Scale of absolute sizes: determined by the runs, or by the rig file.
+    """Return the scale of absolute sizes, which the runs or the rig file determine.
 
     Bounds of the rig file may move b away from the estimate of the runs. The interval then contains both values.
     """
@@ -196,7 +196,7 @@ def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, rig:
 
 
 def _misread(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> list[str]:
-    """Note on runs that the model fits poorly if another interpretation of their columns fits better."""
+    """Return a note if the model fits poorly and another interpretation of the columns fits better."""
     look = second_look(runs, rig) if ratio_fit.chi2_per_dof > SETTINGS.doubted else None
     return [look.sentence] if look and look.sentence else []
 

@@ -1,4 +1,4 @@
-"""Identification of a model from runs and a rig: global search, least squares, uncertainty of each value."""
+"""Identify a model from runs and a rig by a global search and least squares, with the uncertainty of each value."""
 
 from __future__ import annotations
 
@@ -103,7 +103,9 @@ def identify(
 
 
 def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """Least-squares fit with segments from 0.25 s up to the longest segments that the model follows.
+    """Fit the ratios by least squares, with longer and longer segments as long as the model follows them.
+
+    The first segments have a length of 0.25 s.
 
     Args:
         Z: (9,) initial parameters
@@ -167,7 +169,10 @@ def identifiability_of(
 
 
 def _suited(name: str, search: str) -> SearchSettings:
-    """Search file of the objective if it is for this algorithm; otherwise the defaults of the algorithm."""
+    """Load the search file of the objective if it is for this algorithm.
+
+    Otherwise return the defaults of the algorithm.
+    """
     settings = load_search(name)
     return settings if settings.algorithm == search else ALGORITHMS[search].settings()
 

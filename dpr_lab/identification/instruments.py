@@ -1,4 +1,4 @@
-"""Bench measurements for parameters that a free swing does not determine: one row of `INSTRUMENTS` each."""
+"""Define bench measurements of parameters that a free swing does not determine; each is a row of `INSTRUMENTS`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class Measurement(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """A bench measurement, with its typical uncertainty."""
+    """A bench measurement and its typical uncertainty."""
 
     name: str
     parameters: tuple[str, ...]
@@ -57,10 +57,11 @@ class Instrument:
     quantity: BenchReading
     """Measured quantity."""
     answer: "Answer"
-    """Function (self, Z, rig) -> (k, 9) derivative of the whitened readings by the nine parameters, 1/SI."""
+    """Function (self, Z, rig) that returns the derivatives (k, 9) of the whitened readings with respect to the nine
+    parameters, 1/SI."""
 
     def rows(self, Z: Array, rig: Rig) -> Array:
-        """(k, 9) derivative of the whitened readings with respect to the nine parameters at Z, 1/SI."""
+        """Return the derivatives (k, 9) of the whitened readings with respect to the nine parameters at Z, 1/SI."""
         return self.answer(self, Z, rig)
 
 
@@ -72,7 +73,10 @@ def _one_parameter(instrument: Instrument, Z: Array, rig: Rig) -> Array:
 
 
 def _rod_alone(instrument: Instrument, Z: Array, rig: Rig) -> Array:
-    """Derivative for the reading h = J / (m l) + l, from small swings of one rod with T = 2 pi sqrt(h / g)."""
+    """Return the derivative of the reading h = J / (m l) + l of one rod.
+
+    h is measured by timing small swings of the rod, whose period is T = 2 pi sqrt(h / g).
+    """
     columns = [PARAMETERS.index(name) for name in instrument.parameters]
     centroid, m, J = Z[columns]
     row = np.zeros((1, len(PARAMETERS)))
@@ -91,11 +95,13 @@ def _loaded_outer(instrument: Instrument, Z: Array, rig: Rig) -> Array:
 def _loaded_release(
     instrument: Instrument, Z: Array, rig: Rig, rod: Literal["inner", "outer"], position: float
 ) -> Array:
-    """Derivative for a release with a known attached mass; the ratios then determine the scale of all masses.
+    """Return the derivative of the readings of a release with a known attached mass.
 
-    The uncertainties of the mass and of its position limit the accuracy. With N the sensitivity of the whitened
-    readings F dratios to these errors, the covariance of the readings is I + N N^T. Friction is assumed to be
-    independent of the load.
+    With this mass, the ratios determine the scale of all masses.
+
+    The uncertainties of the mass and of its position limit the accuracy. N is the sensitivity of the whitened readings
+    F dratios to these errors. The covariance of the readings is I + N N^T. Friction is assumed to be independent of the
+    load.
     """
     L1, g = rig.L1, rig.g
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std

@@ -1,9 +1,9 @@
-"""Merge segments as long as the model follows them, because longer segments contain more information.
+"""Merge segments as long as the model follows the merged segments. Longer segments contain more information.
 
-Two neighbours are merged if the free run of the first segment stays near the readings of the second. If the free run
-follows only a part of these readings, the border between the segments is shifted to the end of that part. The new
-segments are fitted again. If the residual increases, the level is discarded and repeated with a smaller permitted
-distance between free run and readings.
+Two adjacent segments are merged if the free run of the first segment stays near the readings of the second segment. If
+the free run follows only a part of these readings, the border between the segments is shifted to the end of that part.
+The new segments are fitted again. If the residual increases, the level is discarded and repeated with a smaller
+permitted deviation of the free run from the readings.
 """
 
 from dataclasses import dataclass, replace
@@ -66,7 +66,7 @@ class _Piece:
 
 
 def merge_segments(ratio_fit: RatioFit) -> RatioFit:
-    """Fit longer and longer segments as long as the model follows the data."""
+    """Fit longer and longer segments as long as the model follows the readings."""
     lost, ranges = SETTINGS.worse * ratio_fit.chi2_per_dof, iter(SETTINGS.ranges_rad)
     tolerance = next(ranges)
     for _ in range(SETTINGS.levels):
@@ -96,9 +96,10 @@ def _fitted(ratio_fit: RatioFit, pieces: list[_Piece]) -> RatioFit:
 
 
 def _lengthened(ratio_fit: RatioFit, tolerance: float) -> list[_Piece] | None:
-    """Segments of the next level; None if none changes.
+    """Return the segments of the next level, or None if no segment changes.
 
-    The first segment of each pair is extended by the part of the second one that its simulation predicts.
+    The first segment of each pair is extended by the part of the second segment that the free run of the first one
+    predicts.
     """
     run = ratio_fit.problem.segments.run
     pieces: list[_Piece] = []
@@ -119,11 +120,11 @@ def _piece(ratio_fit: RatioFit, index: int) -> _Piece:
 
 
 def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece] | None:
-    """Extend a segment by the part of the next segment that its simulation predicts.
+    """Extend a segment by the part of the next segment that its free run predicts.
 
     Returns:
-        The extended segment and the remaining part of the next one; None if the predicted or remaining part is too
-        short.
+        The extended segment and the remaining part of the next segment; None if the predicted part or the remaining
+        part is too short.
     """
     t, (border, end) = ratio_fit.problem.t, ratio_fit.problem.segments.offsets[index + 1 : index + 3].tolist()
     first, second = _piece(ratio_fit, index), _piece(ratio_fit, index + 1)
@@ -141,7 +142,10 @@ def _extended(ratio_fit: RatioFit, index: int, tolerance: float) -> list[_Piece]
 
 
 def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
-    """Longest step whose error, estimated by step halving, is below the noise, s; None if no step is short enough."""
+    """Find the longest step, s, whose error is below the noise; return None if no step is short enough.
+
+    The error is estimated by halving the step.
+    """
     samples = slice(int(ratio_fit.problem.segments.offsets[index]), piece.end)
     t, allowed = ratio_fit.problem.t[samples], SETTINGS.solver_error / ratio_fit.problem.weight[samples].max()
     step = min(piece.step, float(np.median(np.diff(t))))
@@ -155,7 +159,7 @@ def _step_for(ratio_fit: RatioFit, index: int, piece: _Piece) -> float | None:
 
 
 def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
-    """Number of samples of the next segment that the free run of a segment predicts within the tolerance."""
+    """Count the samples of the next segment that the free run of a segment predicts within the tolerance, rad."""
     begin, border, end = ratio_fit.problem.segments.offsets[index : index + 3]
     layout = ratio_fit.problem.segments
     passed = begin + 1 if layout.setups[layout.run[index]].free else border  # known torques are indexed by sample
@@ -169,7 +173,7 @@ def _followed(ratio_fit: RatioFit, index: int, tolerance: float) -> int:
 
 
 def _states(ratio_fit: RatioFit, index: int, t: Array, step: float) -> Array:
-    """(n, 4) states of the free run of a segment."""
+    """Return the states (n, 4) of the free run of a segment."""
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate
     swing = segments([t], setups=[layout.setups[layout.run[index]]], step=step)
     return followed(estimate.ratios, swing, estimate.initial[index : index + 1], rig)[0]

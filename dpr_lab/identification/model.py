@@ -1,4 +1,4 @@
-"""Result of an identification, as stored in `model.json`."""
+"""Define the result of an identification, which is stored in `model.json`."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +34,7 @@ Kept = TypeVar("Kept")
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
-    """Validator that checks the names of a table and returns its entries in a given order."""
+    """Return a validator that checks the names of a table and returns its entries in the order of `names`."""
 
     def ordered(table: dict[str, Kept]) -> dict[str, Kept]:
         if set(table) != set(names):
@@ -47,7 +47,7 @@ def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]
 
 
 class EstimatedValue(_Record):
-    """Estimated value with its standard deviation and 90 % interval."""
+    """Estimated value, its standard deviation and its 90 % interval."""
 
     value: Number
     """Estimated value, SI."""
@@ -63,11 +63,11 @@ class EstimatedValue(_Record):
 
 
 class ParameterValue(_Record):
-    """One of the nine kinetic parameters, with its source.
+    """One of the nine kinetic parameters and its source.
 
-    `data`: the recordings determine it, given the measured values. `measured`: a bench measurement. `bound`: only the
-    bounds of the search determine it; the value is one of a family of equally good values, so it has no standard
-    deviation.
+    Source `data`: the recordings determine the value, given the measured values. Source `measured`: the value is a
+    bench measurement. Source `bound`: only the bounds of the search determine the value. It is then one of a family of
+    equally good values, and has no standard deviation.
     """
 
     value: Number
@@ -89,12 +89,18 @@ def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
 
 
 def of_rods_or_none(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check as in `of_rods`, but the table may be empty."""
+    """Check the names as `of_rods` does, but accept an empty table."""
     return of_rods(ratios) if ratios else ratios
 
 
 def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: float) -> dict[str, EstimatedValue]:
-    """Ratios e1/a and c1/a of the inner rod alone, from the ratios of the fit, p/b, and g/L1 (1/s^2)."""
+    """Compute the ratios e1/a and c1/a of the inner rod alone.
+
+    Args:
+        five: the ratios of the fit
+        p_over_b: ratio p/b of the fit
+        gravity_rate: g / L1, 1/s^2
+    """
     ratios, share = dict(zip(RATIOS, five, strict=True)), five[0].value - p_over_b
 
     def over_a(ratio: EstimatedValue, offset: float) -> EstimatedValue:
@@ -107,7 +113,7 @@ def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: 
 
 
 class RigFacts(_Record):
-    """Constants of the rig that a simulation needs in addition to the ratios."""
+    """Constants of the rig that a simulation uses in addition to the ratios."""
 
     name: str
     """Name of the rig."""
@@ -125,7 +131,7 @@ class RigFacts(_Record):
 
 
 class RunUsed(_Record):
-    """A run used in the identification."""
+    """A run that was used in the identification."""
 
     file: str
     """Name of the run file, or name of a run that has no file."""
@@ -150,12 +156,12 @@ class RunUsed(_Record):
 
     @classmethod
     def of(cls, run: Run, **figures: Any) -> "RunUsed":
-        """Create the entry of a run; `figures` are the values of the other fields by name."""
+        """Create the entry of a run; `figures` contains the values of the other fields by name."""
         return cls(file=str(run.file or run.name), sha256=run.sha256, pose=run.pose, **figures)
 
 
 class Covariance(_Record):
-    """A covariance matrix, with the order of its rows."""
+    """A covariance matrix and the order of its rows."""
 
     order: list[str]
     """Names of the n unknowns, in the order of rows and columns."""
@@ -183,7 +189,7 @@ class Identifiable(_Record):
 
 
 class FitSummary(_Record):
-    """Quality of the fit of all runs, over segments with free initial states."""
+    """Quality of a fit of all runs to segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Rms residual of `theta1` and `theta2`, rad."""
@@ -223,7 +229,7 @@ class SearchRecord(_Record):
 
 
 class Model(Shown, _Record):
-    """Identified model: five ratios with intervals, nine values with their sources, and the history of the search."""
+    """Identified model: five ratios with intervals, nine parameters with sources, and the history of the search."""
 
     rig: RigFacts
     """Rig of the model."""
@@ -283,7 +289,7 @@ class Model(Shown, _Record):
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """Return a copy of the model with other values (5,) of the ratios of the fit, and the same uncertainties."""
+        """Return a copy of the model with other values (5,) of the fitted ratios; their uncertainties are kept."""
         five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
@@ -291,16 +297,16 @@ class Model(Shown, _Record):
         return self.model_copy(update={"ratios": alone, "fitted": five})
 
     def scaled_ratios(self) -> "Model":
-        """Return a copy of the model whose base parameters follow from its ratios, as in comparisons with recordings.
+        """Return a copy of the model in which the base parameters follow from the ratios.
 
-        By default the base parameters follow from the nine parameters. The bounds of the rig file may shift the nine
-        parameters, so that they do not agree with ratios of large uncertainty.
+        Comparisons with recordings use this copy. By default, the base parameters follow from the nine parameters. The
+        bounds of the rig file may shift the nine parameters. They then disagree with ratios of large uncertainty.
         """
         values = self.base["b"].value * base_from_ratios([ratio.value for ratio in self.all_ratios.values()])
         return self.with_base(values.tolist())
 
     def with_base(self, values: Sequence[float]) -> "Model":
-        """Return a copy of the model with other values (6,) of the base parameters, and the same uncertainties."""
+        """Return a copy of the model with other values (6,) of the base parameters; their uncertainties are kept."""
         pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 
@@ -314,12 +320,15 @@ class Model(Shown, _Record):
 
     @property
     def ratio_values(self) -> Array:
-        """(5,) ratios in the order a/b, d/b, e1/b, c1/b, c2/b."""
+        """Array (5,) of the ratios a/b, d/b, e1/b, c1/b, c2/b, in this order."""
         return np.array([estimate.value for estimate in self.all_ratios.values()])
 
     @property
     def scale_sentence(self) -> str:
-        """Sentence on the inertia b with which masses, inertias and torques are computed, with its uncertainty."""
+        """Sentence that states the inertia b with its uncertainty.
+
+        Masses, inertias and torques are computed with b.
+        """
         if self.scale is not None:
             share = self.fitted[0].value - (self.p_over_b or 0.0) if self.fitted else 1.0
             return (self.scale.as_inertia("a", share) if self.fitted else self.scale).sentence
@@ -328,13 +337,13 @@ class Model(Shown, _Record):
 
     @property
     def unknowns(self) -> Array:
-        """(7,) ratios, b and p/b."""
+        """Array (7,) of the five ratios, b and p/b."""
         b = self.base["b"].value
         p_over_b = self.p_over_b or self.parameters["m2"].value * self.rig.L1**2 / b
         return np.append(self.ratio_values, [b, p_over_b])
 
     def starting_point(self, rig: Rig) -> Array:
-        """(7,) ratios, b and p/b as initial values of a fit for this rig.
+        """Return an array (7,) of the five ratios, b and p/b, the initial values of a fit for this rig.
 
         Raises:
             RunError: the model belongs to another rig.
@@ -347,7 +356,7 @@ class Model(Shown, _Record):
         return self.unknowns
 
     def used(self, sha256: str) -> bool:
-        """Whether the run with this hash was used in the identification; otherwise it is held out."""
+        """Check whether the run with this hash was used in the identification; otherwise it is held out."""
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:
@@ -360,7 +369,7 @@ class Model(Shown, _Record):
 
 
 def load_model(path: Path | str) -> Model:
-    """Read `model.json`, as `identify` and `diagnose --out` write it.
+    """Read a file `model.json` that `identify` or `diagnose --out` has written.
 
     Raises:
         RunError: the file is missing, not JSON, or not a model; the message names the key.

@@ -1,8 +1,8 @@
-"""Objectives of the search: the error of a candidate's simulated swings relative to the runs.
+"""Define objectives of the search: errors between the simulated swings of a candidate and the runs.
 
-`segments` starts from the smoothed state at most ten times per run, for 0.25 s each, so that chaos does not make the
-objective erratic. `paper` is equation (2) of docs/theory.md: the angles and speeds of one free run over the whole
-record.
+The objective `segments` simulates at most ten segments of 0.25 s per run, each from its smoothed state. In such short
+segments, chaos does not make the objective erratic. The objective `paper` is equation (2) of docs/theory.md. It
+compares the angles and speeds of one free run over the whole recording.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveSettings:
-    """Settings of the sampling of the objectives."""
+    """Sampling settings of the objectives."""
 
     step: float = 0.005
     """Runge-Kutta step and sample spacing of the published search, s.
@@ -46,7 +46,7 @@ SETTINGS = ObjectiveSettings()
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveChoice:
-    """An objective, with its search settings."""
+    """An objective and its search settings."""
 
     build: "Callable[[Sequence[PreprocessedRun], Rig], Objective]"
     settings: str
@@ -56,7 +56,9 @@ class ObjectiveChoice:
 
 
 def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
-    """Objective of short segments: mean squared whitened angle error from smoothed initial states.
+    """Build the objective of short segments: the mean squared whitened error of the angles.
+
+    The segments start from smoothed states.
 
     The objective is about 1 if only noise remains.
 
@@ -92,7 +94,7 @@ def segment_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
 
 
 def paper_objective(runs: "Sequence[PreprocessedRun]", rig: Rig) -> Objective:
-    """Objective of the publication: E(Z) of docs/theory.md, equation (2), for each run.
+    """Build the objective of the publication: E(Z) for each run, docs/theory.md, equation (2).
 
     E compares the angles and speeds of one free run from the smoothed first state.
 
@@ -133,32 +135,36 @@ OBJECTIVES = {
 
 
 def objective_words(name: str) -> str:
-    """Description and name of an objective, for example `short segments, insensitive to chaos [segments]`.
+    """Return description and name of an objective, for example `short segments, insensitive to chaos [segments]`.
 
-    Unknown names are unchanged.
+    An unknown name is returned unchanged.
     """
     return f"{OBJECTIVES[name].words} [{name}]" if name in OBJECTIVES else name
 
 
 def _thinned(t: Array) -> Integers:
-    """Indices of samples at intervals of about one step; more samples take time without improving a search."""
+    """Return indices of samples at intervals of about one step.
+
+    More samples take time without improving a search.
+    """
     ticks = np.floor((t - t[0]) / SETTINGS.step + 1e-6)
     return np.flatnonzero(np.diff(ticks, prepend=-1.0) > 0)
 
 
 def _rows(candidates: Array, run: Run, rig: Rig) -> Array:
-    """Rows of the kernel for the candidates, with the mounting of a run."""
+    """Convert the candidates to rows of the kernel, for the mounting of a run."""
     L1, g = rig.L1, rig.g
     bases = base_of_run(whole_parameters(candidates, L1, g), run.setup, L1, g)
     return rows(_as_one(bases, run.elbow, L1, g)[0] if run.setup.held else bases, L1, g)
 
 
 def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Array]:
-    """Base parameters (n, 6) of one rod that moves like two rods with a clamped elbow, and its phase lead (n,), rad.
+    """Replace two rods with a clamped elbow by one rod that moves in the same way.
 
-    The rod has the inertia A = a + b + 2 d cos(delta), the gravity moment E of E exp(i phi) = e1 + e2 exp(i delta), and
-    the angle theta1 + phi, where delta is the angle of the elbow and phi the phase lead. The second rod of the base
-    parameters is decoupled: its d, e2 and c2 are zero.
+    The inertia of this rod is A = a + b + 2 d cos(delta), where delta is the angle of the elbow. Its gravity moment E
+    and its phase lead phi follow from E exp(i phi) = e1 + e2 exp(i delta). Its angle is theta1 + phi. The result
+    contains the base parameters (n, 6) of this rod and its phase lead (n,), rad. The second rod of the base parameters
+    is decoupled: its d, e2 and c2 are zero.
     """
     a, b, d, e1, c1, _ = bases.T
     pull = e1 + d * g / L1 * np.exp(1j * elbow)
@@ -167,7 +173,10 @@ def _as_one(bases: Array, elbow: float, L1: float, g: float) -> tuple[Array, Arr
 
 
 def _seen_as_one(prepared: "PreprocessedRun", rig: Rig) -> "PreprocessedRun":
-    """Convert a run with rods that turn as one body to the swing of one rod, by the phase lead of the rig file."""
+    """Convert a run with a clamped elbow to the swing of one rod.
+
+    The phase lead of this rod follows from the rig file. Other runs are returned unchanged.
+    """
     if not prepared.run.setup.held:
         return prepared
     bases = base_of_run(whole_parameters(rig.nominal, rig.L1, rig.g), prepared.run.setup, rig.L1, rig.g)

@@ -1,4 +1,4 @@
-"""Preprocess runs: estimate the noise, and the state at every sample."""
+"""Preprocess runs: estimate the noise of the readings and the state at every sample."""
 
 from dataclasses import dataclass, replace
 
@@ -14,7 +14,7 @@ from dpr_lab.run import Run, refuse_moving_arms
 
 @dataclass(frozen=True, slots=True)
 class PreprocessedRun:
-    """A run from its release on, with the additional data that a fit needs."""
+    """A run from its release on, with the noise and the states that a fit needs."""
 
     run: Run
     noise: NoiseFloor
@@ -23,7 +23,7 @@ class PreprocessedRun:
 
 
 def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
-    """Estimate the noise and the velocities of a run (Kalman filter and RTS smoother).
+    """Estimate the noise and the velocities of a run by a Kalman filter and RTS smoother.
 
     Args:
         run: the recording
@@ -41,9 +41,10 @@ def preprocess(run: Run, rig: Rig, every: int = 1) -> PreprocessedRun:
 
 
 def _thinned(swing: Run, every: int) -> Run:
-    """Swing that contains only every n-th sample.
+    """Return a swing that contains only every n-th sample, where n is `every`.
 
-    A torque that is constant between samples is averaged until the next kept sample. Its impulse is thereby conserved.
+    A torque that is constant between samples is averaged until the next kept sample. The impulse of the torque is
+    thereby conserved.
     """
     mask = np.arange(len(swing.t)) % every == 0
     thinned, first = swing.only(mask), np.flatnonzero(mask)

@@ -1,14 +1,16 @@
-"""MAP update of the nine parameters by the ratios, and the source of each parameter (docs/theory.md, equation 47).
+"""Update the nine parameters by the ratios (MAP), and determine their sources (docs/theory.md, equation 47).
 
 A free swing determines five numbers. The nine parameters therefore form a four-dimensional family of equally good
 values. Measured values (scale, calliper, knife edge) enter as priors with their standard uncertainty. For the other
 parameters, the prior follows from the bounds of the search. A known added mass also makes b identifiable. The estimates
-then update this prior as a linear observation (maximum a posteriori, by iterated extended Kalman updates):
+of the ratios then update this prior as an observation. The update (maximum a posteriori) consists of iterated extended
+Kalman updates:
 
     K = P0 J^T (J P0 J^T + C)^-1,    Z = Z0 + K (q - q(Z0)),    P = P0 - K J P0
 
-with q the ratios (and b), C their covariance and J = dq/dZ. A parameter that data and measured values do not determine
-keeps the standard deviation of its bounds, and is reported as determined only by bounds.
+where Z are the parameters, Z0 their prior mean and P0 their prior covariance, q the ratios (and b), C the covariance of
+the ratios, and J = dq/dZ. A parameter that neither data nor measured values determine keeps the standard deviation of
+its bounds. It is reported as determined only by bounds.
 """
 
 from collections.abc import Sequence
@@ -38,7 +40,7 @@ def update_prior(
     rig: Rig,
     visible: Sequence[int] | None = None,
 ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-    """Most probable nine parameters for the rig file and the estimated ratios, and the corresponding base parameters.
+    """Compute the most probable nine parameters, given the rig file and the estimated ratios.
 
     Args:
         estimated: (5,) ratios, or (6,) with b; or the unknowns with the indices `visible` in `UNKNOWN_RATIOS`
@@ -71,9 +73,9 @@ Those of the friction ratios are large, because other effects change these ratio
 
 
 def assumed_b(unknown: Array, rig: Rig) -> ParameterValue:
-    """Most probable inertia b, kg m^2, for the rig file and the five ratios at the beginning of `unknown`.
+    """Return the most probable inertia b, kg m^2, given the rig file and five ratios.
 
-    b is the scale of all masses, inertias and torques.
+    The ratios are the first values of `unknown`. b is the scale of all masses, inertias and torques.
     """
     values = unknown[: len(UNSURE)]
     _, base = update_prior(values, np.diag((UNSURE * np.maximum(values, 1e-3)) ** 2), rig)
@@ -90,7 +92,7 @@ def _value(value: np.float64, variance: np.float64, fixed_by: Literal["data", "m
 
 
 def _loose(Z: Array, observed: list[int], rig: Rig) -> Array:
-    """(9, k) relative changes of the searched parameters that do not change any observation."""
+    """Find relative changes (9, k) of the searched parameters that do not change any observation."""
     scaled = unknown_jacobian(Z, rig)[observed] * Z / np.maximum(_unknowns(Z, rig)[observed], 1e-12)[:, None]
     directions = np.zeros((len(PARAMETERS), 0))
     if rig.searched.any():
@@ -125,6 +127,6 @@ def _unknowns(Z: Array, rig: Rig) -> Array:
 
 
 def prior_ratio_std(rig: Rig) -> list[float]:
-    """(5,) standard deviations of the ratios from the rig file alone."""
+    """Compute the standard deviations (5,) of the ratios that follow from the rig file alone."""
     J = ratio_jacobian(rig.nominal, rig.L1, rig.g) * parameter_std(rig)
     return np.sqrt(np.sum(J**2, axis=1)).tolist()

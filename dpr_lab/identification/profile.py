@@ -1,8 +1,10 @@
-"""Profile likelihood of an unknown, with all others refitted (docs/theory.md, equation 23).
+"""Compute the profile likelihood of an unknown, for which all other unknowns are refitted.
+
+docs/theory.md, equation 23, for the unknown q_i:
 
     D(v) = min chi2(q with q_i = v) - min chi2,    90 % interval where D <= 2.7055 s
 
-with s the reduced chi-square if the residual exceeds the noise, otherwise 1. Unlike the covariance, the profile
+where s is the reduced chi-square if the residual exceeds the noise, otherwise 1. Unlike the covariance, the profile
 accounts for curved valleys and bounds. Like every likelihood, it assumes independent residuals.
 """
 
@@ -32,7 +34,9 @@ SETTINGS = ProfileSettings()
 
 
 def profile90(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int) -> tuple[float, float]:
-    """90 % profile likelihood interval of one unknown; the lower end of a friction ratio is at least zero.
+    """Compute the 90 % profile likelihood interval of one unknown.
+
+    The lower end of a friction ratio is at least zero.
 
     The interval of an unknown at its bound of zero is one-sided.
 
@@ -67,7 +71,10 @@ def _end(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, u
 
 
 def _chi2_at(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, value: float) -> float:
-    """Minimum chi-square with one unknown fixed, starting from the solution of the linear problem."""
+    """Compute the minimum chi-square with one unknown fixed at a value.
+
+    The fit starts from the solution of the linear problem.
+    """
     free = (ratio_uncertainty.values > 0) | (np.arange(len(ratio_uncertainty.values)) == index)
     direction = np.zeros(len(free))
     direction[free] = np.linalg.inv(ratio_uncertainty.information[np.ix_(free, free)])[

@@ -1,8 +1,8 @@
 """Fit the ratios of the rods to segments of runs with free initial states.
 
-A free swing determines only the ratios. With a known attached mass, b is also fitted, because the mass determines the
-scale. Segments contain encoder readings, each weighted by its own noise. This is equivalent to absolute angles with the
-correlated noise of a relative encoder 2.
+A free swing determines only the ratios. With a known attached mass, the inertia b is also fitted, because the mass
+determines the scale. Segments contain encoder readings, each weighted by its own noise. For a relative encoder 2, this
+is equivalent to absolute angles with correlated noise.
 """
 
 from collections.abc import Collection, Sequence
@@ -73,7 +73,7 @@ class RatioFit:
 
     @property
     def unknowns(self) -> Array:
-        """(k,) ratios, b and p/b that the runs determine, for the rig without an added mass."""
+        """Array (k,) of the ratios, b and p/b that the runs determine, for the rig without an added mass."""
         return self.fit.estimate.ratios[list(self.visible)]
 
     @property
@@ -83,12 +83,12 @@ class RatioFit:
 
     @property
     def ratios(self) -> Array:
-        """(5,) ratios a/b, d/b, e1/b, c1/b, c2/b of the rig without an added mass."""
+        """Array (5,) of the ratios a/b, d/b, e1/b, c1/b, c2/b of the rig without an added mass."""
         return self.fit.estimate.ratios[: len(RATIOS)]
 
     @property
     def predicted(self) -> Array:
-        """(samples, 2) predicted theta1, theta2, rad."""
+        """Predicted theta1 and theta2 (samples, 2), rad."""
         return self.problem.joints.to_rods(self.problem.predict(self.fit.estimate))
 
     @property
@@ -110,12 +110,12 @@ class RatioFit:
 
     @property
     def slopes(self) -> Array:
-        """(segments, m, k) whitened derivatives of the readings, without initial states and encoder zeros."""
+        """Whitened derivatives (segments, m, k) of the readings, without initial states and encoder zeros."""
         return _without_zeros(self.fit.linear, self.fit.free)
 
     @property
     def prior_information(self) -> Array:
-        """(k, k) information of the rig file on the unknowns; zeros if there is no prior."""
+        """Information (k, k) of the rig file on the unknowns; zeros if there is no prior."""
         of_ratios = [i for i, parameter in enumerate(self.fit.free) if parameter.block == "ratios"]
         rows = self.fit.prior[:, of_ratios]
         return rows.T @ rows
@@ -127,13 +127,13 @@ class RatioFit:
 
     @property
     def initial_covariances(self) -> Array:
-        """(segments, 4, 4) covariance of each initial state due to the noise alone, with the unknowns fixed."""
+        """Covariance (segments, 4, 4) of each initial state due to the noise alone, with the unknowns fixed."""
         inverse = np.linalg.inv(self.fit.linear.R)
         return inverse @ inverse.transpose(0, 2, 1)
 
 
 def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: float = 5e-3) -> tuple[Problem, Array]:
-    """Problem with runs cut into segments, and the (segments, 4) smoothed states at their beginnings.
+    """Cut runs into segments, and return the problem and the smoothed initial states (segments, 4).
 
     Args:
         runs: runs to fit
@@ -164,12 +164,15 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
 
 
 def rods_estimate(unknown: Array, initial: Array) -> Estimate:
-    """Estimate without effects, from (7,) ratios, b and p/b, and initial states."""
+    """Return an estimate without effects, from the array (7,) of ratios, b and p/b, and from initial states."""
     return Estimate.of(unknown, effect_params({}), initial)
 
 
 def visible_of(laid_out: Segments) -> tuple[int, ...]:
-    """Indices of the unknowns that segments determine, including b if a known mass makes it identifiable."""
+    """Return the indices of the unknowns that segments determine.
+
+    The inertia b is included if a known mass makes it identifiable.
+    """
     return visible_ratios(laid_out.setups, any(setup.weighs for setup in laid_out.setups))
 
 
@@ -181,7 +184,9 @@ def fit_ratios(
     iterations: int = 40,
     settings: GaussNewton = TO_THE_MINIMUM,
 ) -> RatioFit:
-    """Fit the unknowns, the initial states and, if they are free, the encoder zeros of each run to given segments.
+    """Fit the unknowns and the initial states of given segments.
+
+    The zeros of the encoders are fitted for each run if they are free.
 
     Args:
         problem: measured readings, weights and model
@@ -234,9 +239,9 @@ def short_fit(
 def first_fit(
     Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations: int, settings: GaussNewton
 ) -> RatioFit:
-    """Fit the ratios to segments of a quarter of a second, which converges from poor initial values.
+    """Fit the ratios to segments of a quarter of a second; this fit converges from poor initial values.
 
-    The arguments are the same as of `short_fit`.
+    The arguments are those of `short_fit`.
     """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)
@@ -244,14 +249,20 @@ def first_fit(
 
 
 def driving_noise(problem: Problem, estimate: Estimate) -> Disturbance | None:
-    """Effect of the noise of a prescribed arm motion on the readings; None if no motion is prescribed."""
+    """Compute the effect of the noise of a prescribed arm motion on the readings.
+
+    The result is None if no motion is prescribed.
+    """
     if all(setup.arm is None for setup in problem.segments.setups):
         return None
     return disturbance(problem, estimate, begins=lambda first: first)
 
 
 def information(problem: Problem, estimate: Estimate) -> Array:
-    """(k, k) Fisher information of segments on the unknowns that they determine, with all other values eliminated."""
+    """Compute the Fisher information (k, k) of segments on the unknowns that they determine.
+
+    All other values are eliminated.
+    """
     free = problem.all_free(ratio_parameters(estimate, visible_of(problem.segments)))
     slopes = _without_zeros(linearise(problem, problem.with_zeros(estimate), free), free)
     A = slopes.reshape(-1, slopes.shape[2])
@@ -259,7 +270,7 @@ def information(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Array:
-    """(segments, m, k) derivatives with respect to the free ratios, with encoder zeros projected out."""
+    """Return derivatives (segments, m, k) with respect to the free ratios, with encoder zeros projected out."""
     of_zeros = np.array([parameter.block == "zeros" for parameter in free], dtype=np.bool_)
     if not of_zeros.any():
         return linear.A
@@ -270,15 +281,15 @@ def _without_zeros(linear: Linearisation, free: Sequence[FreeParameter]) -> Arra
 
 
 def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: float = 0.1) -> float:
-    """Predictability horizon of a free run from the fitted initial state of a segment, in the time of `t`, s.
+    """Compute the predictability horizon of a free run from the fitted initial state of a segment.
 
-    Beyond the horizon the uncertainty of the initial state alone, propagated by the variational equation, moves an
-    angle by more than `error_rad`.
+    The variational equation propagates the uncertainty of the initial state. Beyond the horizon, this uncertainty of an
+    angle exceeds `error_rad`. The horizon is an instant of `t`, s.
 
     Args:
         ratio_fit: ratios and initial states
         index: index of the initial segment
-        t: (n,) instants, starting with that of the segment
+        t: (n,) instants, starting with the first instant of the segment, s
         error_rad: threshold, rad
     """
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate

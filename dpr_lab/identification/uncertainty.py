@@ -1,4 +1,4 @@
-"""Uncertainty of fitted ratios, valid under correlated residuals (docs/theory.md, equation 22)."""
+"""Estimate the uncertainty of fitted ratios under correlated residuals (docs/theory.md, equation 22)."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,10 @@ SETTINGS = CovarianceSettings()
 
 @dataclass(frozen=True, slots=True)
 class RatioUncertainty:
-    """Uncertainty of the unknowns that runs determine, in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`."""
+    """Uncertainty of the unknowns that the runs determine.
+
+    The unknowns are in the order of `dpr_lab.fitting.estimate.UNKNOWN_RATIOS`.
+    """
 
     values: Array
     """(n,) fitted values of the unknowns."""
@@ -58,7 +61,7 @@ class RatioUncertainty:
 
     @property
     def std(self) -> Array:
-        """(n,) standard deviations of the unknowns, including the contribution of undetermined ratios."""
+        """Standard deviations (n,) of the unknowns, including the contribution of undetermined ratios."""
         return np.sqrt(np.diag(self.covariance + self.assumed))
 
     @property
@@ -68,13 +71,16 @@ class RatioUncertainty:
 
     @property
     def cramer_rao_std(self) -> Array:
-        """(n,) Cramér-Rao bound of the standard deviation, with the prior; zero for unknowns fixed at zero."""
+        """Cramér-Rao bound (n,) of the standard deviation with the prior; zero for unknowns fixed at zero."""
         std, free = np.zeros(len(self.values)), self.values > 0
         std[free] = [self.cramer_rao_with(place) for place in np.flatnonzero(free).tolist()]
         return std
 
     def cramer_rao_with(self, place: int) -> float:
-        """Cramér-Rao bound of the standard deviation of one unknown, if it is not fixed at zero."""
+        """Return the Cramér-Rao bound of the standard deviation of one unknown.
+
+        The unknown is treated as free, even if it is fixed at zero.
+        """
         released = np.flatnonzero((self.values > 0) | (np.arange(len(self.values)) == place))
         information = self.information if self.prior is None else self.information + self.prior
         variance = np.diag(np.linalg.inv(information[np.ix_(released, released)]))
@@ -82,7 +88,7 @@ class RatioUncertainty:
 
     @property
     def of_prior(self) -> Array:
-        """(n,) ratio of each variance to the variance of the rig file's prior, 0 to 1.
+        """Ratio (n,) of each variance to its variance in the prior of the rig file, 0 to 1.
 
         If a ratio is near 1, the runs add no information.
         """
@@ -92,10 +98,10 @@ class RatioUncertainty:
 
     @property
     def of_runs(self) -> Array:
-        """(n, n) covariance from the runs alone, without the prior; at most 1e6 times the covariance of the prior.
+        """Covariance (n, n) from the runs alone, without the prior; at most 1e6 times the covariance of the prior.
 
-        In coordinates in which the prior has unit covariance, a variance v from both corresponds to v / (1 - v) from
-        the runs alone.
+        In coordinates in which the prior has unit covariance, a variance v from runs and prior together corresponds to
+        the variance v / (1 - v) from the runs alone.
         """
         if self.prior is None:
             return self.covariance
@@ -106,11 +112,11 @@ class RatioUncertainty:
         return np.asarray((back * alone) @ back.T, dtype=np.float64)
 
     def interval90(self, index: int) -> tuple[float, float]:
-        """90 % interval of one unknown by Student's t with the number of blocks.
+        """Compute the 90 % interval of one unknown by Student's t distribution.
 
-        If undetermined ratios of the rig file widen the interval, its lower end is at least zero. The interval of an
-        unknown at its bound of zero is one-sided: it contains 90 % of the positive part of the distribution around the
-        unconstrained estimate.
+        The degrees of freedom are the number of blocks minus the number of unknowns. If undetermined ratios of the rig
+        file widen the interval, its lower end is at least zero. The interval of an unknown at its bound of zero is
+        one-sided: it contains 90 % of the positive part of the distribution around the unconstrained estimate.
         """
         freedom = max(self.blocks - len(self.values), 1)
         if self.unconstrained is not None and self.values[index] <= 0.0:
@@ -124,13 +130,14 @@ class RatioUncertainty:
 
 
 def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
-    """Uncertainty of a fit with all unknowns free.
+    """Estimate the uncertainty of a fit in which all unknowns are free.
 
     The covariance is computed from the Fisher information at the actual residual variance. It is increased if the
     scores of blocks of residuals scatter more than the information predicts. For white residuals both estimates agree,
-    and the information is more accurate, because a chaotic run contains most of it in few blocks. Correlated residuals
-    increase the scatter of the blocks. If the model error dominates, it changes slowly along a run. The 90 % interval
-    is then at least as wide as the difference between the estimates from the first and second halves of the runs.
+    and the information is more accurate, because a chaotic run contains most of the information in few blocks.
+    Correlated residuals increase the scatter of the blocks. If the model error dominates, it changes slowly along a
+    run. The 90 % interval is then at least as wide as the difference between the estimates from the first and second
+    halves of the runs.
 
     Raises:
         LinAlgError: the recordings do not determine the unknowns.
@@ -154,7 +161,7 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
 
 
 def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tuple[Array, Array]:
-    """(free, free) inverse information of the free unknowns, and their covariance.
+    """Return the inverse information (free, free) of the free unknowns, and their covariance (free, free).
 
     The mean of the gradients is zero for all unknowns inside their bounds.
 
@@ -182,7 +189,7 @@ def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tu
 
 
 def _prior_gradient(ratio_fit: RatioFit) -> Array:
-    """(n,) gradient of the prior of the rig file at the fit, in the unit of the gradient of chi2."""
+    """Return the gradient (n,) of the prior of the rig file at the fit, in the unit of the gradient of chi2."""
     fit = ratio_fit.fit
     prior = RigPrior.at(ratio_fit.problem, fit.estimate, fit.free, fit.linear)
     gradient = prior.A.T @ prior.e
@@ -190,7 +197,7 @@ def _prior_gradient(ratio_fit: RatioFit) -> Array:
 
 
 def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Array:
-    """(free, free) covariance due to one prior standard deviation of each ratio that the runs do not determine.
+    """Return the covariance (free, free) due to the prior uncertainty of the ratios that the runs do not determine.
 
     Source: consider covariance, S. F. Schmidt (1966), as in `dpr_lab.fitting.covariance`.
     """
@@ -207,7 +214,10 @@ def _by_unseen(ratio_fit: RatioFit, A: Array, bread: Array, free: Flags) -> Arra
 
 
 def _block_scores(problem: Problem, scores: Array) -> Array:
-    """(blocks, n) gradient of each block of `block_s`; blocks are the independent units of the covariance."""
+    """Sum the gradients over blocks of `block_s`; the result is (blocks, n).
+
+    The blocks are the independent units of the covariance.
+    """
     owner, t = problem.owner, problem.t
     first = problem.segments.offsets[owner]
     by_sample = scores.reshape(len(scores), -1, problem.axes, scores.shape[2]).sum(axis=2)[
@@ -219,7 +229,7 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
 
 
 def _halves_apart(ratio_fit: RatioFit) -> Array:
-    """(n,) absolute difference between the Gauss-Newton steps for the first and the second halves of the runs.
+    """Compute the absolute difference (n,) between the Gauss-Newton steps of both halves of the runs.
 
     A segment that contains the middle of its run has an initial state in each half.
     """

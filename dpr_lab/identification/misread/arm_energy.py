@@ -1,12 +1,13 @@
 """Test whether an arm that is described as free was driven.
 
-The energy of rods and arm is linear in their parameters, with the mass matrix of `dpr_lab.dynamics.arm`, the gravity of
-the rods, and a spring of the arm with any rest angle:
+The energy E of rods and arm is linear in their parameters. It contains the mass matrix M of `dpr_lab.dynamics.arm`, the
+gravity of the rods, and a spring of the arm with stiffness k0 and any rest angle f0 / k0:
 
     E = omega^T M(theta) omega / 2 + e1 cos theta1 + e2 cos theta2 + k0 theta0^2 / 2 - f0 theta0
 
-Without a drive the energy only decreases. As in `identification.misread.energy`, the smallest sum of its increases over
-all positive parameters is computed by linear programming, without a fit of the motion.
+Without a drive the energy only decreases. The test computes the sum of the increases of E, and minimises this sum over
+all positive parameters. As in `identification.misread.energy`, the minimum is computed by linear programming, without a
+fit of the motion.
 """
 
 from collections.abc import Sequence
@@ -52,7 +53,7 @@ ARM_ENERGY = ArmEnergySettings()
 
 
 def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
-    """Compose a message if an arm that is described as free gains energy; otherwise the text is empty."""
+    """Return a message if an arm that is described as free gains energy; otherwise return an empty text."""
     rise = arm_energy_rise([run for run in runs if run.arm_mode == "free"], rig)
     if rise < ARM_ENERGY.entering:
         return ""
@@ -64,9 +65,10 @@ def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
 
 
 def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
-    """Smallest sum of energy increases for any parameters, relative to the range of the energy.
+    """Compute the smallest sum of energy increases of rods and arm, relative to the range of the energy.
 
-    The result is 0 for a passive arm, or if it cannot be computed.
+    The sum is minimised over all permitted parameters. The result is 0 for a passive arm, or if the sum cannot be
+    computed.
     """
     parts = [part for run in runs if (part := _terms(run, rig)) is not None]
     inertias_and_gravity = [(ARM_ENERGY.least_ratio, None)] * (parts[0].shape[1] - 3 if parts else 0)
@@ -75,7 +77,10 @@ def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
 
 
 def _terms(run: Run, rig: Rig) -> Array | None:
-    """(intervals, 5 or 7) means of the energy terms of a, [b, d,] e1, A, k0 and f0; None if the speeds are unknown."""
+    """Return interval means (intervals, 5 or 7) of the energy terms of a run.
+
+    The terms are those of the parameters a, [b, d,] e1, A, k0 and f0. The result is None if the speeds are unknown.
+    """
     swing = run.swing
     motion = local_motion(swing.t, swing.theta, min(periods(rig)), ARM_ENERGY.motion)
     if motion is None:

@@ -1,18 +1,18 @@
-"""Energy test of whether the angles and times of a table are consistent with a free swing of the rig.
+"""Test, by an energy balance, whether the angles and times of a table are consistent with a free swing of the rig.
 
-With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md) the energy
+The energy of the rods is a function of the base parameters a, b, d, e1 (docs/theory.md):
 
     E = a w1^2 / 2 + b w2^2 / 2 + d cos(th1 - th2) w1 w2 + e1 cos(th1) + (d g / L1) cos(th2)
 
-changes by viscous and dry friction,
+where th is an absolute angle and w = dth/dt. Viscous friction (c1, c2) and Coulomb friction (f1, f2) change it by
 
     dE = -(c1 w1^2 + c2 (w2 - w1)^2 + f1 |w1| + f2 |w2 - w1|) dt.
 
-Known torques add the power tau1 w1 + tau2 (w2 - w1). Dry friction is included, because otherwise an error of the zeros
-would compensate for its loss. All coefficients enter linearly and are fitted by least squares within bounds about the
-values of the rig file. The residual is small if angles and times are interpreted correctly, and large otherwise. The
-test needs neither an initial state nor a simulation. A single rod is represented by two equal halves with the same
-angle (`dpr_lab.dynamics.base`).
+Known torques add the power tau1 w1 + tau2 (w2 - w1). Coulomb friction is included, because otherwise an error of the
+zeros would compensate for its energy loss. All coefficients enter linearly and are fitted by least squares within
+bounds around the values of the rig file. The residual is small if angles and times are interpreted correctly, and large
+otherwise. The test needs neither an initial state nor a simulation. A single rod is represented by two equal halves
+with the same angle (`dpr_lab.dynamics.base`).
 """
 
 import math
@@ -91,15 +91,16 @@ class EnergyFit:
 
 
 def mounted_base(rig: Rig, Z: ArrayLike) -> Array:
-    """(..., 6) base parameters of the mounted rods from (..., 9) parameters, in the order of `BASE`."""
+    """Convert parameters (..., 9) to the base parameters (..., 6) of the mounted rods, in the order of `BASE`."""
     whole = whole_parameters(Z, rig.L1, rig.g)
     return base_of_run(whole, Setup(mounting=rig.rods.mounting), rig.L1, rig.g)
 
 
 def periods(rig: Rig) -> tuple[float, float]:
-    """Periods of the two small oscillations about hanging with the values of the rig file, longer first, s.
+    """Compute the periods of the two small oscillations about the hanging position, longer first, s.
 
-    For one degree of freedom, both periods are equal. A clamped elbow is assumed to be straight.
+    The values of the rig file are used. For one degree of freedom, both periods are equal. A clamped elbow is assumed
+    to be straight.
     """
     a, b, d, e1, *_ = mounted_base(rig, rig.nominal).tolist()
     e2 = d * rig.g / rig.L1
@@ -111,7 +112,7 @@ def periods(rig: Rig) -> tuple[float, float]:
 
 
 def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> EnergyFit | None:
-    """Energy balance of one interpretation of a table; None if the motion is too small.
+    """Compute the energy balance of one interpretation of a table; return None if the motion is too small.
 
     Args:
         t: (n,) s
@@ -132,9 +133,9 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
-    """Angles to add to both rods, within a turn, so that the energy of a free swing balances best.
+    """Find the angles to be added to both rods with which the energy of a free swing balances best.
 
-    None if there is no motion.
+    The angles are less than one turn. The result is None if the motion is too small.
 
     Args:
         t: (n,) instants, s
@@ -150,11 +151,12 @@ def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
 
 
 def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> float:
-    """Residual of the balance of `energy_fit` after a small correction of the zeros; infinite if there is no motion.
+    """Compute the residual of the balance of `energy_fit` after a small correction of the zeros.
 
-    An error delta of a zero changes the potential energy of a small swing of amplitude A by the fraction delta / A.
-    Both zeros are therefore moved towards the best ones, by at most `ENERGY.zero_error_rad`. The residual is computed
-    with short and with long windows. The smaller one is used, so that the noise of the readings has little influence.
+    The result is infinite if the motion is too small. An error delta of a zero changes the potential energy of a small
+    swing of amplitude A by the fraction delta / A. Both zeros are therefore moved towards the best ones, by at most
+    `ENERGY.zero_error_rad`. The residual is computed with short and with long windows. The smaller residual is
+    returned, so that the noise of the readings has little influence.
     """
     return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
 
@@ -170,9 +172,10 @@ def _residual_near(terms: Array, rig: Rig) -> float:
 
 
 def other_pace(t: Array, rods: Array, rig: Rig) -> float:
-    """Factor by which a free swing was faster than its stated times; 1 unless the factor clearly improves the balance.
+    """Find the factor by which a free swing was faster than its stated times.
 
-    In a slow-motion video, for example, the camera recorded more frames per second than the video plays.
+    The result is 1 unless another factor clearly improves the energy balance. The factor is for example larger than 1
+    for a slow-motion video, in which the camera recorded more frames per second than the video plays.
 
     Args:
         t: (n,) instants, s
@@ -185,15 +188,16 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
 
 
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:
-    """Angles to add to both rods, within a turn, with the smallest residual; equal angles for one degree of freedom.
+    """Find the angles to be added to both rods with which a residual is smallest.
 
-    The local minima on a grid of both angles are refined. Grid points next to a lower minimum are excluded, because
-    their searches would end in the same minimum.
+    The angles are less than one turn. Both angles are equal for one degree of freedom. The local minima on a grid of
+    both angles are refined. Grid points next to a lower one are excluded, because a search from there would end in the
+    same minimum.
 
     Args:
         residual: residual of a balance as a function of the (2,) added angles, rad
         rig: the recorded rig
-        nearest: whether to search from the given zeros only
+        nearest: whether to search only from added angles of zero
     """
     from scipy.ndimage import minimum_filter
     from scipy.optimize import minimize
@@ -218,7 +222,7 @@ def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = 
 
 
 def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Array]:
-    """Terms of the balance with short and with long windows; terms of a motion that is too small are omitted."""
+    """Return the terms of the balance with short and with long windows; omit a motion that is too small."""
     balances = (_terms_of_table(t, rods, torques, rig, motion) for motion in (ENERGY.motion, ENERGY.smooth))
     return [terms for terms in balances if terms is not None]
 
@@ -226,19 +230,19 @@ def _balances(t: Array, rods: Array, torques: Array | None, rig: Rig) -> list[Ar
 def _terms_of_table(
     t: Array, rods: Array, torques: Array | None, rig: Rig, motion: LocalMotionSettings | None = None
 ) -> Array | None:
-    """(m, k) terms of the balance from the columns of a table; None if the motion is too small."""
+    """Return the terms (m, k) of the balance from the columns of a table, or None if the motion is too small."""
     moving = local_motion(t, rods, periods(rig)[1], motion or ENERGY.motion)
     return None if moving is None else _terms(moving, torques, rig)
 
 
 def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
-    """(m, k) terms of the balance with the values of the rig file, J.
+    """Return the terms (m, k) of the balance with the values of the rig file, J.
 
     The terms are, in this order:
 
     - the kinetic energy of each rod
     - d w1 w2, multiplied by the cosine and by the sine of th1 - th2
-    - e1, multiplied by the cosine and by the sine of th1; e2, multiplied by those of th2
+    - e1, multiplied by the cosine and by the sine of th1; e2, multiplied by the cosine and by the sine of th2
     - the four energy losses
     - if the torques are known, their work with a negative sign
     """
@@ -261,10 +265,11 @@ def _terms(moving: LocalMotion, torques: Array | None, rig: Rig) -> Array:
 
 
 def _residual(covariance: Array, added: Array) -> float:
-    """Rms error of the balance with coefficients within bounds, relative to the potential energy.
+    """Compute the rms error of the balance, relative to the potential energy.
 
-    The result is infinite without potential energy. If an angle is shifted, its cosine and sine become linear
-    combinations of the original ones. The covariance of the original terms is therefore sufficient.
+    The coefficients are fitted within bounds. The result is infinite if the potential energy does not change. If an
+    angle is shifted, its cosine and sine become linear combinations of the original ones. The covariance of the
+    original terms is therefore sufficient.
 
     Args:
         covariance: (m, m) covariance of `_terms`
@@ -294,10 +299,11 @@ def _integral(t: Array, power: Array) -> Array:
 
 
 def _time_scale(kinetic: Array, potential: Array, losses: Array) -> float:
-    """Time scale factor s at which the total energy is conserved, apart from a trend and friction.
+    """Find the time scale factor s at which the total energy is conserved, apart from a trend and friction.
 
-    K / s^2 + V + x L + trend is then constant. K is compared with V after the frictional losses L are projected out of
-    both. The result is nan if K and V are not exchanged, because the losses resemble one of them.
+    With this factor, K / s^2 + V + x L + trend is constant, where x are unknown coefficients. The trend and the
+    frictional losses L are projected out of K and V; then K and V are compared. The result is nan if K and V are hardly
+    exchanged, for example because the losses resemble one of them.
 
     Args:
         kinetic: (n,) K

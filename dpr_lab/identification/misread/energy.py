@@ -1,11 +1,13 @@
-"""Test whether an energy source drives the rods that the description of the recordings does not contain.
+"""Test whether the rods are driven by an energy source that is missing in the description of the recordings.
 
-The energy of the rods over b is linear in their ratios, and the work of known torques over b is linear in 1/b:
+The energy E of the rods, divided by the base parameter b, is linear in the ratios of the rods. The work of known
+torques, divided by b, is linear in 1/b:
 
     E/b = a/b omega1^2 / 2 + omega2^2 / 2 + d/b (cos(theta1 - theta2) omega1 omega2 + g/L1 cos theta2) + e1/b cos theta1
 
-The energy of rods without another drive only decreases. The smallest sum of increases over all positive ratios is
-therefore zero for a passive rig with any friction. It is computed by linear programming, without a fit of the motion.
+The energy of rods without another drive only decreases. The sum of the energy increases is minimised over all positive
+ratios. The minimum is therefore zero for a passive rig with any friction. It is computed by linear programming, without
+a fit of the motion.
 """
 
 from collections.abc import Sequence
@@ -49,9 +51,10 @@ ENERGY = EnergyRiseSettings()
 
 
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = ENERGY) -> float:
-    """Smallest sum of energy increases for any ratios, relative to the range of the energy; 0 for passive rods.
+    """Compute the smallest sum of energy increases for any ratios, relative to the range of the energy.
 
-    Runs with a moving arm, with a single rod, or with much noise are ignored. If no other run remains, the result is 0.
+    The result is 0 for passive rods. Runs with a moving arm, with a single rod, or with much noise are ignored. If no
+    other run remains, the result is 0.
     """
     free = [
         prepared
@@ -96,12 +99,14 @@ def relative_rise(
     bounds: Sequence[tuple[float | None, float | None]],
     least_exchange: float,
 ) -> float:
-    """Smallest sum of increases of an energy for any parameters, relative to its range; 0 if it cannot be computed.
+    """Compute the smallest sum of increases of an energy for any parameters, relative to its range.
+
+    The result is 0 if the sum cannot be computed.
 
     Args:
         means: for each run, (intervals, k) means of the terms of the energy; the parameter of the first term is 1
         parts: for each run, (n, at most k) terms that determine the range, without the work
-        bounds: (k - 1) bounds of the other parameters
+        bounds: (k - 1) bounds of the parameters after the first
         least_exchange: minimum range of the energy, relative to the largest range of one of its terms
     """
     from scipy.optimize import linprog
@@ -128,7 +133,10 @@ def relative_rise(
 
 
 def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
-    """(n, 5) terms of the energy divided by b: the terms of b, a, d, e1 and, as the negative work, of 1/b."""
+    """Return the terms (n, 5) of the energy divided by b.
+
+    The columns are the terms of b, a, d and e1, and the negative work of the known torques, which is the term of 1/b.
+    """
     theta1, theta2, omega1, omega2 = prepared.states.T
     mixed = np.cos(theta1 - theta2) * omega1 * omega2 + rig.g / rig.L1 * np.cos(theta2)
     work = np.zeros(len(theta1))
@@ -139,6 +147,6 @@ def _terms(prepared: PreprocessedRun, rig: Rig) -> Array:
 
 
 def interval_means(terms: Array, t: Array, apart_s: float) -> Array:
-    """(intervals, k) means of the terms over intervals of time."""
+    """Average the terms over intervals of the length `apart_s`; the result is (intervals, k)."""
     edges = np.flatnonzero(np.diff(np.floor((t - t[0]) / apart_s), prepend=-1.0))
     return np.add.reduceat(terms, edges) / np.diff(edges, append=len(t))[:, None]

@@ -1,4 +1,4 @@
-"""Angles, velocities and accelerations of a swing by local polynomials, without a model."""
+"""Estimate angles, velocities and accelerations of a swing by local polynomials, without a model."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ class LocalMotionSettings:
 
 @dataclass(frozen=True, slots=True)
 class TurningSettings:
-    """Limit of a turning point."""
+    """Threshold from which a reversal of the motion counts as a turning point."""
 
     back: float = 0.05
     """Minimum motion in both directions, relative to the range of the angle."""
@@ -62,7 +62,9 @@ class LocalMotion:
 
 
 def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
-    """Motion at the centres of windows; None if the rows are too few, or if instants are numerically equal.
+    """Estimate the motion at the centres of windows.
+
+    The result is None if there are too few rows, or if instants are numerically equal.
 
     Args:
         t: (n,) instants, s
@@ -111,10 +113,10 @@ def _local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionS
 
 
 def shows_a_period(rods: Array) -> bool:
-    """Whether a rod reverses its direction or makes a full turn; the angles are (n, rods), rad.
+    """Check whether a rod reverses its direction or makes a full turn.
 
-    A fall in one direction has no period. An error of the time scale is then indistinguishable from an unknown initial
-    speed or from friction.
+    `rods` contains the angles (n, rods), rad. A fall in one direction has no period. An error of the time scale is then
+    indistinguishable from an unknown initial speed or from friction.
     """
     highest, lowest = np.maximum.accumulate(rods, axis=0), np.minimum.accumulate(rods, axis=0)
     both_ways = np.minimum((highest - rods).max(axis=0), (rods - lowest).max(axis=0))

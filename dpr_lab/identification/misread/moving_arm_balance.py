@@ -1,14 +1,16 @@
-"""Torque balance of the last rod on a moving arm: test whether the motion of the arm explains its acceleration.
+"""Test, by a torque balance, whether the motion of the arm explains the acceleration of the last rod.
 
-The last rod is the outer rod, or the only rod. Let th be the angle of this rod, q that of the arm and, if there are two
-rods, th1 that of the inner rod. The equation of motion is (docs/theory.md, three coordinates)
+The last rod is the outer rod, or the only rod. th is the angle of this rod, w its speed and al its acceleration. q is
+the angle of the arm. If there are two rods, th1, w1 and al1 belong to the inner rod; otherwise, these terms are
+omitted. The equation of motion is (docs/theory.md, three coordinates)
 
     al = k1 sin(th) + k2 cos(th) q'' + k3 sin(th) cos(th) q'^2 + k4 w + k5 s(w)
          + k6 cos(th1 - th) al1 + k7 sin(th1 - th) w1^2 + k8 w1 + k9 sin(th1) cos(th) q'^2
 
-for any torque that moves the arm. It is linear in the coefficients k, which are fitted without the rig file. The zero
-and the signs of the angles only change signs of coefficients. An incorrect unit of the rod angles violates the
-equation. With the true angle f q instead of q, k2 / k1 = -f L0 / g and k3 = f^2: both give the scale f of the arm's
+for any torque that moves the arm, where s is the sign, smoothed near w = 0. The equation is linear in the coefficients
+k1 to k9, which are fitted without the rig file. Errors of half a turn in the zero, and errors in the signs of the
+angles, only change signs of coefficients. An incorrect unit of the rod angles violates the equation. If the true angle
+of the arm is f q instead of q, then k2 / k1 = -f L0 / g and k3 = f^2. Both equations determine the scale f of the arm's
 angle.
 """
 
@@ -63,7 +65,7 @@ ARM_BALANCE = ArmBalanceSettings()
 
 @dataclass(frozen=True, slots=True)
 class ArmBalance:
-    """Result of the fit of the last rod's equation."""
+    """Result of fitting the equation of the last rod."""
 
     residual: float
     """Relative residual: rms of the residual over rms of the acceleration; NaN with too few rows."""
@@ -91,13 +93,13 @@ class ArmBalance:
 
     @property
     def is_right(self) -> bool:
-        """Whether the coefficients agree with the rig, so that signs, zeros and scales of the angles are right."""
+        """Whether the coefficients agree with the rig; signs, zeros and scales of the angles are then right."""
         near_one = self.gravity > 0.0 < self.coupled and abs(log(self.coupled)) < log(ARM_BALANCE.scaled)
         return near_one and self.arm_scale == 1.0
 
 
 def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
-    """Fit the equation of the last rod.
+    """Fit the equation of motion of the last rod to a recording.
 
     Args:
         t: (n,) s
@@ -129,7 +131,7 @@ def arm_balance(t: Array, theta: Array, rig: Rig) -> ArmBalance:
 
 
 def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
-    """Whether a recording shows that signs, zeros and scales of the angles are right.
+    """Check whether a recording shows that signs, zeros and scales of the angles are right.
 
     Args:
         runs: recordings of a moving arm
@@ -139,19 +141,20 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
 
 
 def wrong_unit(residual: float, converted: float) -> bool:
-    """Whether the angles are in another unit, from the residuals in the stated unit and in the other unit."""
+    """Check whether the residual is large in the stated unit of the angles and much smaller in the other unit."""
     return residual > ARM_BALANCE.broken and ARM_BALANCE.better * converted < residual
 
 
 def is_unit(scale: float | None, factor: float) -> bool:
-    """Whether a scale is, within the noise, the conversion factor of a unit."""
+    """Check whether a scale is, within the noise, the conversion factor of a unit."""
     return scale is not None and abs(log(scale / factor)) < log(ARM_BALANCE.degrees)
 
 
 def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
-    """Another scale of the angle of the arm, or degrees declared as rad; None if the readings indicate neither.
+    """Detect another scale of the arm's angle, or degrees declared as rad.
 
-    If the rods are in degrees and the scale of the arm is undetermined, the arm is assumed to be in degrees, too.
+    The result is None if the readings indicate neither. If the rods are in degrees and the scale of the arm is
+    undetermined, the arm is assumed to be in degrees as well.
 
     Args:
         t: (n,) instants, s

@@ -1,4 +1,6 @@
-"""Detect incorrect descriptions of recordings of a moving arm: thresholds and messages of `identify` and `diagnose`.
+"""Detect incorrect descriptions of recordings of a moving arm, for `identify` and `diagnose`.
+
+This module contains the thresholds and messages.
 
 A description consists of signs, zero and scale of the angles, and sign and unit of the input. In each interpretation,
 `identify` fits a model of rods, arm and drive. `diagnose` fits a model that also contains the cable and the friction of
@@ -18,7 +20,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DescriptionLimits:
-    """Limits from which another description of the recordings is the likely cause of a misfit."""
+    """Thresholds from which another description of the recordings is the likely cause of a misfit."""
 
     doubted: float = 20.0
     """Minimum reduced chi-square for which other signs, zeros and scales are tested."""
@@ -49,22 +51,22 @@ UNITS = {
 
 
 def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
-    """Compose a message if the acceleration of the last rod indicates another scale or unit of the angles.
+    """Return a message if the acceleration of the last rod indicates another scale or unit of the angles.
 
-    Empty if there is none.
+    Otherwise return an empty text.
     """
     scales = filter(None, (wrong_scale(run.t, run.theta, rig) for run in runs))
     return next((scale.cause(rig.rods.mounted) for scale in scales), "")
 
 
 def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
-    """Compose a message on the incorrect sign, if the model fits with the opposite sign of theta0.
+    """Compose a message on the incorrect sign if the model fits with the opposite sign of theta0.
 
     Args:
         rig: rig with its mounted rods
         before: reduced chi-square with the described sign
         after: reduced chi-square with the opposite sign
-        of_rods: whether arm and input agree with each other, so that the sign of the rods is incorrect
+        of_rods: True if arm and input agree with each other, so that the sign of the rods is incorrect
     """
     rods = "theta1=-1,theta2=-1" if rig.rods.mounted == "both" else "theta1=-1"
     subject, option = (
@@ -80,7 +82,9 @@ def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
 
 
 def wrong_input(kind: str, gain: float) -> str:
-    """Compose a message if the sign or unit of the input of a drive is incorrect; empty if both can be correct.
+    """Return a message if the sign or unit of the input of a drive is incorrect.
+
+    The text is empty if both can be correct.
 
     Args:
         kind: kind of the input, as in `[motor]`

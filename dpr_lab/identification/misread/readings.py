@@ -1,4 +1,4 @@
-"""Other interpretations of a recording: angles, encoder counts, time, torques and arm."""
+"""Define other interpretations of a recording: of its angles, encoder counts, times, torques and arm."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ Angles = Callable[[Array, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True, slots=True)
 class Misreading:
-    """Alternative interpretation of a recording, which corrects one possible mistake in its description."""
+    """Alternative interpretation of a recording that corrects one possible mistake in its description."""
 
     cause: str
     """Description of the mistake, and the option or key of the rig file that corrects it."""
@@ -33,7 +33,7 @@ class Misreading:
 
 @dataclass(frozen=True, slots=True)
 class ZeroSettings:
-    """Limits of the zeros that are tested."""
+    """Limits for the zeros that are tested."""
 
     least_deg: float = 5.0
     """Smallest error of a zero that is tested, degrees. Smaller errors are fitted as an encoder offset."""
@@ -85,7 +85,10 @@ def _of_angles(cause: str, angles: Angles) -> Misreading:
 
 
 def _of_two_rods(cause: str, angles: Angles) -> Misreading:
-    """Interpretation that combines the angles of two rods; it does not apply to a rod that is mounted alone."""
+    """Return an interpretation that combines the angles of two rods.
+
+    The interpretation does not apply to a rod that is mounted alone.
+    """
     reading = _of_angles(cause, angles)
     return replace(reading, read=lambda run: None if run.setup.alone else reading.read(run))
 
@@ -157,9 +160,10 @@ _ANGLES = (
 
 
 def _scaled(rig: Rig) -> Iterator[Misreading]:
-    """Interpretations in which the angles, measured from the hanging position, are multiples of the readings.
+    """Generate interpretations in which the angles from the hanging position are multiples of the readings.
 
-    The factors correspond to half, double and quadruple counts, of both joints, of one joint, or of one rod.
+    The factors correspond to a half, twice and four times the stated counts. They apply to both joints, to one joint,
+    or to one rod.
     """
     counts, relative = rig.encoders.counts_per_rev, rig.encoders.joint2 == "relative"
     for factor in (0.5, 2.0, 0.25, 4.0):
@@ -183,7 +187,10 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
 
 
 def _times(s1: float, s2: float, relative: bool = False) -> Angles:
-    """Function that scales the angles from the hanging position of each rod, or of each joint if `relative`."""
+    """Return a function that scales the angles of both rods from the hanging position.
+
+    The angles of the joints are scaled instead if `relative` is true.
+    """
 
     def angles(inner: Array, outer: Array) -> tuple[Array, Array]:
         first, second = inner - np.pi, outer - np.pi - relative * (inner - np.pi)
@@ -193,12 +200,15 @@ def _times(s1: float, s2: float, relative: bool = False) -> Angles:
 
 
 def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
-    """Restriction of an interpretation to runs that contain angles but no counts."""
+    """Restrict an interpretation to runs that contain angles but no counts."""
     return lambda run: reading.read(run) if run.counts is None else None
 
 
 def _of_encoders(reading: Misreading) -> Callable[[Run], Run | None]:
-    """Restriction of an interpretation to runs without a video, whose angles have a known sign and unit."""
+    """Restrict an interpretation to runs that are not from a video.
+
+    The angles of a video have a known sign and unit.
+    """
     return lambda run: reading.read(run) if run.film_noise is None else None
 
 
@@ -214,7 +224,10 @@ _PARTS = {2: "half", 4: "a quarter", 8: "an eighth"}
 
 
 def _paced(factor: float) -> Misreading:
-    """Interpretation with times multiplied by a factor, for example for a slow-motion video of unknown frame rate."""
+    """Return an interpretation in which the times are multiplied by a factor.
+
+    An example is a slow-motion video of unknown frame rate.
+    """
     if factor > 1:
         part = _PARTS[round(factor)]
         cause = f"the swing is {part} as fast as its time stamps (import with {part} the --rate-hz, or check t)"
@@ -281,18 +294,21 @@ def _arm(rig: Rig) -> Misreading:
 
 
 def _with_moving_arm(run: Run) -> Run | None:
-    """Return the run with the motion of the arm from its encoder; None if the arm did not move or was not measured."""
+    """Return the run with the motion of the arm as measured by its encoder.
+
+    The result is None if the arm did not move or was not measured.
+    """
     if run.arm is not None or not arm_turned(run):
         return None
     return replace(run, arm=arm_motion(run.t, run.theta[:, 0], run.name))
 
 
 def arm_turned(run: Run, above_noise: float = 20.0) -> bool:
-    """Whether the arm moved according to its encoder; False if the arm was not measured.
+    """Check whether the arm moved according to its encoder; return False if the arm was not measured.
 
     Args:
         run: a run, whose readings of theta0 are constant if the arm was not measured
-        above_noise: minimum range of theta0 of an arm that moves, in standard deviations of its readings
+        above_noise: smallest range of theta0 that counts as motion of the arm, in standard deviations of the readings
     """
     theta0 = run.swing.theta[:, 0]
     if len(theta0) <= max(ORDER, FEWEST) or not np.isfinite(theta0).all():

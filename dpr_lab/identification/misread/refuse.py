@@ -1,4 +1,4 @@
-"""Refuse recordings whose zero, unit, sign or order is specified incorrectly.
+"""Refuse recordings for which zero, unit, sign or order of the angles is specified incorrectly.
 
 A fit with an incorrect interpretation ends with physically impossible ratios or a large residual. If another
 interpretation explains the recordings ten times better, it is probably the correct one.
@@ -80,7 +80,7 @@ _NO_GRAVITY = (
 
 
 def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError | None]:
-    """Fit the recordings with the given interpretation; if this fails, return the reason instead."""
+    """Fit the recordings in the given interpretation, or return the error if the fit is not possible."""
     try:
         return fitted(runs, rig), None
     except RunError as error:
@@ -88,10 +88,10 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
 
 
 def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig, effects: Sequence[str] = ()) -> None:
-    """Check that ratios are positive, and that known torques or masses give an inertia b that the rig can have.
+    """Check that the ratios of a fit are positive and that the rig can have the fitted inertia b.
 
-    Torques that contradict the motion give an infinite b of either sign. Torques in another unit give a b that is far
-    from that of the rig file.
+    Known torques or masses determine b. Torques that contradict the motion result in an infinite b of either sign.
+    Torques in another unit result in a b that is far from the value of the rig file.
 
     Args:
         unknown: (7,) ratios, b and p/b of a fit
@@ -113,7 +113,7 @@ def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig, effec
 
 
 def refuse_impossible(ratios: Array, rig: Rig) -> None:
-    """Check that rods with positive masses can have (5,) ratios.
+    """Check that rods with positive masses can have the given ratios (5,).
 
     Raises:
         IdentificationError: no positive masses have these ratios.

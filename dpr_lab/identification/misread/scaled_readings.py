@@ -1,4 +1,4 @@
-"""Other interpretations of the angles of recordings with a moving arm: another sign, zero, unit or scale."""
+"""Define other interpretations of the angles of recordings with a moving arm: another sign, zero, unit or scale."""
 
 from dataclasses import dataclass
 
@@ -8,23 +8,26 @@ from dpr_lab.arrays import Array
 
 
 def per_degree() -> float:
-    """Factor between a true angle and a reading in degrees that is declared as rad."""
+    """Return the ratio of a true angle to a reading in degrees that is declared as rad."""
     return float(np.deg2rad(1.0))
 
 
 @dataclass(frozen=True, slots=True)
 class ScaledReadings:
-    """Interpretation in which the true angles are multiples of the readings; rod angles count from hanging."""
+    """Interpretation in which the true angles are multiples of the readings.
+
+    The angles of the rods are measured from the hanging position.
+    """
 
     arm: float = 1.0
     """Ratio of the true angle of the arm to its reading."""
     rods: float = 1.0
     """Ratio of the true angles of the rods, from the hanging position, to their readings."""
     turned: bool = False
-    """Whether the zero of the rods is off by half a turn: upright instead of hanging, or the reverse."""
+    """Whether the zero of the rods has an error of half a turn: upright instead of hanging, or the reverse."""
 
     def of_joints(self, joints: Array, hanging: Array) -> Array:
-        """(n, k) true angles of the joints, rad.
+        """Convert the readings of the joints to true angles (n, k), rad.
 
         Args:
             joints: (n, k) readings of joints 1, 2 and, if the arm was read, 0, rad
@@ -35,15 +38,18 @@ class ScaledReadings:
         return zero * (1.0 + self.turned) + (joints - zero) * factors
 
     def of_theta(self, theta: Array) -> Array:
-        """(n, 3) true angles of arm and rods from their readings, rad."""
+        """Convert the readings of arm and rods to true angles (n, 3), rad."""
         return self.of_joints(theta[:, [1, 2, 0]], np.full(2, np.pi))[:, [2, 0, 1]]
 
     def of_sigma(self, sigma: Array) -> Array:
-        """(..., k) noise of the true angles of the joints, from the noise of the readings; order as in `of_joints`."""
+        """Convert the noise of the readings to the noise (..., k) of the true angles.
+
+        The order is that of `of_joints`.
+        """
         return sigma * np.abs([self.rods, self.rods, self.arm])[: sigma.shape[-1]]
 
     def cause(self, mounted: str) -> str:
-        """Description of the mistake, with the option or the key of the rig file that corrects the mistake.
+        """Describe the mistake, and name the option or the key of the rig file that corrects it.
 
         Args:
             mounted: the mounted rods, as in the rig file

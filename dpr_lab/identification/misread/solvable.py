@@ -15,7 +15,7 @@ Result = TypeVar("Result")
 def solvable(analysis: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Wrap an analysis so that it raises `IdentificationError` if its equations have no solution.
 
-    NumPy warnings about infinite and NaN values are suppressed, because such readings after a failed integration are
+    NumPy warnings about infinite and NaN values are suppressed. Such values occur after a failed integration, and are
     only compared.
     """
 

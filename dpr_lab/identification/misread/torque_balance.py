@@ -1,17 +1,18 @@
-"""Torque balance test of whether the accelerations in a table are consistent with the rods of the rig.
+"""Test, by a torque balance, whether the accelerations in a table are consistent with the rods of the rig.
 
-With the base parameters a, b, d, e1 and the viscous coefficients c1, c2 (docs/theory.md), delta = th1 - th2 and the
-torques f1, f2 of Coulomb friction, the equations of motion of both rods are
+The base parameters are a, b, d and e1 (docs/theory.md). c1 and c2 are viscous coefficients, f1 and f2 torques of
+Coulomb friction. th, w and al are the angle, speed and acceleration of a rod, and delta = th1 - th2. s is the sign,
+smoothed near zero, and tau1, tau2 are the known torques of the joints. The equations of motion of both rods are
 
     a al1 + d (cos(delta) al2 + sin(delta) w2^2) - e1 sin(th1) + c1 w1 + f1 s(w1) - c2 (w2 - w1) - f2 s(w2 - w1)
         = tau1 - tau2
     b al2 + d (cos(delta) al1 - sin(delta) w1^2 - g/L1 sin(th2)) + c2 (w2 - w1) + f2 s(w2 - w1) = tau2
 
-They are linear in all coefficients, which are fitted within bounds about the rig file's values. The balance needs
-accelerations, and thus more rows than the energy balance (`balance`). It compares friction and gravity at every
-instant. An incorrect zero or scale of one rod is therefore not mistaken for friction. With one degree of freedom (a
-clamped elbow, or one rod represented by two equal halves), only the sum of both equations is used, in which the torques
-of joint 2 cancel.
+The equations are linear in all coefficients, which are fitted within bounds around the values of the rig file. The
+balance needs accelerations, and thus more rows than the energy balance (`balance`). The torque balance compares
+friction and gravity at every instant. An incorrect zero or scale of one rod is therefore not mistaken for friction.
+With one degree of freedom (a clamped elbow, or one rod represented by two equal halves), only the sum of both equations
+is used, in which the torques of joint 2 cancel.
 """
 
 from dataclasses import dataclass, field, replace
@@ -46,7 +47,7 @@ TORQUES = TorqueBalanceSettings()
 
 @dataclass(frozen=True, slots=True)
 class TorqueBalance:
-    """Accelerations of the rods in a table and the known torques, with the equations of motion to fit."""
+    """Equations of motion for the accelerations of a table, with the known torques."""
 
     moving: LocalMotion
     torques: Array | None
@@ -54,7 +55,9 @@ class TorqueBalance:
     rig: Rig
 
     def residual(self, added: Array | tuple[float, float] = (0.0, 0.0)) -> float:
-        """Rms error of both equations, relative to the gravity torques; infinite if the rods do not move.
+        """Compute the rms error of both equations, relative to the gravity torques.
+
+        The result is infinite if the rods do not move.
 
         Args:
             added: (2,) angles added to both rods, rad
@@ -63,11 +66,18 @@ class TorqueBalance:
         return self._solution(columns, target, least, most)[0]
 
     def zeros(self, *, nearest: bool = False) -> tuple[float, float]:
-        """Angles to add to both rods that minimise the residual: within a turn, or at the nearest local minimum."""
+        """Find the angles to be added to both rods with which the residual is smallest.
+
+        The angles are less than one turn. If `nearest` is true, the search starts only from added angles of zero and
+        ends at the nearest local minimum.
+        """
         return best_zeros(self._thinned().residual, self.rig, nearest=nearest)
 
     def inertias(self) -> tuple[float, Array]:
-        """Fit with a free L1: its residual, and the fitted inertias relative to gravity, ordered as in `inertias`."""
+        """Fit the equations with a free L1, and return the residual and the fitted inertias.
+
+        The inertias are relative to gravity torques, in the order of the function `inertias`.
+        """
         columns, target, least, most = self._equations(self.moving.rods)
         gravity = self._gravity_of_outer(self.moving.rods)
         columns = np.column_stack([*columns.T[:2], columns[:, 2] - gravity, *columns.T[3:], gravity])
@@ -78,17 +88,20 @@ class TorqueBalance:
 
     @property
     def gravity(self) -> tuple[float, float]:
-        """Largest gravity torques on joint 1 and on joint 2 with the values of the rig file, N m."""
+        """Largest gravity torques on joint 1 and on joint 2, N m, computed with the values of the rig file."""
         *_, e2 = nominal = self._nominal()
         return nominal[3] + e2, e2
 
     @property
     def elbow(self) -> float:
-        """Angle th2 - th1 of a clamped elbow, rad; not used for two rods that swing."""
+        """Angle th2 - th1 of a clamped elbow, rad; it is not used for two free rods."""
         return float(np.median(self.moving.rods[:, 1] - self.moving.rods[:, 0]))
 
     def _solution(self, columns: Array, target: Array, least: Array, most: Array) -> tuple[float, Array]:
-        """Residual and coefficients of a fit within bounds; the residual is infinite if the rods do not move."""
+        """Fit coefficients within bounds, and return the residual and the coefficients.
+
+        The residual is infinite if the rods do not move.
+        """
         if not np.std(target) > 0:
             return np.inf, np.ones(len(least))
         H = columns.T @ columns
@@ -102,7 +115,10 @@ class TorqueBalance:
         return replace(self, moving=thinned, torques=None if self.torques is None else self.torques[::stride])
 
     def _equations(self, rods: Array) -> tuple[Array, Array, Array, Array]:
-        """Columns and target of the equations, and bounds of the coefficients relative to their rig file values."""
+        """Return columns and target of the equations, and lower and upper bounds of the coefficients.
+
+        The coefficients are relative to their values in the rig file.
+        """
         a, b, d, e1, c1, c2, e2 = self._nominal()
         (th1, th2), (w1, w2), (al1, al2) = rods.T, self.moving.omega.T, self.moving.alpha.T
         cos, sin, zeros, turning = np.cos(th1 - th2), np.sin(th1 - th2), np.zeros_like(th1), w2 - w1
@@ -127,28 +143,28 @@ class TorqueBalance:
         return columns / size, target / size, np.array(least), np.array(most)
 
     def _of_joints(self, inner: Array, outer: Array) -> Array:
-        """Concatenate both equations, or add them for one degree of freedom."""
+        """Concatenate both equations, or add them if there is only one degree of freedom."""
         return np.concatenate([inner, outer]) if self.rig.rods.mounting == "both" else inner + outer
 
     def _nominal(self) -> list[float]:
-        """Base parameters of the rig file, and the largest gravity torque on the outer rod e2, N m."""
+        """Return the base parameters of the rig file, then the largest gravity torque e2 on the outer rod, N m."""
         base = mounted_base(self.rig, self.rig.nominal).tolist()
         return [*base, base[2] * self.rig.g / self.rig.L1]
 
     def _size(self, rods: Array, e1: float, e2: float) -> float:
-        """Rms gravity torque of both rods, N m."""
+        """Return the rms gravity torque of both rods, N m."""
         std1, std2 = (e1 * np.sin(rods[:, 0])).std(), (e2 * np.sin(rods[:, 1])).std()
         return max(float(np.hypot(std1, std2)), float(np.finfo(float).tiny))
 
     def _gravity_of_outer(self, rods: Array) -> Array:
-        """Column of the gravity torque on the outer rod, which is a part of the column of d."""
+        """Return the column of the gravity torque on the outer rod, which is a part of the column of d."""
         _, _, _, e1, _, _, e2 = self._nominal()
         torque = -e2 * np.sin(rods[:, 1])
         return self._of_joints(np.zeros_like(torque), torque) / self._size(rods, e1, e2)
 
 
 def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
-    """Inertias divided by gravity torques, s^2.
+    """Divide inertias by gravity torques, s^2.
 
     For two rods they are a/e1, b/e1 and d/e1. For one degree of freedom with the elbow clamped at an angle x, the
     result is the inertia of both rods divided by their gravity torque:
@@ -168,7 +184,10 @@ def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
 
 
 def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
-    """Smallest and largest result of `inertias` at the corners of the bounds of the rig file, s^2."""
+    """Return the smallest and the largest result of `inertias` within the bounds of the rig file, s^2.
+
+    Only the corners of the bounds are evaluated.
+    """
     corners = np.array(list(product(*rig.bounds.T)))
     base = mounted_base(rig, corners)
     ratios = inertias(base, base[:, 2] * rig.g / rig.L1, rig, elbow)
@@ -176,7 +195,9 @@ def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
 
 
 def torque_balance(t: Array, rods: Array, torques: Array | None, rig: Rig) -> TorqueBalance | None:
-    """Torque balance of one interpretation of a table; None if the rows are too few for accelerations.
+    """Set up the torque balance of one interpretation of a table.
+
+    The result is None if there are too few rows to estimate accelerations.
 
     Args:
         t: (n,) instants, s

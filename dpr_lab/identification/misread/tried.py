@@ -22,7 +22,7 @@ from dpr_lab.shown import percent
 
 @dataclass(frozen=True, slots=True)
 class MisreadSettings:
-    """Thresholds beyond which an interpretation of recordings is considered doubtful."""
+    """Thresholds of the test of other interpretations of recordings."""
 
     looked_at_s: float = 5.0
     """Duration of each run that is examined, s; an incorrect interpretation is detectable from the start."""
@@ -83,7 +83,7 @@ SETTINGS = MisreadSettings()
 
 @dataclass(frozen=True, slots=True)
 class BetterReading:
-    """Another interpretation that explains recordings better than the given one."""
+    """Another interpretation that explains the recordings better than the given interpretation."""
 
     reading: Misreading
     share: float
@@ -92,7 +92,10 @@ class BetterReading:
 
 @dataclass(frozen=True, slots=True)
 class SecondLook:
-    """Evidence against the description of recordings, from a test of other interpretations."""
+    """Evidence against the description of recordings.
+
+    The evidence comes from a test of other interpretations and from the energy of the rods.
+    """
 
     tried: tuple[BetterReading, ...]
     """Other interpretations that explain the recordings better, best first."""
@@ -106,7 +109,7 @@ class SecondLook:
 
     @property
     def sentence(self) -> str:
-        """Probable mistake with the option that corrects it; empty without evidence against the description."""
+        """Probable mistake and the option that corrects it; empty without evidence against the description."""
         if self.tried:
             causes = ", or ".join(dict.fromkeys(trial.reading.cause for trial in self.tried))
             return (
@@ -126,9 +129,9 @@ class Description:
     """Conclusion on the description of the recordings."""
 
     hint: str = ""
-    """Probable mistake with its correction; empty without evidence against the description."""
+    """Probable mistake and its correction; empty without evidence against the description."""
     withholds: bool = False
-    """Whether another interpretation explains as much as the chosen effects, so that none of the effects is a cause."""
+    """Whether another interpretation explains as much as the chosen effects; no effect is then named as a cause."""
 
 
 def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
@@ -160,7 +163,7 @@ def second_look(runs: Sequence[Run], rig: Rig) -> SecondLook:
 
 
 def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
-    """Reduced chi-square of the rods in the given interpretation; infinite if a run begins without motion."""
+    """Return the reduced chi-square of a fit in the given interpretation; infinite if a run begins without motion."""
     try:
         ratio_fit = fitted(runs, rig, quick=quick)
     except RunError:
@@ -171,7 +174,9 @@ def _chi2(runs: Sequence[Run], rig: Rig, *, quick: bool) -> float:
 def better_readings(
     runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> list[tuple[Misreading, RatioFit]]:
-    """Find other interpretations that explain the runs far better, best first; far worse ones are omitted.
+    """Find other interpretations that explain the runs far better than the given one, best first.
+
+    An interpretation that is far worse than the best one is omitted.
 
     The values of chi2 are made comparable in two ways. If an interpretation slows down the times, segments of the same
     length contain less of the swing. The model error then accumulates less, and chi2 falls with the fourth power of the
@@ -194,7 +199,7 @@ def better_readings(
 def _explaining(
     tried: Iterable[Misreading], runs: Sequence[Run], rig: Rig, chi2_per_dof: float, limit: float
 ) -> Iterator[tuple[Misreading, RatioFit]]:
-    """Fit the interpretations `tried`, and return those that explain the runs far better, with their fits.
+    """Fit the interpretations `tried`, and yield those that explain the runs far better, each with its fit.
 
     The other arguments are those of `better_readings`.
     """
@@ -206,7 +211,10 @@ def _explaining(
 
 
 def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
-    """Largest factor, at least 1, by which another interpretation increases the ratio of noise to swing of a run."""
+    """Compute the factor by which another interpretation increases the ratio of noise to swing.
+
+    The result is the largest factor of all runs, and at least 1.
+    """
     factors = [1.0]
     for run in runs:
         other = reading.read(run)
@@ -217,16 +225,19 @@ def _larger_noise(reading: Misreading, runs: Sequence[Run], rig: Rig) -> float:
 
 
 def _noise_of_swing(run: Run, rig: Rig) -> float:
-    """Ratio of the noise of joint 1 to the standard deviation of its swing."""
+    """Return the ratio of the noise of joint 1 to the standard deviation of theta1."""
     spread = float(np.std(run.swing.theta[:, 1]))
     return float(noise_floor(run, rig).std_joint[0]) / max(spread, float(np.finfo(float).tiny))
 
 
 def impossible(ratios: Array, rig: Rig) -> str:
-    """Reason why no positive masses have (5,) ratios; empty if the ratios are possible.
+    """Explain why no positive masses can have the given ratios (5,).
 
-    With m2 at l2 on the rod and M >= m2 at the joint: d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2, e1 >= M L1 g.
-    Therefore a/b > (d/b)^2 and e1/b >= (d/b)^2 g/L1.
+    Return an empty text if the ratios are possible.
+
+    The mass m2 of the outer rod has its centre of mass at the distance l2, and the mass M >= m2 hangs on the elbow.
+    Therefore d = m2 l2 L1 > 0, b >= m2 l2^2, a >= M L1^2 and e1 >= M L1 g. It follows that a/b >= (d/b)^2 and e1/b >=
+    (d/b)^2 g/L1.
     """
     a, d, e1, *_ = ratios.tolist()
     least = d * d / SETTINGS.spare
@@ -241,7 +252,7 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Reason why the rig cannot have the inertia b of a fit, kg m^2; empty if it can.
+    """Explain why the rig cannot have the fitted inertia b, kg m^2; return an empty text if the rig can have it.
 
     An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
     motion does not determine b, and only the sign of b can contradict the rig.
@@ -259,7 +270,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Reason why the rig cannot have the ratios or the inertia b of a fit; empty if it can."""
+    """Explain why the rig cannot have the ratios or the inertia b of a fit; return an empty text if it can."""
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
@@ -271,7 +282,7 @@ def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
 def fitted(
     runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float = np.inf, time_factor: float = 1.0
 ) -> RatioFit | None:
-    """Fit of the rods without effects to the beginning of each run.
+    """Fit the rods without effects to the beginning of each run.
 
     The result is None if the fit has no finite result, or if a part of the first run alone has a chi2 far above
     `worst`. A fit to a part of the segments has at most the chi2 of the fit to all segments.
@@ -279,7 +290,7 @@ def fitted(
     Args:
         runs: runs in one interpretation
         rig: the recorded rig
-        quick: whether fewer samples and iterations are sufficient
+        quick: whether to use fewer samples and iterations
         worst: reduced chi-square above which the fit stops after the first segments
         time_factor: factor by which the times were multiplied; slower swings are fitted over a longer time, to the same
             samples
@@ -298,9 +309,10 @@ def fitted(
 
 
 def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> bool:
-    """Whether a part of the first run suffices to reject an interpretation.
+    """Check whether a part of the first run suffices to reject an interpretation.
 
-    This is the case if the chi-square of this part alone exceeds that of all runs at the reduced chi-square `worst`.
+    The interpretation is rejected if the chi-square of this part exceeds the total chi-square that all runs would have
+    at the reduced chi-square `worst`.
     """
     try:
         part = _preprocessed(runs[:1], rig, longer * SETTINGS.screened_s, thinned=True)
@@ -312,7 +324,10 @@ def _hopeless(runs: Sequence[Run], rig: Rig, worst: float, longer: float) -> boo
 
 
 def residual(ratio_fit: RatioFit) -> float:
-    """Rms residual above the noise, relative to the standard deviation of the angle, of the worse rod."""
+    """Compute the rms residual above the noise, relative to the standard deviation of the angle.
+
+    The result is that of the rod with the larger relative residual.
+    """
     problem, segments = ratio_fit.problem, ratio_fit.problem.segments
     owner = np.repeat(segments.run, np.diff(segments.offsets))
     measured = problem.joints.to_rods(problem.measured)
@@ -350,11 +365,11 @@ def _preprocessed(runs: Sequence[Run], rig: Rig, seconds: float, thinned: bool =
 
 
 def _slowness(run: Run, rig: Rig) -> float:
-    """Ratio of the observed period of theta1 to the period of rods of this length, limited to 1 to 8.
+    """Return the ratio of the observed period of theta1 to the period of a point mass at L1, at most 8.
 
-    A ratio above 1 indicates slow motion. The observed half period is the mean time between two passages through the
-    middle of the range. The assumed half period belongs to a mass point at L1. A motion within a tenth of the range is
-    not a passage.
+    A ratio above 1 indicates slow motion. Ratios up to the threshold `slow` are returned as 1. The observed half period
+    is the mean time between two passages through the middle of the range. A motion within a tenth of the range around
+    its middle is not a passage.
     """
     angle, t = run.swing.theta[:, 1], run.swing.t
     away = (angle - 0.5 * (angle.max() + angle.min())) / max(float(np.ptp(angle)), 1e-12)
@@ -369,5 +384,5 @@ def _beginning(run: Run, seconds: float) -> Run:
 
 
 def _decimation(run: Run, slowness: float) -> int:
-    """Decimation factor: number of samples per kept sample."""
+    """Return the decimation factor: the number of samples for each sample that is kept."""
     return max(1, round(slowness * run.rate_hz / SETTINGS.rate_hz))

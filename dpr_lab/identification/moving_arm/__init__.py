@@ -1,1 +1,1 @@
-"""Identification of a rig whose arm is free or driven."""
+"""Identify a rig whose arm is free or driven."""

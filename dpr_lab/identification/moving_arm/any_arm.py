@@ -1,4 +1,4 @@
-"""Identify any rig, from recordings with a clamped, prescribed, free or driven arm, and read its models."""
+"""Identify a rig from recordings with a clamped, prescribed, free or driven arm, and read its models."""
 
 from __future__ import annotations
 
@@ -34,14 +34,15 @@ def identify(
     stop: Callable[[], bool] | None = None,
     on_polish: Callable[[], None] | None = None,
 ) -> Model | MovingArmModel:
-    """Identify the parameters of a rig from recordings, including arm and drive if the arm is free or driven.
+    """Identify the parameters of a rig from recordings.
 
     With a clamped or prescribed arm, a global search (by default the improved genetic algorithm, IGA) finds initial
-    values within the bounds of the rig file. A least-squares fit then gives the ratios and their covariance. It starts
-    with segments of 0.25 s, which are lengthened as long as the model follows the readings.
+    values within the bounds of the rig file. A least-squares fit then estimates the ratios and their covariance. It
+    starts with segments of 0.25 s, which are lengthened as long as the model follows the readings.
 
-    With a free or driven arm, the same least-squares fit starts from the values of the rig file, and the search options
-    below have no effect. A genetic algorithm searches for initial values only if this fit fails.
+    With a free or driven arm, the parameters of arm and drive are identified as well. The same least-squares fit then
+    starts from the values of the rig file, and the search options below have no effect. A genetic algorithm searches
+    for initial values only if this fit fails.
 
     Args:
         runs: one or several runs; two free swings from different poses are sufficient
@@ -57,8 +58,9 @@ def identify(
         on_polish: function that is called at the start of the local fit
 
     Returns:
-        `MovingArmModel` if the arm of a run is free or driven, or if a single rod swings on the clamped arm of a rig
-        whose arm moves otherwise; else `Model`. Both have `ratios`, `warnings`, `failures` and `save`.
+        `MovingArmModel` if the arm of a run is free or driven, or if a single rod swings on a clamped arm of a rig
+        whose arm is free or driven in the rig file; otherwise `Model`. Both have `ratios`, `warnings`, `failures` and
+        `save`.
 
     Raises:
         ConfigError: the objective or the search is unknown.
@@ -88,10 +90,10 @@ def identify(
 
 
 def has_arm_model(runs: Sequence[Run], rig: Rig) -> bool:
-    """Whether `identify` returns a `MovingArmModel`.
+    """Check whether `identify` returns a `MovingArmModel` for these runs.
 
-    This includes recordings of a rotary pendulum with a single rod and a clamped arm, which determine only ratios to
-    the inertia of this rod.
+    The result is also true for recordings of a rotary pendulum with a single rod and a clamped arm. These recordings
+    determine only ratios to the inertia of the rod.
     """
     alone = rig.rods.mounted == "inner" and rig.arm.mode in ("free", "driven")
     return moves(runs) or (alone and bool(runs) and not any(run.arm_mode == "prescribed" for run in runs))
@@ -136,7 +138,7 @@ def identifiability(
 
 
 def load_model(path: Path | str) -> Model | MovingArmModel:
-    """Read a model file `model.json`, as written by `identify` and `diagnose --out`.
+    """Read a model file `model.json` that `identify` or `diagnose --out` has written.
 
     Args:
         path: path of the file

@@ -1,4 +1,4 @@
-"""Test recordings of a moving arm for faults and for incorrect descriptions."""
+"""Detect faults and incorrect descriptions of recordings of a moving arm."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -28,7 +28,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class DoubtSettings:
-    """Thresholds of the tests for an arm that is held or hits a stop."""
+    """Thresholds for detecting an arm that is held or hits a stop."""
 
     tried_s: float = 2.5
     """Duration of each recording that is examined for another zero or scale of the angles, s."""
@@ -50,13 +50,13 @@ DOUBTS = DoubtSettings()
 
 
 def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_seen: bool = True) -> list[str]:
-    """Describe probable faults of the recordings or of their description, the cause first; empty if there are none.
+    """Describe probable faults of the recordings or of their description; the cause is the first sentence.
 
     Args:
         fit: fit of the recordings with the given description
         recordings: the fitted recordings
         rig: the recorded rig
-        gain_seen: whether the recordings determine the gain of the drive; otherwise sign and unit of the input are not
+        gain_seen: whether the recordings determine the gain of the drive. Otherwise, sign and unit of the input are not
             doubted
     """
     poor = fit.misfit > DESCRIPTION.doubted
@@ -78,7 +78,7 @@ def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_
 
 
 def _moving(recordings: Sequence[ArmRecording]) -> list[Run]:
-    """Runs whose arm moved."""
+    """Return the runs in which the arm was not clamped."""
     return [recording.run for recording in recordings if recording.run.arm_mode != "clamped"]
 
 
@@ -95,7 +95,7 @@ def _unconverged(recordings: Sequence[ArmRecording]) -> str:
 
 
 def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Compose a message if the recordings fit much better with the opposite sign of theta0; otherwise empty."""
+    """Return a message if the recordings fit much better with the opposite sign of theta0; otherwise an empty text."""
     other = fit_moving_arm([_reversed(recording) for recording in recordings], rig)
     if not DESCRIPTION.better * other.misfit < fit.misfit:
         return ""
@@ -104,7 +104,10 @@ def _mirrored_fit(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig) -> 
 
 
 def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
-    """Compose a message if the recordings fit much better with another zero or scale of the angles; otherwise empty."""
+    """Return a message if the recordings fit much better with another zero or scale of the angles.
+
+    Otherwise return an empty text.
+    """
     before = _misfit_of(recordings, rig)
     tried = [(_misfit_of([_reinterpreted(r, other) for r in recordings], rig), other) for other in OTHER_ANGLES]
     after, other = min(tried, key=lambda pair: pair[0])
@@ -115,7 +118,10 @@ def _other_angles(recordings: Sequence[ArmRecording], rig: Rig) -> str:
 
 
 def _misfit_of(recordings: Iterable[ArmRecording], rig: Rig) -> float:
-    """Reduced chi-square of short segments at the beginning; infinite if they cannot be fitted."""
+    """Fit short segments at the beginning of the recordings, and return the reduced chi-square.
+
+    The result is infinite if the segments cannot be fitted.
+    """
     with suppress(DprError, np.linalg.LinAlgError):
         fit = fit_moving_arm([_beginning(r) for r in recordings], rig, replace(ARM_FIT, ranges_rad=()))
         return fit.misfit
@@ -133,13 +139,13 @@ def _reinterpreted(recording: ArmRecording, other: ScaledReadings) -> ArmRecordi
 
 
 def _reversed(recording: ArmRecording) -> ArmRecording:
-    """Recording with the opposite sign of arm and drive."""
+    """Return the recording with opposite signs of arm and drive."""
     mirrored = _reinterpreted(recording, ScaledReadings(arm=-1.0))
     return replace(mirrored, drive=-recording.drive, slope=-recording.slope)
 
 
 def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
-    """Compose messages on incorrect sign and unit of the input; empty if there are none."""
+    """Return messages on an incorrect sign or unit of the input; the list is empty if both can be correct."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     if "gain" not in unknowns.free or motor is None:
         return []
@@ -149,10 +155,10 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 
 
 def stop_sentence(run: Run, rig: Rig) -> str:
-    """Compose a message if the arm hits a stop, or its cable tightens at one end of its range; otherwise empty.
+    """Return a message if the arm hits a stop, or if its cable tightens at one end of its range.
 
-    At a stop the speed of the arm jumps twice, or once before it stays there. At a soft stop, a torque acts beyond an
-    angle.
+    Otherwise, the text is empty. At a stop, the speed of the arm jumps at least twice, or the speed jumps once and the
+    arm then stays at the stop. At a soft stop, a torque acts when the arm exceeds a limit angle.
     """
     if run.arm_mode == "clamped" or np.ptp(run.theta[:, 0]) < DOUBTS.hardly_rad:
         return ""
@@ -173,22 +179,25 @@ def stop_sentence(run: Run, rig: Rig) -> str:
 
 
 def _without_stop(first: float) -> str:
-    """Advice on how to avoid the contact in a recording; `first` is the first instant of the contact, s."""
+    """Advise how to record without the contact; `first` is the first instant of the contact, s."""
     return f"Record smaller motions, or import the part before it (--duration-s {max(first - 0.01, 0.0):.2f})"
 
 
 def _stays(t: Array, theta0: Array, contact: int, angle: float, reach: float) -> bool:
-    """Whether the arm stays within `reach` of an angle, rad, after the sample of a contact."""
+    """Check whether the arm stays within `reach`, rad, of an angle after the sample of a contact."""
     after = (t >= t[contact]) & (t < t[contact] + DOUBTS.held_s)
     return bool(t[-1] - t[contact] > DOUBTS.held_s and (np.abs(theta0[after] - angle) < reach).all())
 
 
 def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
-    """Stops of an arm, each with the end of the range, its angle, rad, and the instants of the contacts, s.
+    """Find the stops of an arm.
 
     Args:
         t: (n,) instants, s
         theta0: (n,) angles of the arm, rad
+
+    Returns:
+        for each stop: the end of the range (largest or smallest), its angle, rad, and the instants of the contacts, s
     """
     dt = float(np.median(np.diff(t)))
     k = max(1, round(DOUBTS.contact_s / dt / 2 + 1e-6))

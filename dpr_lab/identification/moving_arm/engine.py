@@ -1,8 +1,10 @@
-"""Convert between a model with a moving arm and the unknowns of the common fitting engine, which has all effects.
+"""Convert between a model with a moving arm and the unknowns of the common fitting engine.
+
+The common engine has all effects.
 
 The unknowns of the engine are the ratios to b of a rig with both rods, b itself, and p/b. If only the inner rod is
-mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). The other parameters then have
-the values of the rig file.
+mounted, its motion depends only on a - p, e1 - p g/L1 and c1 (`dpr_lab.dynamics.base`). p is the inertia of the masses
+at the elbow. The other parameters then have the values of the rig file.
 """
 
 import numpy as np
@@ -25,7 +27,11 @@ OF_ARM = (FREE_ARM.name, DRIVE_GAIN.name)
 
 
 def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
-    """Convert a model to unknowns of the engine: (7,) ratios to b, b and p/b, and (SIZE,) effect parameters."""
+    """Convert a model to the unknowns of the engine.
+
+    Returns:
+        (7,) five ratios to b, b and p/b; (SIZE,) effect parameters
+    """
     sizes, effects = model.with_arm_effects().sizes, dict(model.with_arm_effects().effects)
     effects[FREE_ARM.name] = {"inertia_kgm2": sizes["A"], "viscous_Nms": sizes["c0"]}
     if model.input and (assumed := drive_gain(rig).value):
@@ -42,12 +48,16 @@ def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
 
 
 def engine_constants(model: MovingArmModel, rig: Rig) -> RigConstants:
-    """Return the constants of the rig for the simulation, with the arm length of the model."""
+    """Return the constants of the rig for the simulation; the length L0 of the arm is that of the model."""
     return rig_constants(rig)._replace(L0=model.sizes["L0"])
 
 
 def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig) -> tuple[list[float], float]:
-    """(12,) `SWING_PARAMETERS` divided by the scale, and the scale, kg m^2, from the engine's unknowns and effects."""
+    """Convert the unknowns and effects of the engine to `SWING_PARAMETERS`.
+
+    Returns:
+        (12,) `SWING_PARAMETERS` divided by the scale; the scale, kg m^2
+    """
     effects, b = named_params(params), float(unknown[SCALE])
     whole = dict(zip((name.partition("/")[0] for name in RATIOS), unknown[: len(RATIOS)].tolist(), strict=True))
     elbow = 0.0 if mounted == "both" else float(unknown[ON_ELBOW])
@@ -65,6 +75,6 @@ def swing_of(unknown: Array, params: Array, mounted: str, driven: bool, rig: Rig
 
 
 def _on_elbow(rig: Rig) -> float:
-    """Inertia p = (m2 + mb) L1^2 that follows from the rig file, kg m^2."""
+    """Return the inertia p = (m2 + mb) L1^2 that follows from the rig file, kg m^2."""
     m2, mb = (float(rig.nominal[PARAMETERS.index(name)]) for name in ("m2", "mb"))
     return (m2 + mb) * rig.L1**2

@@ -1,4 +1,4 @@
-"""Fit rods, arm and drive to segments with free initial states, by the common fitting engine."""
+"""Fit rods, arm and drive to segments with free initial states by the common fitting engine."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -65,17 +65,17 @@ class ArmFit:
 
     @property
     def p(self) -> Array:
-        """(12,) fitted `SWING_PARAMETERS` in units of the scale."""
+        """Array (12,) of the fitted `SWING_PARAMETERS`, in units of the scale."""
         return self.estimate.vector
 
     @property
     def values(self) -> Array:
-        """(free,) estimated unknowns."""
+        """Array of the free unknowns, estimated."""
         return self.p[self.problem.unknowns.places]
 
     @property
     def information(self) -> Array:
-        """(free, free) Fisher information of the unknowns, with initial states eliminated."""
+        """Fisher information (free, free) of the unknowns, after elimination of the initial states."""
         rows = np.vstack([self.fit.linear.flat[0], self.fit.prior])
         return rows.T @ rows
 
@@ -95,12 +95,12 @@ class ArmFit:
         return self.at_noise or self.chi2_per_dof
 
     def value(self, parameter: str) -> float:
-        """Fitted value of one of `SWING_PARAMETERS` in units of the scale."""
+        """Return the fitted value of one of the `SWING_PARAMETERS`, in units of the scale."""
         return float(self.p[SWING_PARAMETERS.index(parameter)])
 
     @property
     def rms(self) -> Array:
-        """(3,) rms residual of the readings of each joint, rad; nan if a joint has no readings."""
+        """Rms residual (3,) of the readings of each joint, rad; nan if a joint has no readings."""
         read = self.problem.read
         residuals = self.problem.measured - self.problem.predict(self.estimate)
         squares = np.sum(residuals**2, axis=0, where=read)
@@ -108,7 +108,7 @@ class ArmFit:
 
 
 def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
-    """Fit the unknowns to segments of a quarter of a second, then merge segments as far as the model follows.
+    """Fit the unknowns to segments of a quarter of a second, then merge segments as long as the model follows.
 
     Raises:
         IdentificationError: the values of the rig file cannot be simulated.
@@ -167,15 +167,18 @@ def _short_fit(problem: ArmProblem, initial: Array, settings: ArmFitSettings) ->
 
 
 def _spread(problem: ArmProblem, most: int) -> list[int]:
-    """Indices of about `most` segments at equal distances, and of the first segment of each recording."""
+    """Select about `most` segments at equal distances, and the first segment of each recording.
+
+    The result contains the sorted indices of the segments.
+    """
     count, firsts = len(problem.cuts), problem.segments.chains[:-1].tolist()
     return sorted({*firsts, *range(0, count, -(-count // most))})
 
 
 def _start(problem: ArmProblem, initial: Array) -> Estimate:
-    """Initial values from the rig file; the gain is zero if this fits better.
+    """Return initial values from the rig file; the gain is zero if this fits better.
 
-    This is the case if the unit or the sign of the input is incorrect.
+    A gain of zero fits better if the unit or the sign of the input is incorrect.
     """
     start = Estimate(problem.unknowns.start, initial)
     if "gain" not in problem.unknowns.free:
@@ -193,7 +196,7 @@ def _start(problem: ArmProblem, initial: Array) -> Estimate:
 def fit_segments(
     problem: ArmProblem, start: Estimate, iterations: int = ARM_FIT.iterations, *, states_only: bool = False
 ) -> ArmFit:
-    """Fit unknowns and initial states to given segments, or the initial states only.
+    """Fit the unknowns and the initial states, or only the initial states, to given segments.
 
     Raises:
         IdentificationError: the initial values cannot be simulated.
@@ -208,10 +211,11 @@ def fit_segments(
 
 
 def covariance_of(fit: ArmFit) -> Array:
-    """(free, free) covariance of the unknowns; very large in undetermined directions.
+    """Estimate the covariance (free, free) of the unknowns; undetermined directions have very large variances.
 
-    If the residual exceeds the noise, each variance is at least that for residuals clustered by segment (White 1980).
-    That variance alone would be far too small for few segments, because the gradients sum to zero at the minimum.
+    If the residual exceeds the noise, each variance is at least the variance for residuals that are clustered by
+    segment (White 1980). This clustered variance alone would be far too small for few segments, because the gradients
+    sum to zero at the minimum.
     """
     scale = np.where(np.diag(fit.information) > 0, np.sqrt(np.diag(fit.information)), 1.0)
     values, vectors = np.linalg.eigh(fit.information / np.outer(scale, scale))

@@ -1,8 +1,10 @@
-"""Identifiability of a rig with a free or driven arm, and bench measurements for parameters that are not identifiable.
+"""Analyse which parameters a rig with a free or driven arm identifies.
 
-Information is represented by whitened rows, as in `dpr_lab.identification.identifiability`: sensitivities to relative
-changes of the physical parameters of rods, arm and motor. With q the unknowns of the recordings and F^T F their Fisher
-information, the rows of the recordings are F dq/dx x. A measured value x adds the row x / std.
+Bench measurements are recommended for parameters that are not identifiable.
+
+Information is represented by whitened rows, as in `dpr_lab.identification.identifiability`. The rows are sensitivities
+to relative changes of the physical parameters x of rods, arm and motor. The recordings determine unknowns q with the
+Fisher information F^T F. The rows of the recordings are F dq/dx x. A measured value x adds the row x / std.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,7 +37,7 @@ SINGLE_ROD = ("l1", "m1", "c1", "J1")
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """Assumed excitation of a driven arm if there are no recordings."""
+    """Assumed excitation of a driven arm, used without recordings."""
 
     turn_rad: float = 0.5
     """Amplitude of the arm's motion for each sine of the input, on a rigid rig, rad."""
@@ -54,7 +56,7 @@ EXCITATION = Excitation()
 
 @dataclass(frozen=True, slots=True)
 class ArmInstrument:
-    """A bench measurement of arm or motor, with its typical uncertainty."""
+    """A bench measurement of arm or motor, and its typical uncertainty."""
 
     name: str
     parameter: str
@@ -94,7 +96,10 @@ ARM_INSTRUMENTS = (
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ArmIdentifiability(Shown):
-    """Information from recordings with a moving arm and from measured values, and the undetermined directions."""
+    """Results of an identifiability analysis with a moving arm: information and undetermined directions.
+
+    The information is that of recordings and measured values together.
+    """
 
     arm: tuple[str, ...]
     """Modes of the arm in the recordings."""
@@ -139,7 +144,7 @@ class ArmIdentifiability(Shown):
         return [("parameter", "determined by"), *self.fixed_by.items()]
 
     def to_json(self) -> dict[str, Any]:
-        """Analysis as JSON values."""
+        """Return the analysis as JSON values."""
         return {
             "arm": list(self.arm),
             "input": self.input,
@@ -172,7 +177,7 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
     Raises:
         ConfigError: there are neither runs nor poses of a free arm.
         RunError: a run cannot be used.
-        IdentificationError: the rig file's values cannot be simulated.
+        IdentificationError: the values of the rig file cannot be simulated.
     """
     modes = tuple(sorted({run.arm_mode for run in runs} or {rig.arm.mode}))
     fit = fit_moving_arm(recordings_of(runs, rig), rig) if runs else _simulated(rig)
@@ -212,9 +217,10 @@ def identifiability_of_arm(runs: Sequence[Run], rig: Rig) -> ArmIdentifiability:
 
 
 def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
-    """Parameters of rods, arm and motor from the rig file, SI, and (free, n) d ln(unknown) / d ln(parameter).
+    """Return the parameters of rods, arm and motor from the rig file, SI, and the sensitivities of the unknowns.
 
-    Missing motor constants are replaced by those of a small motor whose back-EMF is as large as the friction.
+    The sensitivities (free, n) are d ln(unknown) / d ln(parameter). Missing motor constants are replaced by those of a
+    small motor whose back-EMF is as large as the friction.
     """
     both_rods, motor = rig.rods.mounted == "both", rig.motor
     of_rods = PARAMETERS if both_rods else SINGLE_ROD
@@ -249,13 +255,13 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
 
 
 def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
-    """Entry of the rig file for each parameter; None if it is missing."""
+    """Return the entry of the rig file for each parameter; None if the entry is missing."""
     tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
     return {name: tables.get(name) for name in names}
 
 
 def _std(parameter: Parameter | None) -> float:
-    """Standard uncertainty of a measured parameter; 0 if it was not measured."""
+    """Return the standard uncertainty of a measured parameter; 0 if the parameter was not measured."""
     return parameter.std or 0.0 if parameter is not None and parameter.measured is not None else 0.0
 
 
@@ -267,9 +273,11 @@ def _measured_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[st
 
 
 def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, float]) -> Array:
-    """(k, n) information rows of the k parameters that are not measured, for relative parameter changes.
+    """Return information rows (k, n) of the k parameters that are not measured.
 
-    Bounds are replaced by the standard deviation of a uniform distribution between them. Without two positive bounds
+    The n columns belong to relative changes of all parameters.
+
+    A bound acts like the standard deviation of a uniform distribution between the bounds. Without two positive bounds,
     the relative standard deviation is 1.
     """
     rows = [
@@ -284,7 +292,10 @@ def _bound_rows(parameters: Mapping[str, Parameter | None], sizes: Mapping[str, 
 def _answers(
     sizes: Mapping[str, float], parameters: Mapping[str, Parameter | None], rig: Rig
 ) -> dict[Measurement, Array]:
-    """(k, n) whitened readings of each measurement that is not in the rig file, for relative parameter changes."""
+    """Compute the whitened readings (k, n) of each measurement that the rig file does not contain.
+
+    The n columns belong to relative changes of the parameters.
+    """
     names, answers = list(sizes), dict[Measurement, Array]()
     for instrument in INSTRUMENTS:
         if instrument.parameters == PARAMETERS or not set(instrument.parameters) <= sizes.keys():
@@ -304,13 +315,16 @@ def _answers(
 
 
 def _of_one_rod(instrument: Instrument) -> Instrument:
-    """Adapt a measurement to a rig with a single rod, which carries no encoder of joint 2."""
+    """Adapt a measurement to a rig with a single rod, which does not carry the encoder of joint 2."""
     quantity = replace(instrument.quantity, name=instrument.quantity.name.replace(JOINT2_ENCODER, ""))
     return replace(instrument, how=instrument.how.replace(JOINT2_ENCODER, ""), quantity=quantity)
 
 
 def _simulated(rig: Rig) -> ArmFit:
-    """Fit simulated releases from the poses of the rig, without noise and with the values of the rig file."""
+    """Simulate releases from the poses of the rig without noise, and fit them.
+
+    All values are those of the rig file.
+    """
     driven = rig.arm.mode == "driven"
     poses = list(rig.poses.values()) or ([Pose(theta1=np.pi, theta2=np.pi)] if driven else [])
     if not poses:
@@ -344,7 +358,7 @@ def _simulated(rig: Rig) -> ArmFit:
 
 
 def _program(t: Array, p: Array, mode: int) -> Array:
-    """(n,) input of three sines, each of which turns a rigid rig by `Excitation.turn_rad`."""
+    """Compute an input (n,) of three sines; each sine turns a rigid rig by `Excitation.turn_rad`."""
     inertia = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("A")]
     gain = 1.0 if mode == DRIVEN else p[SWING_PARAMETERS.index("gain")]
     sines = [rate**2 * np.sin(rate * t + k) for k, rate in enumerate(EXCITATION.rates)]

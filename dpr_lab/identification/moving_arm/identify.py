@@ -25,7 +25,7 @@ JOINTS_READ = ("joint 0", "joint 1", "joint 2")
 
 @dataclass(frozen=True, slots=True)
 class ArmWarnings:
-    """Limits of determined unknowns and of a reliable fit."""
+    """Limits for determined unknowns and for a reliable fit."""
 
     hardly_seen: float = 0.5
     """Maximum relative standard deviation of an unknown that counts as determined."""
@@ -107,7 +107,7 @@ def identify_moving_arm(runs: Sequence[Run], rig: Rig) -> MovingArmModel:
 
 
 def undetermined(name: str, estimate: EstimatedValue) -> str:
-    """Reason why the result does not contain an unknown."""
+    """State why the result does not contain an unknown."""
     low, high = estimate.interval90
     if not estimate.std < ARM_WARNINGS.unseen * max(abs(estimate.value), 1.0):
         return "not determined by these recordings"
@@ -135,7 +135,7 @@ def _warnings(fit: ArmFit) -> list[str]:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ArmComparison(Shown):
-    """One run compared with one model, by segments."""
+    """Comparison of one run with one model, by segments."""
 
     run: str
     """Name of the run."""
@@ -165,7 +165,7 @@ class ArmComparison(Shown):
 
 
 def compare_moving_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float = 0.5) -> ArmComparison:
-    """Compare a run with a model by segments; only initial states are fitted.
+    """Compare a run with a model by segments; only the initial states are fitted.
 
     Raises:
         RunError: the model belongs to another rig, or cannot follow the readings.

@@ -19,7 +19,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class InputRows:
-    """Limits of the test of the input."""
+    """Limits of the test for other descriptions of the input."""
 
     doubted: float = 1.1
     """Reduced chi-square above which the input is tested."""
@@ -49,7 +49,7 @@ INPUT_ROWS = InputRows()
 
 @dataclass(frozen=True, slots=True)
 class _InputModel:
-    """Interpolation and delay of the input, with the misfit of the corresponding fit."""
+    """Interpolation and delay of the input, and the misfit of a fit with this input."""
 
     delay_s: float
     """Delay between a row of the input and its effect, s."""
@@ -68,7 +68,7 @@ class _Tested:
     rig: Rig
 
     def model(self, delay_s: float, continuous: bool) -> _InputModel:
-        """Fit with an input that acts with a delay, and is held or changes between rows.
+        """Repeat the fit with an input that acts with a delay, and that is held or changes continuously.
 
         Raises:
             IdentificationError: the segments cannot be fitted with this input.
@@ -79,7 +79,11 @@ class _Tested:
         return _InputModel(delay_s, continuous, fit.chi2_per_dof)
 
     def near(self, centre: _InputModel, step_s: float) -> _InputModel:
-        """Refine the delay: minimum of the parabola through the reduced chi-squares at three neighbouring delays."""
+        """Refine the delay by the minimum of a parabola.
+
+        The parabola passes through the reduced chi-squares at the delay of `centre` and at the delays one step earlier
+        and later.
+        """
         before, after = (self.model(centre.delay_s + sign * step_s, centre.continuous).misfit for sign in (-1, 1))
         curvature = before - 2 * centre.misfit + after
         if curvature <= 0:
@@ -90,7 +94,9 @@ class _Tested:
 
 
 def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Compose a message with import options that describe the input better than the present ones; empty if none do.
+    """Return a message with the import options that describe the input better than the present ones.
+
+    The text is empty if no options do.
 
     Args:
         fit: fit with the input as the runs state it
@@ -120,7 +126,10 @@ def other_input(fit: ArmFit, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _InputModel]:
-    """Compare the described input with the best alternative: held or continuous, with or without a delay."""
+    """Compare the described input with the best alternative, and return both.
+
+    Alternatives are held or continuous inputs, with or without a delay.
+    """
     stated = tested.model(run.input_delay_s, run.continuous)
     step = max(interval / 2, INPUT_ROWS.step_s)
     best = tested.near(stated, step)
@@ -138,7 +147,10 @@ def _tried(tested: _Tested, run: Run, interval: float) -> tuple[_InputModel, _In
 
 
 def _preference(model: _InputModel) -> float:
-    """Criterion: reduced chi-square times a penalty for a delay, and for a continuous signal with a delay."""
+    """Compute the criterion for choosing an input model: its reduced chi-square times a penalty for its complexity.
+
+    A delay is penalised, and a continuous signal with a delay is penalised twice.
+    """
     return model.misfit * INPUT_ROWS.alike ** ((1 + model.continuous) if model.delay_s else 0)
 
 

@@ -1,4 +1,7 @@
-"""Merge neighbouring segments as long as the model follows them; longer segments contain more information."""
+"""Merge adjacent segments as long as the model follows the merged segments.
+
+Longer segments contain more information.
+"""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,7 +15,7 @@ from dpr_lab.identification.moving_arm.problem import ArmProblem, Cut
 
 @dataclass(frozen=True, slots=True)
 class ArmMergeSettings:
-    """Limits of the integration of a merged segment."""
+    """Limits for the integration of a merged segment."""
 
     solver_error: float = 0.2
     """Maximum error of the integration, relative to the noise."""
@@ -24,12 +27,14 @@ MERGE = ArmMergeSettings()
 
 
 def merged(problem: ArmProblem, estimate: Estimate, near_rad: float) -> tuple[ArmProblem, Estimate] | None:
-    """Merged segments with their initial states; None if no segments can be merged.
+    """Merge adjacent segments, and return them with their initial states.
+
+    The result is None if no segments can be merged.
 
     Args:
         problem: problem of the current segments
         estimate: fitted parameters and initial states
-        near_rad: maximum distance of the free run of the first segment from the readings of the second, rad
+        near_rad: maximum distance of the free run of the first segment from the readings of the second segment, rad
     """
     cuts, step = problem.cuts, problem.max_step
     pairs = {
@@ -57,7 +62,12 @@ def merged(problem: ArmProblem, estimate: Estimate, near_rad: float) -> tuple[Ar
 
 
 def _following(longer: ArmProblem, start: Estimate, near_rad: float) -> tuple[Flags, Flags]:
-    """(segments,) whether a free run stays near all readings, and whether its integration error is negligible."""
+    """Check for each segment whether its free run is accurate.
+
+    Returns:
+        (segments,) whether the free run stays near all readings
+        (segments,) whether the error of its integration is negligible
+    """
     finer = longer.with_cuts(longer.cuts, longer.max_step / 2)
     with np.errstate(invalid="ignore", over="ignore"):
         readings = longer.predict(start)

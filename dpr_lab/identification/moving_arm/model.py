@@ -1,4 +1,4 @@
-"""Result of an identification with a free or driven arm, as stored in `model.json`."""
+"""Define the result of an identification with a free or driven arm, which is stored in `model.json`."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ CONFIG = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
 
 class ArmFitSummary(BaseModel):
-    """Quality of the fit of each run, over segments with free initial states."""
+    """Quality of a fit of the runs to segments with free initial states."""
 
     model_config = CONFIG
 
@@ -95,7 +95,7 @@ class MovingArmModel(Shown, BaseModel):
 
     @property
     def sizes(self) -> dict[str, float]:
-        """`SWING_PARAMETERS` at the scale of the model, SI."""
+        """Absolute values of `SWING_PARAMETERS` at the scale of the model, SI."""
         scale = self.absolute[self.scale].value
         values = dict(zip(SWING_PARAMETERS, self.swing, strict=True))
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
@@ -111,7 +111,7 @@ class MovingArmModel(Shown, BaseModel):
         return self.model_copy(update={"effects": effects, "swing": swing})
 
     def used(self, sha256: str) -> bool:
-        """Whether a run, given by its hash, was used in the identification."""
+        """Check whether the run with this hash was used in the identification."""
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:
@@ -124,7 +124,7 @@ class MovingArmModel(Shown, BaseModel):
 
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read `model.json`; None for a model of another kind, or a file that is not JSON.
+    """Read `model.json`; return None for a model of another kind, or for a file that is not JSON.
 
     Raises:
         RunError: the file cannot be read, or is damaged; the message names the key.

@@ -1,4 +1,7 @@
-"""Recordings with a moving arm as segments with free initial states: readings, weights, predictions, derivatives."""
+"""Represent recordings with a moving arm as segments with free initial states.
+
+The segments contain readings and weights; the model predicts the readings and their derivatives.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +34,7 @@ Cut = tuple[int, slice]
 
 @dataclass(frozen=True, slots=True)
 class ArmRecording:
-    """A run from its release on, with its noise and input."""
+    """A run from its release on, and its noise and input."""
 
     run: Run
     """The run from the release on."""
@@ -64,7 +67,10 @@ class ArmSwings:
         return replace(self, constants=constants)
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
-        """(samples, 3) readings of joints 0, 1 and 2, rad; not finite if the integration fails."""
+        """Predict the readings (samples, 3) of joints 0, 1 and 2, rad.
+
+        They are not finite if the integration fails.
+        """
         initial = np.zeros(self.free.shape)
         initial[:, : segments.states] = estimate.initial
         frame = self.constants.L1, self.constants.g
@@ -76,7 +82,7 @@ class ArmSwings:
     def slopes(
         self, segments: Segments, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None
     ) -> Array:
-        """(samples, 3, free + states) derivatives of the readings, by central differences."""
+        """Compute the derivatives (samples, 3, free + states) of the readings by central differences."""
         vector, initial = estimate.vector, estimate.initial
         columns = []
         for parameter in free:
@@ -92,7 +98,7 @@ class ArmSwings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmProblem(Problem):
-    """Fit problem of segments of recordings with a moving arm; the axes are joints 0, 1 and 2."""
+    """Fitting problem for segments of recordings with a moving arm; the axes are joints 0, 1 and 2."""
 
     model: ArmSwings
     """Model of rods, arm and drive."""
@@ -117,16 +123,16 @@ class ArmProblem(Problem):
 
     @property
     def lengths_s(self) -> Array:
-        """(segments,) duration of each segment, s."""
+        """Duration (segments,) of each segment, s."""
         offsets = self.segments.offsets
         return self.t[offsets[1:] - 1] - self.t[offsets[:-1]]
 
 
 def recordings_of(runs: Sequence[Run], rig: Rig) -> list[ArmRecording]:
-    """Runs with the noise of their readings and with their input.
+    """Return each run with the noise of its readings and with its input.
 
     Raises:
-        RunError: this fit does not support a run.
+        RunError: the fit does not support one of the runs.
     """
     return [_recording(run, rig) for run in runs]
 
@@ -157,10 +163,11 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
 
 
 def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
-    """Mean (n - 1,) and slope (n - 1,) of a linear input in each interval between instants (n,).
+    """Approximate the input by a line in each interval between the instants (n,).
 
-    The line has the mean and the first moment of the input in the interval. A constant with this mean would cause a
-    relative error (w T)^2/12 of the angles at the angular frequency w and the interval T.
+    The result contains the means (n - 1,) and slopes (n - 1,) of the lines. A line has the mean and the first moment of
+    the input in its interval. A constant with this mean would cause a relative error (w T)^2/12 of the angles, where w
+    is the angular frequency of the input and T the interval.
     """
     knots, impulse = torques.arm_knots
     fine = np.union1d(knots, t)
@@ -172,7 +179,7 @@ def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
 
 
 def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
-    """Problem with segments of about one length (s), and (segments, 4 or 6) rough initial states."""
+    """Cut recordings into segments of about one length, s, and estimate rough initial states (segments, 4 or 6)."""
     cuts = [(i, part) for i, recording in enumerate(recordings) for part in partition(recording.run, length)]
     problem = problem_of(recordings, rig, cuts)
     initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
@@ -182,7 +189,7 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
 def problem_of(
     recordings: Sequence[ArmRecording], rig: Rig, cuts: Sequence[Cut], max_step: float = MAX_STEP
 ) -> ArmProblem:
-    """Problem with the given segments, and with steps of at most `max_step` seconds."""
+    """Set up the problem with the given segments, and with integration steps of at most `max_step` seconds."""
     modes = [recordings[i].mode for i, _ in cuts]
     driven = any(recording.run.arm_mode == "driven" and recording.mode != DRIVEN for recording in recordings)
     unknowns = unknowns_of(modes, driven, rig)
@@ -220,7 +227,10 @@ def problem_of(
 
 
 def _rough_state(run: Run, part: slice, neighbours: int = 12) -> Array:
-    """(6,) state at the first sample of a segment in the order of `Segments.states`, from a local parabola."""
+    """Estimate the state (6,) at the first sample of a segment by a local parabola.
+
+    The order is that of `Segments.states`.
+    """
     rows = slice(max(part.start - neighbours, 0), min(part.start + neighbours, len(run.t)))
     line = np.polynomial.polynomial.polyfit(run.t[rows] - run.t[part.start], run.theta[rows], 2)[:2]
     return np.asarray(line, dtype=np.float64).ravel()[np.argsort(FOLLOW.order)]

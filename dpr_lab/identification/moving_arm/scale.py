@@ -1,4 +1,4 @@
-"""Scale of absolute sizes of rods, arm and motor: from a known torque, or from measured values of the rig file."""
+"""Determine the scale of absolute sizes of rods, arm and motor from a known torque, or from values of the rig file."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class ArmScale:
     relative_std: float
     """Relative standard deviation of the sources other than the recordings; 0 if unknown."""
     by_gain: bool
-    """Whether the scale is the torque divided by the fitted gain. The error of the scale is then correlated with the
+    """Whether the scale follows from the fitted gain of the drive. The error of the scale is then correlated with the
     errors of the ratios."""
     known: bool
     """Whether recordings or measured values determine the scale."""
@@ -31,7 +31,7 @@ class ArmScale:
 
 
 def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
-    """Scale of absolute values: from the drive if its torque is known, otherwise from the rig file."""
+    """Determine the scale of absolute values from the drive if its torque is known, otherwise from the rig file."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     name = unknowns.scale
     if "gain" in unknowns.free and motor is not None:
@@ -64,9 +64,9 @@ def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
 
 
 def _relative_std(rig: Rig) -> float | None:
-    """Relative standard deviation of the scale that follows from measured values.
+    """Compute the relative standard deviation of the scale that follows from measured values.
 
-    None if a measured value is missing.
+    The result is None if a measured value is missing.
     """
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
     stds = [rig.parameters[name].std for name in names]
@@ -83,7 +83,7 @@ def _relative_std(rig: Rig) -> float | None:
 def absolute_values(
     fit: ArmFit, covariance: Array, scale: ArmScale, determined: Sequence[bool]
 ) -> dict[str, EstimatedValue]:
-    """Absolute values of the determined unknowns and of the scale, by name."""
+    """Compute the absolute values of the determined unknowns and of the scale, by name."""
     unknowns, values = fit.problem.unknowns, fit.values
     unit, by_gain = np.eye(len(values)), np.zeros(len(values))
     if scale.by_gain:
@@ -101,20 +101,22 @@ def absolute_values(
 
 
 def estimated(value: float, std: float, fixed_by: Literal["data", "bound"] = "data") -> EstimatedValue:
-    """Estimate with the 90 % interval of a normal distribution."""
+    """Return an estimate whose 90 % interval is that of a normal distribution."""
     reach = NORMAL_Q90 * std
     return EstimatedValue(value=value, std=std, interval90=(value - reach, value + reach), fixed_by=fixed_by)
 
 
 def absolute_name(parameter: str, kind: str) -> str:
-    """Name of an absolute value; the name of a gain depends on the kind of the input."""
+    """Return the name of an absolute value; the name of a gain depends on the kind of the input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")
 
 
 def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[str]) -> list[str]:
-    """Notes on combinations that the input cannot separate, with their values for the constants of the rig file.
+    """Compose notes on combinations of motor constants that the input cannot separate.
+
+    The notes contain the values that follow from the constants of the rig file.
 
     Args:
         fit: the fit

@@ -1,8 +1,9 @@
-"""Global search for initial values of rods, arm and drive for the local solver.
+"""Search globally for initial values of rods, arm and drive for the local solver.
 
-A gene is the logarithm of an unknown of the fit, between the bounds that the rig file defines for its parameters. The
-cost of a candidate is the sum of squared residuals over segments of a quarter of a second, from initial states
-estimated from the readings. The search is the improved genetic algorithm of `dpr_lab.search`.
+A gene is the logarithm of an unknown of the fit. Its range follows from the bounds that the rig file defines for the
+parameters. The cost of a candidate is the sum of squared residuals over segments of a quarter of a second. The initial
+states of the segments are estimated from the readings. The search is the improved genetic algorithm of
+`dpr_lab.search`.
 """
 
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ ARM_SEARCH = ArmSearchSettings()
 
 
 def searched_start(problem: ArmProblem, initial: Array, seed: int = 0) -> Array | None:
-    """(12,) `SWING_PARAMETERS` of the best candidate; None if no candidate can be simulated.
+    """Search for the best `SWING_PARAMETERS` (12,); return None if no candidate can be simulated.
 
     Args:
         problem: short segments of the recordings
@@ -64,7 +65,7 @@ def searched_start(problem: ArmProblem, initial: Array, seed: int = 0) -> Array 
 
 
 def _range(name: str, problem: ArmProblem, rng: np.random.Generator) -> tuple[float, float]:
-    """Lower and upper end of the search range of an unknown, in units of the scale."""
+    """Return the lower and the upper end of the search range of an unknown, in units of the scale."""
     unknowns, rig = problem.unknowns, problem.rig
     low, high = rig.bounds
     drawn = np.array([rod_inertias(rng.uniform(low, high), rig) for _ in range(ARM_SEARCH.draws)])
@@ -83,6 +84,6 @@ def _range(name: str, problem: ArmProblem, rng: np.random.Generator) -> tuple[fl
 
 
 def _positive(low: float, high: float) -> tuple[float, float]:
-    """Ends of a range, changed to be positive and different."""
+    """Return the ends of a range, changed so that they are positive and different."""
     low = max(low, 1e-9)
     return low, max(high, 1.01 * low)

@@ -1,4 +1,4 @@
-"""Input of the arm of a run as a diagnosis uses it: a torque on the arm, of known or unknown scale."""
+"""Convert the input of the arm of a run to a torque on the arm, of known or unknown scale, for a diagnosis."""
 
 import math
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class DriveGain:
 
 
 def drive_gain(rig: Rig) -> DriveGain:
-    """Gain of the drive according to the rig file."""
+    """Return the gain of the drive according to the rig file."""
     motor, value = rig.motor, nominal_gain(rig)
     if motor is None or value == 0.0:
         return DriveGain(float(rod_inertias(rig.nominal, rig)[1]), False)
@@ -40,15 +40,16 @@ def drive_gain(rig: Rig) -> DriveGain:
 
 
 def rods_measured(rig: Rig) -> bool:
-    """Whether all parameters that determine the inertia of the rods were measured."""
+    """Check whether all parameters that determine the inertia of the rods were measured."""
     names = ("l1", "m1", "J1") if rig.rods.mounted != "both" else ("l2", "m2", "J2")
     return all(rig.parameters[name].measured is not None for name in names)
 
 
 def setup_of(run: Run, rig: Rig) -> Setup:
-    """Setup of a run: mounting, known inputs, and mode of the arm.
+    """Return the setup of a run: its mounting, known inputs, and mode of the arm.
 
-    An arm that is driven by an acceleration has the prescribed motion of its encoder, because its torque is unknown.
+    If an acceleration drives the arm, the torque on the arm is unknown. The motion of the arm is then prescribed by the
+    readings of its encoder.
 
     Raises:
         RunError: the arm is driven, but the rig file does not describe the input of its motor.

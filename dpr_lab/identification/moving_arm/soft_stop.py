@@ -1,16 +1,18 @@
-"""Soft stop of a moving arm, such as the end of its cable: a torque that acts beyond an angle.
+"""Detect a soft stop of a moving arm, for example the end of its cable.
 
-The equation of the arm (docs/theory.md, three coordinates) is linear in ratios of its parameters. With the angles q of
-the arm and th_i of the rods, s = sin, c = cos,
+A soft stop is a torque that acts when the arm exceeds a limit angle. The equation of the arm (docs/theory.md, three
+coordinates) is linear in ratios of its parameters:
 
     q'' = sum_j k_j x_j - K+ max(q - Q+, 0) + K- max(Q- - q, 0)
 
-The x_j are 1, q, q', sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'' - s_i th_i'^2 of each rod, and
-the term of their coupling. The angles Q are scanned. All coefficients follow by linear least squares from local
-polynomials, without the rig file's values.
+where q is the angle of the arm, th_i the angle of rod i, s_i = sin th_i and c_i = cos th_i. The terms x_j are 1, q, q',
+sgn(q'), the input, s_i^2 q'' + 2 q' s_i c_i th_i' and c_i th_i'' - s_i th_i'^2 of each rod, and the coupling of both
+rods. The limit angles Q+ and Q- are scanned. Local polynomials estimate the derivatives. The coefficients k_j, K+ and
+K- follow by linear least squares, without the values of the rig file.
 
-If a cable stiffens gradually, or if cogging acts, a stop also reduces the residual, but less than the smooth torque K2
-q^2 + K3 q^3. A stop is therefore named only if it reduces the residual more than this torque.
+If a cable stiffens gradually or if cogging acts, the term of a stop also reduces the residual. It then reduces the
+residual less than the smooth torque K2 q^2 + K3 q^3. A stop is therefore reported only if it reduces the residual more
+than this torque.
 """
 
 from dataclasses import dataclass
@@ -28,7 +30,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class SoftStopSettings:
-    """Limits beyond which a soft stop is the likely cause."""
+    """Limits from which a soft stop is the likely cause."""
 
     nearest: float = 0.75
     """Minimum distance of a stop from the other end of the arm's range, relative to the range."""
@@ -58,7 +60,7 @@ SOFT_STOP = SoftStopSettings()
 
 @dataclass(frozen=True, slots=True)
 class SoftStop:
-    """A stop at one end of the arm's range."""
+    """A soft stop at one end of the arm's range."""
 
     end: str
     """End of the range at which the stop is: `largest` or `smallest` angle."""
@@ -70,7 +72,7 @@ class SoftStop:
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """A stop at one tested angle, with its column in the equation."""
+    """A stop at one tested angle, and its column in the equation of the arm."""
 
     end: str
     angle: float
@@ -80,7 +82,7 @@ class _Trial:
 
 
 def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
-    """Stop that explains most of the residual of the arm's equation; None if there is no stop.
+    """Find the stop that explains most of the residual of the arm's equation; return None if there is no stop.
 
     Args:
         run: a recording with a moving arm
@@ -107,7 +109,10 @@ def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
 
 
 def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
-    """Regressors (k, terms) of the equation of the arm, without the inertia of the arm and without stops."""
+    """Return the regressors (k, terms) of the equation of the arm.
+
+    The regressors exclude the inertia of the arm and the stops.
+    """
     q, speed, alpha = arm.rods[:, 0], arm.omega[:, 0], arm.alpha[:, 0]
     sin, cos = np.sin(rods.rods).T, np.cos(rods.rods).T
     w, al = rods.omega.T, rods.alpha.T
@@ -123,7 +128,7 @@ def _terms(rods: LocalMotion, arm: LocalMotion, run: Run, number: int) -> Array:
 
 
 def _trials(angle: Array, basis: Array) -> tuple[list[_Trial], list[_Trial]]:
-    """Trials of stops at the largest and at the smallest angle."""
+    """List trial stops at the largest and at the smallest angle."""
     low, high = float(angle.min()), float(angle.max())
     shares = np.linspace(SOFT_STOP.nearest, 1.0, SOFT_STOP.angles, endpoint=False)
     largest, smallest = list[_Trial](), list[_Trial]()
@@ -140,13 +145,16 @@ def _trials(angle: Array, basis: Array) -> tuple[list[_Trial], list[_Trial]]:
 
 
 def _pairs(trials: tuple[list[_Trial], list[_Trial]]) -> list[tuple[_Trial, ...]]:
-    """Candidates: single stops, and pairs of stops at both ends."""
+    """List the candidates: single stops, and pairs of stops at both ends."""
     largest, smallest = trials
     return [*((trial,) for trial in (*largest, *smallest)), *product(largest, smallest)]
 
 
 def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
-    """Factor by which a torque K2 q^2 + K3 q^3 of the arm's angle q (k,) reduces the residual (k,)."""
+    """Compute the factor by which a smooth torque of the arm reduces the residual `rest` (k,).
+
+    The torque is K2 q^2 + K3 q^3, where q (k,) is the angle of the arm.
+    """
     relative = (angle - angle.mean()) / np.ptp(angle)
     columns = np.column_stack([relative**2, relative**3])
     columns -= basis @ (basis.T @ columns)
@@ -156,7 +164,7 @@ def _smooth_reduction(angle: Array, basis: Array, rest: Array) -> float:
 
 
 def _reduction(stops: tuple[_Trial, ...], rest: Array) -> float:
-    """Factor by which stops reduce the residual (k,); 1 if any stop would push outwards."""
+    """Compute the factor by which stops reduce the residual `rest` (k,); 1 if a stop would push outwards."""
     if not stops:
         return 1.0
     columns = np.column_stack([stop.column for stop in stops])

@@ -1,8 +1,9 @@
-"""Unknowns that recordings with a moving arm determine: ratios to the inertia of one rod, and the scale of torques.
+"""Define the unknowns that recordings with a moving arm determine: ratios to an inertia, and the gain of the input.
 
-The divisor of the ratios is b for both rods, and a = J1 + m1 l1^2 for the inner rod alone (a Furuta pendulum). A
-torque input u enters as u/b, so that its gain is 1/b. The gain of a current is kt gear/b, and that of a voltage is kt
-gear/(R b). The back-EMF of a voltage drive, ke kt gear^2/R, adds to c0, and no recording separates these two terms.
+For both rods, ratios are divided by the inertia b. For the inner rod alone (a Furuta pendulum), they are divided by a =
+J1 + m1 l1^2. A torque input u enters the equation as u/b, so that its gain is 1/b. The gain of a current is kt gear/b,
+and that of a voltage is kt gear/(R b). The back-EMF of a voltage drive adds ke kt gear^2/R to the viscous coefficient
+c0 of the arm. No recording separates these two terms.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ from dpr_lab.rig_tables import ArmMode, Parameter
 
 @dataclass(frozen=True, slots=True)
 class CentralDifferences:
-    """Increments of the central differences; the error of a derivative is below 1e-7 of it."""
+    """Increments of the central differences; the relative error of a derivative is below 1e-7."""
 
     relative: float = 1e-5
     """Relative increment of an unknown."""
@@ -62,14 +63,14 @@ class Unknowns:
 
     @property
     def parameters(self) -> tuple[FreeParameter, ...]:
-        """Free parameters, in the form that the common fitting engine requires."""
+        """Free parameters in the form that the common fitting engine requires."""
         lower = [1e-9 if name in POSITIVE else -np.inf for name in self.free]
         steps = np.maximum(STEPS.relative * np.abs(self.start[self.places]), STEPS.least).tolist()
         rows = zip(self.free, self.places, steps, lower, strict=True)
         return tuple(FreeParameter(name, "ratios", place, step, least) for name, place, step, least in rows)
 
     def name(self, parameter: str) -> str:
-        """Name of an unknown in results, for example `A/b`."""
+        """Return the name of an unknown in results, for example `A/b`."""
         if parameter == "L0":
             return parameter
         if parameter == "gain":
@@ -78,7 +79,9 @@ class Unknowns:
 
 
 def parameter_of(ratio: str, kind: str, scale: str) -> str:
-    """Entry of `SWING_PARAMETERS` to which the name of a ratio refers, the inverse of `Unknowns.name`.
+    """Return the entry of `SWING_PARAMETERS` to which the name of a ratio refers.
+
+    This function is the inverse of `Unknowns.name`.
 
     Args:
         ratio: name of the ratio, for example `A/b`
@@ -89,19 +92,25 @@ def parameter_of(ratio: str, kind: str, scale: str) -> str:
 
 
 def mode_number(mode: ArmMode, kind: str) -> int:
-    """Number that represents the mode of the arm in the equation of motion."""
+    """Return the number that represents the mode of the arm in the equation of motion."""
     if mode == "driven" and kind == "acceleration":
         return DRIVEN
     return CLAMPED if mode == "clamped" else FREE
 
 
 def best(parameter: Parameter | None, otherwise: float) -> float:
-    """Measured value of a parameter, otherwise its nominal value; `otherwise` if it is not in the rig file."""
+    """Return the measured value of a parameter, or its nominal value if there is no measured one.
+
+    The result is `otherwise` if the rig file does not contain the parameter.
+    """
     return otherwise if parameter is None else parameter.measured or parameter.nominal
 
 
 def rod_inertias(Z: Array, rig: Rig) -> Array:
-    """(6,) a, b, d, e1, c1, c2 of the rods on the arm, SI; for the inner rod alone b = a, and d and c2 are zero."""
+    """Compute a, b, d, e1, c1, c2 (6,) of the rods on the arm, SI.
+
+    For the inner rod alone, b = a, and d and c2 are zero.
+    """
     if rig.rods.mounted == "both":
         return base_parameters(Z, rig.L1, rig.g)
     l1, m1, c1, J1 = (Z[PARAMETERS.index(name)] for name in ("l1", "m1", "c1", "J1"))
@@ -110,7 +119,7 @@ def rod_inertias(Z: Array, rig: Rig) -> Array:
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Initial values of the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
+    """Return initial values of the arm: the total inertia, kg m^2, and the viscous friction, N m s/rad."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)
@@ -118,11 +127,11 @@ def arm_start(rig: Rig) -> tuple[float, float]:
 
 
 def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
-    """Unknowns of recordings with given modes of the arm.
+    """Determine the unknowns of recordings with given modes of the arm.
 
     Args:
         modes: mode of each recording, CLAMPED, FREE or DRIVEN
-        driven: whether a torque, current or voltage drives the arm in one of them
+        driven: whether a torque, current or voltage drives the arm in one of the recordings
         rig: initial values
     """
     both_rods, kind = rig.rods.mounted == "both", rig.motor.input if rig.motor else ""
@@ -149,7 +158,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
 
 
 def nominal_gain(rig: Rig) -> float:
-    """Torque per unit of the input according to the rig file; zero if unknown."""
+    """Return the torque per unit of the input according to the rig file; zero if unknown."""
     motor = rig.motor
     if motor is None:
         return 0.0

@@ -1,1 +1,1 @@
-"""Scale of absolute sizes: the assumed b, and its uncertainty from the rig file."""
+"""Determine the scale of absolute sizes: the assumed b, and its uncertainty according to the rig file."""

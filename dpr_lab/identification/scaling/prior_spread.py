@@ -1,14 +1,16 @@
-"""Uncertainty of parameters that only the prior of the rig file determines (docs/theory.md, equation 56).
+"""Estimate the uncertainty of parameters that only the prior of the rig file determines.
 
-Each of the nine parameters has a lognormal prior. Its median is the measured value, or the nominal value without a
-measurement. The standard deviation of its logarithm is that of a measured value, std / measured, or that of a uniform
-distribution between its bounds, ln(upper / lower) / sqrt(12). The ratios of inertias and gravity then update this
-prior, in logarithms z = ln Z:
+The theory is in docs/theory.md, equation 56. Each of the nine parameters has a lognormal prior. Its median is the
+measured value, or the nominal value without a measurement. The standard deviation of its logarithm is std / measured
+for a measured value. Otherwise, it is that of a uniform distribution between the bounds, ln(upper / lower) / sqrt(12).
+The ratios q of inertias and gravity, with the covariance C of their logarithms, then update this prior. The update uses
+the logarithms z = ln Z of the parameters Z, with the prior mean z0 and covariance P0:
 
     K = P0 J^T (J P0 J^T + C)^-1,    z = z0 + K (ln q - ln q(z0)),    P = P0 - K J P0,    J = d ln q / d z
 
 Ratios of friction are not used, because a missing effect changes them first. Masses, lengths and inertias are positive
-and enter as products, so logarithms are nearly linear even for bounds that are a factor of ten apart.
+and enter as products. The problem is therefore nearly linear in the logarithms, even for bounds that are a factor of
+ten apart.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +30,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class PriorSettings:
-    """Settings of the update of the prior by the ratios."""
+    """Settings for updating the prior by the ratios."""
 
     ratio_std: float = 1e-3
     """Relative standard deviation of the ratios; it is about the change due to a missing effect."""
@@ -44,11 +46,11 @@ _B = BASE.index("b")
 
 
 def scale_of(b: ParameterValue, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> Scale:
-    """Scale of absolute sizes that the rig file determines.
+    """Compute the scale of absolute sizes from the rig file.
 
     Args:
         b: value of b in use, and its source
-        unknown: (7,) ratios, b and p/b, of which only ratios count
+        unknown: (7,) ratios, b and p/b, of which only the ratios are used
         rig: measured values, nominal values and bounds
         visible: indices in `UNKNOWN_RATIOS` that the recordings determine; default: the five ratios
     """
@@ -100,7 +102,7 @@ def with_intervals(
 
 
 def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = None) -> dict[str, Interval90]:
-    """90 % intervals of the parameters that only bounds determine.
+    """Compute the 90 % intervals of the parameters that only bounds determine.
 
     Args:
         Z: (9,) values in use, which the intervals contain
@@ -124,7 +126,10 @@ def loose90(Z: Array, unknown: Array, rig: Rig, visible: Sequence[int] | None = 
 
 
 def _of_std(value: ParameterValue) -> Interval90 | None:
-    """Normal 90 % interval of a value with a standard deviation; None for a value that only bounds determine."""
+    """Return the normal 90 % interval of a value that has a standard deviation.
+
+    The result is None for a value that only bounds determine.
+    """
     if value.std is None:
         return None
     reach = NORMAL_Q90 * value.std
@@ -132,19 +137,22 @@ def _of_std(value: ParameterValue) -> Interval90 | None:
 
 
 def _interval(median: float, log_std: float, lower: float, upper: float, value: float) -> Interval90:
-    """Lognormal 90 % interval inside the bounds, extended to contain the value in use."""
+    """Return a lognormal 90 % interval, clipped to the bounds and extended to contain the value in use."""
     low, high = lognormal90(median, log_std)
     return float(min(max(low, lower), value)), float(max(min(high, upper), value))
 
 
 def _edges(rig: Rig) -> Array:
-    """(2, 9) bounds of the parameters, extended to the 90 % interval of a measured value."""
+    """Return the bounds (2, 9) of the parameters, extended to the 90 % interval of a measured value."""
     reach = NORMAL_Q90 * np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS]) * ~rig.searched
     return rig.bounds + np.outer([-1.0, 1.0], reach)
 
 
 def _posterior(unknown: Array, rig: Rig, visible: Sequence[int] | None) -> tuple[Array, Array]:
-    """(9,) most probable parameters and (9, 9) covariance of their logarithms, given all ratios except friction."""
+    """Compute the most probable parameters (9,) and the covariance (9, 9) of their logarithms.
+
+    All ratios except friction are given.
+    """
     determined = range(len(RATIOS)) if visible is None else visible
     places = [i for i in (*range(len(RATIOS)), ON_ELBOW) if i in determined and i not in FRICTION]
     lower, upper = rig.bounds

@@ -1,7 +1,7 @@
-"""Common scale of masses, inertias and torques: the inertia b to which absolute sizes refer.
+"""Define the common scale of masses, inertias and torques: the inertia b to which absolute sizes refer.
 
-A free swing determines only ratios to b. A size of power k in the scale (1 for a torque or an inertia, -1 for 1/kg) is
-therefore ratio * b^k, and both factors are uncertain.
+A free swing determines only ratios to b. A size that is proportional to b^k is therefore ratio * b^k, and both factors
+are uncertain. The power k is 1 for a torque or an inertia, and -1 for a quantity in 1/kg.
 """
 
 from math import exp, hypot
@@ -21,7 +21,7 @@ ROD_OF = {"a": "inner rod about joint 1", "b": "outer rod about joint 2"}
 
 
 class Scale(BaseModel):
-    """Value of b that absolute sizes assume, with its interval and its source."""
+    """Value of b that absolute sizes assume, and its interval and source."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
@@ -55,7 +55,7 @@ class Scale(BaseModel):
 
     @property
     def sentence(self) -> str:
-        """Sentence on the scale of absolute sizes, with the interval of b."""
+        """Sentence that states the scale of absolute sizes and the interval of b."""
         low, high = self.interval90
         known = f"{self.inertia} = {self.b:.4g} kg m^2 (90 % interval {low:.4g} to {high:.4g})"
         if self.fixed_by == "data":
@@ -69,25 +69,25 @@ class Scale(BaseModel):
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
-        """Express the scale by another inertia, which is `factor` times this one."""
+        """Express the scale by another inertia, which is `factor` times the present inertia."""
         low, high = self.interval90
         return self.model_copy(
             update={"b": self.b * factor, "interval90": (low * factor, high * factor), "inertia": inertia}
         )
 
     def ratio(self, value: float, power: int = 1) -> float:
-        """Ratio of a size to b^power, which does not depend on the scale."""
+        """Divide a size by b^power; the result does not depend on the scale."""
         return value / self.b**power
 
     def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """90 % interval of a ratio, from the interval of the size at this b."""
+        """Compute the 90 % interval of a ratio from the interval of the size at this b."""
         return self.ratio(interval[0], power), self.ratio(interval[1], power)
 
     def factors90(self, power: int) -> tuple[float, float]:
-        """Factors of a size at both ends of the interval of b, without errors of b that the fit of the size contains.
+        """Return the factors by which a size changes at both ends of the interval of b.
 
-        If the recordings determine b, it is fitted together with the size. Only errors of constants that are not fitted
-        then remain.
+        If the recordings determine b, it is fitted together with the size, and the fit of the size already contains
+        errors of b. Only errors of constants that are not fitted then remain.
         """
         reach = NORMAL_Q90 * self.constants_std
         low, high = (1 - reach, 1 + reach) if self.fixed_by == "data" else [end / self.b for end in self.interval90]
@@ -95,10 +95,10 @@ class Scale(BaseModel):
         return min(ends), max(ends)
 
     def absolute90(self, value: float, interval: Interval90, power: int = 1) -> Interval90:
-        """90 % interval of an absolute size, including the uncertainty of the scale.
+        """Compute the 90 % interval of an absolute size, including the uncertainty of the scale.
 
-        On each side, two independent errors are added: the distance to the end of the fitted interval, and the change
-        of the value due to b alone.
+        On each side, two independent errors are added in quadrature: the distance to the end of the fitted interval,
+        and the change of the value due to b alone.
 
         Args:
             value: size at this b
@@ -115,6 +115,6 @@ class Scale(BaseModel):
 
 
 def lognormal90(median: float, log_std: float) -> Interval90:
-    """90 % interval of a positive value with a normally distributed logarithm."""
+    """Return the 90 % interval of a positive value whose logarithm has a normal distribution."""
     reach = exp(NORMAL_Q90 * log_std)
     return median / reach, median * reach
