@@ -1,4 +1,4 @@
-"""Extensions of `mcap.writer.Writer`: a chunk index on disk, and one call that writes many messages."""
+"""Extend `mcap.writer.Writer` by a chunk index on disk and by a call that writes many messages at once."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +16,9 @@ from dpr_lab.arrays import Integers
 
 
 class ChunkIndices:
-    """Chunk index of an MCAP file, held in a temporary file until `mcap.writer.Writer` writes it at the end.
+    """Chunk index of an MCAP file that is held in a temporary file.
+
+    `mcap.writer.Writer` writes the index at the end of the MCAP file.
 
     Args:
         folder: folder of the temporary file, which takes 0.15 kB per chunk
@@ -30,7 +32,7 @@ class ChunkIndices:
         self._count = 0
 
     def append(self, index: ChunkIndex) -> None:
-        """Append one chunk."""
+        """Append the index of one chunk."""
         record = RecordBuilder()
         index.write(record)
         self._file.write(record.end())
@@ -41,7 +43,7 @@ class ChunkIndices:
         self._file.close()
 
     def __iter__(self) -> Iterator[ChunkIndex]:
-        """All entries in the order in which they were appended."""
+        """Yield all entries in the order in which they were appended."""
         self._file.seek(0)
         stream = ReadDataStream(self._file)
         for _ in range(self._count):
@@ -50,7 +52,7 @@ class ChunkIndices:
 
 
 class RowIndex(MessageIndex):
-    """Message index of one chunk: (n, 2) log time in ns and byte offset of each message."""
+    """Message index (n, 2) of one chunk: log time, ns, and byte offset of each message."""
 
     def __init__(self, channel: int, entries: Integers) -> None:
         super().__init__(channel, [])
@@ -66,7 +68,7 @@ class RowIndex(MessageIndex):
 
 
 def write_rows(writer: Writer, channel: int, log_ns: Integers, records: NDArray[np.uint8]) -> None:
-    """Write one chunk of message records (n, width) with increasing log times (n,), ns."""
+    """Write message records (n, width) as one chunk; the log times (n,), ns, increase."""
     writer.flush()
     chunk: Any = getattr(writer, "_Writer__chunk_builder")  # noqa: B009
     statistics: Any = getattr(writer, "_Writer__statistics")  # noqa: B009

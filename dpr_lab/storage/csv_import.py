@@ -1,6 +1,6 @@
-"""Import of a logger's table in any format (`dpr_lab.storage.readers`) as a run.
+"""Import the table of a logger, in any format of `dpr_lab.storage.readers`, as a run.
 
-`dpr_lab.storage.tables.understand` interprets the table; this module creates the run or its file.
+`dpr_lab.storage.tables.understand` interprets the table. This module creates the run or its file.
 """
 
 import json
@@ -31,8 +31,8 @@ def import_csv(
 ) -> Run:
     """Read a table as a run, and write it as a run file if `out` is given.
 
-    The run starts at t = 0 with the release: the row in which the rods begin to move, or the first row. Rows at rest
-    before the release have negative times.
+    The release is the row in which the rods begin to move, or the first row. It has the time t = 0. Rows at rest before
+    the release have negative times.
 
     Args:
         file: the table, in a format of `dpr_lab.storage.readers`; columns of a text file are separated by commas,
@@ -40,11 +40,11 @@ def import_csv(
         rig: the rig on which the table was recorded
         options: interpretation of the numbers
         out: run file to write
-        on_progress: called while the table is read and the run written
+        on_progress: function that is called while the table is read and the run is written
 
     Raises:
         RunError: the file is not a table of numbers, a column cannot be found, the time decreases (the message names
-        the line), more than 10 % of the rows have no value, no row remains, a joint without a rod turns, or the table
+        the line), more than 10 % of the rows have no value, no row remains, a joint without a rod moves, or the table
         cannot be a swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
@@ -59,10 +59,10 @@ def import_csv(
 def write_run(
     path: Path, rig: Rig, swing: Understood, out: Path | str, on_progress: OnImport = unwatched, block: int = 1 << 17
 ) -> None:
-    """Write an interpreted table to a run file in blocks of rows.
+    """Write an interpreted table to a run file.
 
     Raises:
-        RunError: the file cannot be written, or the arm of the table cannot be prescribed.
+        RunError: the file cannot be written, or the motion of the arm cannot be prescribed.
     """
     run_of(path, rig, swing)  # checked before the file is created
     with whole_run(out, _metadata(path, rig, swing)) as writer:
@@ -103,12 +103,15 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
 
 
 def table_name(path: Path) -> str:
-    """Name of the run that is imported from a file: the file name without suffix; `.csv.gz` counts as one suffix."""
+    """Return the name of the run that is imported from a file: the file name without its suffix.
+
+    `.csv.gz` counts as one suffix.
+    """
     return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
 
 
 def run_of(path: Path, rig: Rig, swing: Understood) -> Run:
-    """Create the run that results from an interpreted table."""
+    """Create the run from an interpreted table."""
     options, (kind, torques), (_, commanded) = swing.options, *[*swing.torques.items(), ("", None), ("", None)][:2]
     t, arm_input = swing.t, None
     if options.arm == "driven":

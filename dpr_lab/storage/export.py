@@ -1,9 +1,9 @@
-"""Export of a run to the formats of other programs.
+"""Export a run to the formats of other programs.
 
-`EXPORTERS` has one writer per format. Every format contains the same columns, with one row per sample and without
-resampling: `COLUMNS`, `COUNT_COLUMNS` if the run has counts, and the torques if it was driven. Except for CSV, the
-formats also contain the metadata of the run: Parquet under the key `dpr_lab`, HDF5 and NetCDF as attributes, MATLAB as
-struct `run`.
+`EXPORTERS` contains one writer for each format. All formats have the same columns: `COLUMNS`, `COUNT_COLUMNS` if the
+run has counts, and the torques if the run was driven. Each row is one sample; the samples are not resampled. Except for
+CSV, the formats also contain the metadata of the run: Parquet under the key `dpr_lab`, HDF5 and NetCDF as attributes,
+MATLAB as struct `run`.
 """
 
 import io
@@ -37,10 +37,12 @@ CONVENTION = "t = 0 at the release; absolute angles, 0 = upright, pi = hanging"
 
 
 def export(run: Run, path: Path | str) -> Path:
-    """Write a run in the format given by the suffix of the file; creates the folder if it is missing.
+    """Write a run to a file in the format that the suffix of the file states.
+
+    The folder is created if it is missing.
 
     Raises:
-        RunError: an unknown suffix, an existing file, or a file that cannot be written.
+        RunError: the suffix is unknown, or the file exists or cannot be written.
         DprError: the format needs an optional library that is not installed; the message names the library.
     """
     target = Path(path)
@@ -78,7 +80,7 @@ def columns(run: Run) -> Columns:
 
 
 def about(run: Run) -> dict[str, Any]:
-    """Metadata of the run, as plain values."""
+    """Return the metadata of the run as plain values."""
     return {
         "name": run.name,
         "rig": run.rig_name,
@@ -106,7 +108,7 @@ def write_csv(run: Run, path: Path) -> None:
 
 
 def write_parquet(run: Run, path: Path) -> None:
-    """Write Apache Parquet; the unit of each column is in the metadata of its field."""
+    """Write Apache Parquet; the metadata of each field contain the unit of the column."""
     with extra("parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -117,7 +119,7 @@ def write_parquet(run: Run, path: Path) -> None:
 
 
 def write_hdf5(run: Run, path: Path) -> None:
-    """Write HDF5 with one data set per column, compressed and with checksums.
+    """Write HDF5 with one compressed data set for each column, with checksums.
 
     The file is created in memory, because the library aborts the whole program if the disk is full.
     """
@@ -181,7 +183,10 @@ JOINTS_TOPIC, JOINT_NAMES = "/joint_states", ("theta0", "theta1", "theta2")
 
 
 def write_joint_states(run: Run, path: Path) -> None:
-    """Write MCAP with `sensor_msgs/JointState` on `/joint_states`: absolute angles, time from the first sample."""
+    """Write MCAP with `sensor_msgs/JointState` on `/joint_states`.
+
+    Positions are absolute angles. The time starts at the first sample.
+    """
     with extra("ros2"):
         from mcap_ros2.writer import Writer
     with path.open("wb") as file, Writer(file) as writer:
@@ -211,7 +216,7 @@ ALIASES: Mapping[str, str] = {".hdf5": ".h5"}
 
 @contextmanager
 def extra(name: str) -> Iterator[None]:
-    """Context for the import of an optional library.
+    """Provide a context in which an optional library is imported.
 
     Raises:
         DprError: the library is not installed; the message names the package to install.

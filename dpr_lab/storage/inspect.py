@@ -1,4 +1,4 @@
-"""Inspection of run files: metadata, integrity, and recovery of damaged files."""
+"""Inspect run files: show metadata, verify integrity, and recover damaged files."""
 
 import json
 from collections.abc import Mapping
@@ -71,13 +71,13 @@ class RunInfo:
     extra: Mapping[str, str]
 
     def to_json(self) -> str:
-        """The metadata as a JSON object."""
+        """Return the metadata as a JSON object."""
         return json.dumps(asdict(self), ensure_ascii=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """Result of the integrity check of a run file, with all reasons for a failure."""
+    """Result of the integrity check of a run file; `faults` contains all reasons for a failure."""
 
     ok: bool
     faults: list[str]
@@ -139,7 +139,7 @@ def info(path: Path | str) -> RunInfo:
 
 
 def _input(stored: Scan) -> str:
-    """Kind and quantity of the input of a driven arm."""
+    """Return kind and quantity of the input of a driven arm; empty for other arms."""
     motor = stored.metadata.rig.motor
     if arm_mode(stored) != "driven" or motor is None:
         return ""
@@ -148,7 +148,7 @@ def _input(stored: Scan) -> str:
 
 
 def holds_both_torques(path: Path) -> bool:
-    """Whether a run contains both measured and commanded torques.
+    """Check whether a run contains both measured and commanded torques.
 
     Only the first sample is checked. The result is False if the file is unreadable.
     """
@@ -161,7 +161,7 @@ def holds_both_torques(path: Path) -> bool:
 
 
 def verify(path: Path | str) -> Verification:
-    """Verify the integrity of a run file: its hash, the CRCs, the number of samples and their order.
+    """Verify the integrity of a run file: its hash, its CRCs, and the number and order of its samples.
 
     Raises:
         RunError: there is no such file.
@@ -177,11 +177,13 @@ def verify(path: Path | str) -> Verification:
 
 
 def recover(path: Path | str, out: Path | str) -> int:
-    """Write the valid part of a damaged run to a new, complete run file; the damaged file is not changed.
+    """Write the valid part of a damaged run to a new, complete run file.
+
+    The damaged file is not changed.
 
     Args:
         path: the damaged file
-        out: the file to write; must not exist
+        out: the file to write, which must not exist
 
     Returns:
         Number of recovered samples.

@@ -1,8 +1,8 @@
-"""Layout of a run file: channels and their schemas, metadata records, limits.
+"""Define the layout of a run file: channels and their schemas, metadata records, limits.
 
-On every channel, `log_time` counts nanoseconds from the start of the stream. On `/samples`, and for events with a tick,
-`log_time` is device time, tick / rate_hz; for an imported table it is the time column. On the other channels,
-`log_time` is host time since the first host time received, and `publish_time` is the host time itself.
+On every channel, `log_time` counts nanoseconds from the start of the stream. For samples and for events with a tick,
+`log_time` is the device time, tick / rate_hz. For an imported table, it is the time column. On the other channels,
+`log_time` is the host time since the first received host time. There, `publish_time` is the host time itself.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ SAMPLES, RAW, EVENTS, STATUS, CLOCK = "/samples", "/raw", "/events", "/status", 
 
 @dataclass(frozen=True, slots=True)
 class FileLimits:
-    """Limits of run files, for the writer and the reader."""
+    """Limits of run files that writer and reader share."""
 
     chunk_bytes: int = 1 << 20
     """Maximum size of the samples in a chunk, before compression."""
@@ -102,7 +102,7 @@ SCHEMAS: dict[str, dict[str, Any]] = {
 
 
 class Stored(NamedTuple):
-    """One message as stored in the file."""
+    """One message as it is stored in the file."""
 
     topic: str
     log_time: int
@@ -119,7 +119,7 @@ def sealed(record: Mapping[str, str]) -> dict[str, str]:
 
 
 def unsealed(record: Mapping[str, str]) -> dict[str, str] | None:
-    """Remove the digest from a metadata record; None if the digest does not match the record."""
+    """Remove the digest from a metadata record; return None if the digest does not match the record."""
     content = {key: value for key, value in record.items() if key != "digest"}
     return content if record.get("digest") == _digest(content) else None
 

@@ -1,4 +1,4 @@
-"""Metadata of a run: its origin (`RunMetadata`) and its end (`RunSummary`)."""
+"""Define the metadata of a run: its origin (`RunMetadata`) and its end (`RunSummary`)."""
 
 import hashlib
 import json
@@ -29,7 +29,7 @@ def _versions() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class RunMetadata:
-    """Origin of a run: all metadata known before the first sample."""
+    """Origin of a run: all metadata that are known before the first sample."""
 
     rig: Rig
     """The rig. The file contains it completely, as a TOML attachment, so that no other file is needed to read the
@@ -68,11 +68,14 @@ class RunMetadata:
 
     @property
     def rig_text(self) -> str:
-        """The rig as TOML."""
+        """Text of the rig file (TOML)."""
         return rig_toml(self.rig)
 
     def to_record(self, rig_text: str) -> dict[str, str]:
-        """Create the provenance record. It contains only the hash of `rig_text`, which is attached separately."""
+        """Create the provenance record.
+
+        The record contains only the hash of `rig_text`, which is attached separately.
+        """
         pose = self.rig.poses[self.pose].theta.tolist() if self.pose is not None else None
         return {
             "format": FORMAT,
@@ -89,7 +92,7 @@ class RunMetadata:
 
     @staticmethod
     def from_record(record: Mapping[str, str], rig_toml: bytes) -> "RunMetadata":
-        """Create the metadata from the record of `to_record` and the attached rig.
+        """Create the metadata from a record of `to_record` and from the attached rig.
 
         Raises:
             RunError: the record has another layout, or the rig does not match the record.
@@ -120,7 +123,7 @@ _PLAIN = ("source", "url", "firmware", "uid", "protocol", "schema_hash", "note",
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """End of a run: all metadata known after the last sample."""
+    """End of a run: all metadata that are known after the last sample."""
 
     release_tick: int | None = None
     """Tick at which the latch opened; None if it never opened."""
@@ -145,7 +148,7 @@ class RunSummary:
 
         Args:
             samples: number of samples in the file
-            stopped: reason of an early end; empty for a regular end
+            stopped: reason for an early end; empty for a regular end
         """
         return {
             "complete": json.dumps(not stopped),
@@ -156,7 +159,7 @@ class RunSummary:
 
     @staticmethod
     def from_record(record: Mapping[str, str]) -> "RunSummary":
-        """Create the summary from the record of `to_record`.
+        """Create the summary from a record of `to_record`.
 
         Raises:
             ValueError, KeyError, TypeError: the content of the record is not valid.
@@ -186,7 +189,7 @@ def _words(values: Mapping[str, Any]) -> dict[str, str]:
 
 
 def numbers(values: Mapping[str, Any]) -> dict[str, float]:
-    """Entries of a mapping from a file whose values are finite numbers."""
+    """Select the entries whose values are finite numbers from a mapping that was read from a file."""
     known = {name: value for name, value in values.items() if isinstance(value, int | float)}
     return {str(name): value for name, value in known.items() if np.isfinite(value)}
 
@@ -202,7 +205,11 @@ def plain(value: Any) -> Any:
 
 
 def rig_toml(rig: Rig) -> str:
-    """Convert a rig to TOML: the text of its file if it is unchanged, otherwise its values."""
+    """Convert a rig to TOML.
+
+    The result is the text of the rig file if the file is unchanged. Otherwise it is generated from the values of the
+    rig.
+    """
     if rig.path is not None and rig.path.is_file():
         content = rig.path.read_bytes()
         if hashlib.sha256(content).hexdigest() == rig.sha256:

@@ -1,4 +1,4 @@
-"""Read a run file, complete or damaged, as a `Run`."""
+"""Read a complete or damaged run file as a `Run`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,16 +26,18 @@ _SAME_FRAME = ("name", "L1", "g")
 def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> Run:
     """Read a run.
 
-    t = (tick - release tick) / rate, or the time column of an imported table. The angles are computed from the counts
-    with the encoders of the rig stored in the file. A rod may have been raised in either direction. Therefore full
-    turns are removed from theta1 and theta2, so that each rod lies within pi of the requested pose at the release.
+    The time is t = (tick - release tick) / rate; for an imported table, it is the time column. The angles are computed
+    from the counts with the encoders of the rig stored in the file. A rod may have been raised in either direction.
+    Therefore full turns are removed from theta1 and theta2, so that each rod lies within pi of the requested pose at
+    the release.
 
-    If the file was cut or damaged, the samples before the damage are returned, with `complete` False and a note.
+    If the file was cut or damaged, the samples before the damage are returned. The run then has `complete` False and a
+    note.
 
     Args:
         path: the run file
         rig: the rig to which the run should belong; name, encoders, L1 and g are compared, parameters are not
-        verify: compare the file with the hash that was written when the file was finished
+        verify: whether to compare the file with the hash that was written when the file was finished
 
     Raises:
         RunError: the file is not a run, is not readable, has no release, was changed after the recording, or belongs to
@@ -99,7 +101,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Fields of a `Run` that are set only for imported tables, such as `keep_rest` and `film_noise`."""
+    """Return the fields of a `Run` that are set only for imported tables, for example `keep_rest` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
     options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
@@ -129,7 +131,7 @@ def _object(text: str) -> dict[str, Any]:
 
 
 def released(run: Run) -> Run:
-    """Part of an imported run between the start of the motion and the end of the swing.
+    """Return the part of an imported run from the start of the motion to the end of the swing.
 
     If this part cannot be determined, the whole run is returned. `refuse_held` then raises an error with the reason.
     """
@@ -151,9 +153,9 @@ def released(run: Run) -> Run:
 
 
 def _torques(samples: Samples) -> tuple[Array | None, Array | None]:
-    """Torques (n, 2) and commanded torques (n, 2) of the samples, N m.
+    """Return torques (n, 2) and commanded torques (n, 2) of the samples, N m.
 
-    The first is None without drives. The second is None unless both kinds are known.
+    The torques are None if there are no drives. The commanded torques are None unless both kinds are known.
     """
     if not any(torques.any() for torques in samples.torques):
         return None, None
@@ -162,12 +164,13 @@ def _torques(samples: Samples) -> tuple[Array | None, Array | None]:
 
 
 def arm_mode(stored: Scan) -> ArmMode:
-    """Mode of the arm as stated by the run, otherwise by its rig.
+    """Return the mode of the arm that the run states, or otherwise the mode in its rig.
 
-    A driven arm whose run states no mode counts as prescribed, because a device may send only its angle.
+    If the rig has a driven arm and the run states no mode, the arm counts as prescribed. A device may send only the
+    angle of the arm.
 
     Raises:
-        RunError: an unknown mode.
+        RunError: the mode is unknown.
     """
     of_rig = stored.metadata.rig.arm.mode
     stated = stored.metadata.extra.get("arm", "prescribed" if of_rig == "driven" else of_rig)
@@ -178,10 +181,10 @@ def arm_mode(stored: Scan) -> ArmMode:
 
 
 def inner_mode(stored: Scan) -> str:
-    """Mode of the inner rod as stated by the run, otherwise by its rig.
+    """Return the mode of the inner rod that the run states, or otherwise the mode in its rig.
 
     Raises:
-        RunError: an unknown mode.
+        RunError: the mode is unknown.
     """
     stated = str(stored.metadata.extra.get("inner", stored.metadata.rig.joints.inner))
     if stated not in get_args(InnerMode):
@@ -192,7 +195,7 @@ def inner_mode(stored: Scan) -> str:
 
 
 def _delay(stored: Scan) -> float:
-    """Read the stored delay from the logged to the acting torque, s.
+    """Read the stored delay between logging and action of a torque, s.
 
     The stored value is checked, because it is text.
     """
@@ -206,13 +209,16 @@ def _delay(stored: Scan) -> float:
 
 
 def clock_of(stored: Scan) -> dict[str, float]:
-    """Clock fit at the end of a run, otherwise the last fit during the recording; empty if there is none."""
+    """Return the clock fit at the end of a run, otherwise the last fit during the recording.
+
+    The result is empty if there is no fit.
+    """
     clock = stored.summary.clock if stored.summary is not None and stored.summary.clock else stored.newest_clock
     return numbers(clock)
 
 
 def stored_rig(path: Path | str) -> Rig:
-    """Rig stored in a run file.
+    """Return the rig that is stored in a run file.
 
     Raises:
         RunError: the file is not a run.
@@ -221,7 +227,10 @@ def stored_rig(path: Path | str) -> Rig:
 
 
 def lost_by_gaps(stored: Scan, samples: Samples) -> dict[str, int]:
-    """Number of lost samples by cause, computed only from the ticks, for a file without an end record."""
+    """Count lost samples from the ticks alone, for a file without an end record.
+
+    The result contains the number of lost samples by cause.
+    """
     return {"tick_gap": samples.missing} if stored.metadata.time_source == "ticks" else {}
 
 
@@ -239,7 +248,7 @@ def _time(stored: Scan, samples: Samples) -> Array:
 
 
 def release_row(release: int | None, ticks: Integers) -> int:
-    """Row of an imported table at which the rods were released.
+    """Return the row of an imported table at which the rods were released.
 
     The result is the first row if the file contains no release, or a tick that is not in the table.
     """
@@ -248,10 +257,10 @@ def release_row(release: int | None, ticks: Integers) -> int:
 
 
 def full_turns(rig: Rig, pose: str | None, t: Array, theta: Array) -> Array:
-    """Whole turns (3,) to subtract from the angles, rad, so that each rod lies within pi of the pose at t = 0.
+    """Return the full turns (3,), rad, that must be subtracted from the angles.
 
-    The result is zero if the run has no pose. Whole turns between recordings are then kept, because they may show a
-    wrong number of counts per turn.
+    After subtraction, each rod lies within pi of the pose at t = 0. The result is zero if the run has no pose. Full
+    turns between recordings are then kept, because they may indicate a wrong number of counts per turn.
     """
     turns = np.zeros(3)
     if pose is not None:
@@ -291,7 +300,7 @@ def _what_happened(stored: Scan) -> list[str]:
 
 
 def _degraded(stored: Scan) -> list[str]:
-    """Note if the quality gate marked the recording as degraded; otherwise empty."""
+    """Return a note if the quality gate marked the recording as degraded; otherwise an empty list."""
     gate = stored.summary.gate if stored.summary is not None else ""
     return [f"the quality gate marked this recording as {gate}"] if gate.startswith("degraded") else []
 

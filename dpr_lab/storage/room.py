@@ -8,7 +8,9 @@ from dpr_lab.errors import RunError
 
 
 def check_room(folder: Path, samples: float, bytes_a_sample: int = 128) -> None:
-    """Check that a recording of a given number of samples fits on the disk. The folder is created if needed.
+    """Check that a recording of a given number of samples fits on the disk.
+
+    The folder is created if needed.
 
     Args:
         folder: folder of the run file and of the spool

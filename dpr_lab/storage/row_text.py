@@ -1,6 +1,6 @@
-"""Samples as JSON of fixed width.
+"""Write and read samples as JSON of fixed width.
 
-They are written and read as arrays of bytes, without a Python call for each row.
+The samples are written and read as arrays of bytes, without a Python call for each row.
 
 Within a block, each number has the same number of characters in every row. Shorter numbers are preceded by blanks,
 which JSON allows, so any JSON reader can read these messages. A block in which a number needs more digits is written
@@ -42,7 +42,7 @@ _HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("numbe
 
 
 def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
-    """MCAP message records (n, 31 + w) for log times (n,), ns, and texts (n, w)."""
+    """Create MCAP message records (n, 31 + w) from log times (n,), ns, and texts (n, w)."""
     head = np.zeros(len(texts), dtype=_HEAD)
     head["kind"], head["length"] = Opcode.MESSAGE, _HEAD.itemsize - 9 + texts.shape[1]
     head["channel"], head["log"] = channel, log_ns[:, None]
@@ -50,7 +50,10 @@ def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
 
 
 def message_texts(records: bytes) -> tuple[int, Bytes] | None:
-    """Channel and texts (n, w) of records written by `message_records`; None for other records."""
+    """Return the channel and the texts (n, w) of records that `message_records` has written.
+
+    None for other records.
+    """
     if len(records) < _HEAD.itemsize:
         return None
     first = np.frombuffer(records, dtype=_HEAD, count=1)
@@ -71,7 +74,7 @@ def sample_texts(
     counts: Integers | None,
     torques: Array,
 ) -> Bytes | None:
-    """JSON texts (n, w) of samples; None if a number cannot be written with fixed width.
+    """Return the JSON texts (n, w) of samples, or None if a number cannot be written with fixed width.
 
     Args:
         tick: (n,)
@@ -95,7 +98,10 @@ def sample_texts(
 
 
 def _decimals(values: Integers | Array) -> Bytes | None:
-    """Decimal texts (n, w) of numbers (n,), with leading blanks; None if no tried number of decimals is exact."""
+    """Convert numbers (n,) to decimal texts (n, w) with leading blanks.
+
+    The result is None if no tried number of decimals is exact.
+    """
     if values.dtype == np.int64:
         return _fixed(values.astype(np.int64), 0) if np.abs(values).max() < SETTINGS.largest else None
     for decimals in SETTINGS.decimals:
@@ -108,7 +114,7 @@ def _decimals(values: Integers | Array) -> Bytes | None:
 
 
 def _fixed(scaled: Integers, decimals: int) -> Bytes:
-    """Texts (n, w) of integers (n,), with a decimal point before the last `decimals` digits."""
+    """Convert integers (n,) to texts (n, w) with a decimal point before the last `decimals` digits."""
     size = np.abs(scaled)
     digits = max(len(str(size.max())), decimals + 1)
     quads = [_QUADS[size // 10**power % 10_000] for power in reversed(range(0, digits, 4))]
@@ -141,7 +147,7 @@ _SAMPLE = re.compile(
 
 
 def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
-    """Numbers in the texts (n, w) of `sample_texts`: tick, t, counts, theta and torques, each column (n,).
+    """Parse the texts (n, w) of `sample_texts` to columns (n,): tick, t, counts, theta and torques.
 
     A column is None if the texts do not contain it. The result is None if the texts are not from `sample_texts`.
     """
@@ -160,14 +166,17 @@ def sample_columns(texts: Bytes) -> list[Array | Integers | None] | None:
 
 
 def _with_blanks(row: Bytes, start: int, stop: int) -> tuple[int, int]:
-    """Position of a number including its leading blanks; (-1, -1) if the number is missing."""
+    """Return the position of a number including its leading blanks; (-1, -1) if the number is missing."""
     while start > 0 and row[start - 1] == _BLANK:
         start -= 1
     return start, stop
 
 
 def _numbers(texts: Bytes) -> Array | Integers | None:
-    """Numbers (n,) of texts (n, w) whose decimal points are all in the same place; None for other texts."""
+    """Parse texts (n, w) as numbers (n,) if the decimal point is at the same position in all texts.
+
+    The result is None for other texts.
+    """
     points = np.flatnonzero(texts[0] == _POINT)
     decimals = texts.shape[1] - 1 - int(points[0]) if len(points) else 0
     if len(points) and not (texts[:, points[0]] == _POINT).all():

@@ -1,4 +1,4 @@
-"""Conversion of the messages of a run file to arrays, chunk by chunk; their content is not trusted."""
+"""Convert the messages of a run file to arrays, chunk by chunk; their content is not trusted."""
 
 import json
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ class Samples:
 
     @property
     def missing(self) -> int:
-        """Number of missing ticks between the first and the last."""
+        """Number of ticks between the first and the last sample that have no sample."""
         return int(self.ticks[-1] - self.ticks[0]) + 1 - len(self.ticks) if len(self.ticks) else 0
 
 
@@ -53,10 +53,10 @@ def _decoded(rows: list[dict[str, Any]]) -> Samples:
 
 
 def json_object(data: bytes) -> dict[str, Any]:
-    """JSON content of a message.
+    """Parse the content of a message as a JSON object.
 
     Raises:
-        STRANGE: the content is not JSON, or not an object.
+        STRANGE: the content is not JSON, or is not an object.
     """
     read = json.loads(data)
     if not isinstance(read, dict):
@@ -66,7 +66,7 @@ def json_object(data: bytes) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class Gathered:
-    """Collector of the numbers in the messages of a file, stored as arrays to save memory."""
+    """Collector of the numbers in the messages of a file; the numbers are stored as arrays to save memory."""
 
     release_tick: int | None = None
     """Tick of the first valid release."""
@@ -94,7 +94,10 @@ class Gathered:
             self.strange_event = str(error) or type(error).__name__
 
     def take_rows(self, texts: NDArray[np.uint8]) -> bool:
-        """Add samples given as texts (n, w) of fixed width. For other texts, add nothing and return False."""
+        """Add samples that are given as texts (n, w) of fixed width.
+
+        For other texts, add nothing and return False.
+        """
         if self.strange_sample:
             return True
         columns = sample_columns(texts)
@@ -141,7 +144,7 @@ class Gathered:
 
 
 def _stacked(columns: Sequence[NDArray[Any] | None]) -> NDArray[Any] | None:
-    """Stack k columns to an array (n, k); None if the columns are missing."""
+    """Stack k columns to an array (n, k); return None if the columns are missing."""
     present = [column for column in columns if column is not None]
     return np.column_stack(present) if present else None
 

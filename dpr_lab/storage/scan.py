@@ -1,7 +1,7 @@
-"""Read a run file up to its end or first damage; its content is not trusted.
+"""Read a run file up to its end or to the first damage; its content is not trusted.
 
 The indexed reader of the MCAP library needs a complete file. This reader reads the records in order and stops at the
-first inconsistent one. Every chunk has a CRC, the two essential records have a digest, and the rig has a hash. Every
+first inconsistent record. Every chunk has a CRC, the two essential records have a digest, and the rig has a hash. Every
 length in the file is compared with `LIMITS`.
 """
 
@@ -87,7 +87,7 @@ class Scan:
 
     @property
     def release_tick(self) -> int | None:
-        """Tick of the release, from the end record; without an end record, from the event.
+        """Tick of the release from the end record; without an end record, from the event of the release.
 
         Raises:
             RunError: an event does not have the layout of a run.
@@ -100,7 +100,7 @@ class Scan:
 
     @property
     def newest_clock(self) -> dict[str, Any]:
-        """Last clock fit written during the recording; empty if there is none.
+        """Last clock fit that was written during the recording; empty if there is none.
 
         Raises:
             RunError: the message does not have the layout of a run file.
@@ -111,7 +111,7 @@ class Scan:
             raise RunError(f"{self.path}: {CLOCK} does not have the layout of a run: {error}") from error
 
     def samples(self) -> Samples:
-        """Samples of the run.
+        """Return the samples of the run.
 
         Raises:
             RunError: the channel has other content, or its ticks do not increase.
@@ -132,7 +132,9 @@ class _Room:
     left: int = LIMITS.surplus_bytes
 
     def take(self, packed: int, expanded: int) -> None:
-        """Check the unpacked size of a chunk and subtract it from the budget, before the chunk is unpacked.
+        """Check the unpacked size of a chunk, and subtract it from the budget.
+
+        The chunk is unpacked afterwards.
 
         Raises:
             McapError: the chunk, or all chunks together, exceed the limits.
@@ -156,10 +158,10 @@ class _Collected:
 
 
 def scan(path: Path) -> Scan:
-    """Read a run file as far as it is valid.
+    """Read a run file up to its end or to the first damage.
 
     Raises:
-        RunError: the file is missing, empty, not MCAP, an MCAP of another tool, or damaged before its first sample.
+        RunError: the file is missing, empty, not MCAP, of another tool, or damaged before its first sample.
     """
     collected = _Collected()
     with mapped(path) as file:
@@ -185,7 +187,7 @@ def scan(path: Path) -> Scan:
 
 
 def stored_messages(path: Path) -> Generator[Stored]:
-    """The messages of a run file in file order, chunk by chunk, up to its end or first damage."""
+    """Yield the messages of a run file in file order, up to its end or to the first damage."""
     topics: dict[int, str] = {}
     room = _Room()
     with mapped(path) as file:
@@ -199,7 +201,10 @@ def stored_messages(path: Path) -> Generator[Stored]:
 
 
 def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, int | None]:
-    """End record of the run, reason of an early end, and number of samples that the end record states."""
+    """Return the end record of the run, the reason for an early end, and the number of samples.
+
+    The number of samples is that of the end record.
+    """
     end = collected.records.get(END)
     if end is None:
         return None, "", None
@@ -233,7 +238,7 @@ def mapped(path: Path) -> Iterator[mmap.mmap]:
 
 
 def _until_hole(file: BinaryIO) -> int:
-    """Number of bytes of a file before its first hole; the whole size if it has none."""
+    """Return the number of bytes of a file before its first hole, or the whole size if the file has no hole."""
     if not hasattr(os, "SEEK_HOLE"):
         return os.fstat(file.fileno()).st_size
     try:
@@ -245,7 +250,7 @@ def _until_hole(file: BinaryIO) -> int:
 class _Reader(StreamReader):
     """Stream reader that skips the message index of each chunk.
 
-    The index is not needed, and reading it takes more time than reading the messages.
+    The index is not needed, and reading the index takes more time than reading the messages.
     """
 
     def _read_record(self, opcode: int, length: int) -> McapRecord | None:
@@ -258,7 +263,10 @@ def _reader(file: mmap.mmap) -> StreamReader:
 
 
 def _collect(file: mmap.mmap, collected: _Collected) -> str:
-    """Collect the records of a file in order and return the damage that ended the reading, or an empty text."""
+    """Collect the records of a file in order, and return a description of the damage at which the reading ended.
+
+    The description is empty if the file is complete.
+    """
     reader = _reader(file)
     try:
         for record in reader.records:
@@ -269,7 +277,10 @@ def _collect(file: mmap.mmap, collected: _Collected) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """Reason for the damage, in brackets, if this package raised the error. Messages of libraries are omitted."""
+    """Return the reason for the damage, in brackets, if this package or a checksum detected it.
+
+    Messages of libraries are omitted.
+    """
     if type(error) is McapError and str(error):
         return f" ({error})"
     if isinstance(error, CRCValidationError):
@@ -319,7 +330,7 @@ def _expanded(chunk: Chunk, room: _Room) -> bytes:
 
 
 def _take_rows(content: bytes, collected: _Collected) -> bool:
-    """Collect the samples of a chunk if all its rows have the same width. Return False for other chunks."""
+    """Collect the samples of a chunk in which all rows have the same width; return False for other chunks."""
     rows = message_texts(content)
     if rows is None or collected.topics.get(rows[0]) != SAMPLES:
         return False
@@ -327,7 +338,7 @@ def _take_rows(content: bytes, collected: _Collected) -> bool:
 
 
 def _messages(chunk: Chunk, content: bytes, topics: dict[int, str]) -> list[Stored]:
-    """Messages of an unpacked chunk."""
+    """Return the messages of an unpacked chunk."""
     records = breakup_chunk(replace(chunk, compression="", data=content))
     topics.update({record.id: record.topic for record in records if isinstance(record, Channel)})
     messages = [record for record in records if isinstance(record, Message)]

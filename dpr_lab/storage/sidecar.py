@@ -1,4 +1,4 @@
-"""Hash file and note file of a run.
+"""Write and read the hash file and the note file of a run.
 
 `<file>.sha256` contains the hash of the run, in the format of `sha256sum -c`. `<file>.note` contains a note that the
 operator wrote after the recording. The run file itself never changes.
@@ -15,7 +15,7 @@ LONGEST_NOTE = 10_000
 
 
 def sidecar_of(path: Path) -> Path:
-    """Path of the file with the hash of a run."""
+    """Return the path of the file that contains the hash of a run."""
     return path.with_name(path.name + ".sha256")
 
 
@@ -30,9 +30,10 @@ def write_sidecar(path: Path, content: Path | None = None) -> None:
 
 
 def read_sidecar(path: Path) -> str | None:
-    """Read the hash that was written when the run was finished, in lower-case hexadecimal.
+    """Read the hash of a run, in lower-case hexadecimal; it was written when the run was finished.
 
-    None if the hash file is missing or empty. It is empty if the computer lost power while it was written.
+    The result is None if the hash file is missing or empty. The file is empty if the computer lost power while the hash
+    was written.
     """
     try:
         words = regular(sidecar_of(path), RunError).read_text(encoding="utf-8", errors="replace").split()
@@ -42,7 +43,7 @@ def read_sidecar(path: Path) -> str | None:
 
 
 def note_of(path: Path) -> Path:
-    """Path of the file with a note that was written after the recording."""
+    """Return the path of the file that contains a note written after the recording."""
     return path.with_name(path.name + ".note")
 
 
@@ -58,7 +59,7 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """Read the note on a run: from the note file, otherwise the note of the recording."""
+    """Read the note on a run from the note file; without a note file, return the note of the recording."""
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

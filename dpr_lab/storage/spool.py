@@ -1,4 +1,4 @@
-"""Temporary file with the samples of the current recording, so that memory does not grow with its length."""
+"""Store the samples of the current recording in a temporary file, so that memory does not grow with its length."""
 
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -13,7 +13,9 @@ _ROW = np.dtype((np.int64, (1 + JOINTS,)))
 
 
 class Spool:
-    """Ticks and counts in order of arrival, in an unnamed file that is deleted at the end of the context.
+    """Ticks and counts in order of arrival, in an unnamed temporary file.
+
+    The file is deleted at the end of the context.
 
     Args:
         folder: folder of the temporary file, which takes 32 bytes per sample
@@ -52,7 +54,7 @@ class Spool:
 
     @property
     def missing(self) -> int:
-        """Number of missing ticks between the first and the last."""
+        """Number of ticks between the first and the last sample that have no sample."""
         return self._last_tick - self._first_tick + 1 - self._used if self._used else 0
 
     def extend(self, ticks: Integers, counts: Integers) -> None:
@@ -70,11 +72,17 @@ class Spool:
         self._used += len(ticks)
 
     def newest(self, count: int) -> tuple[Integers, Integers]:
-        """Ticks (n,) and counts (n, 3) of the last `count` samples, or of all if there are fewer."""
+        """Return the ticks (n,) and counts (n, 3) of the last `count` samples.
+
+        If there are fewer samples, all samples are returned.
+        """
         return self._read(max(0, self._used - count), self._used)
 
     def oldest(self, count: int) -> tuple[Integers, Integers]:
-        """Ticks (n,) and counts (n, 3) of the first `count` samples, or of all if there are fewer."""
+        """Return the ticks (n,) and counts (n, 3) of the first `count` samples.
+
+        If there are fewer samples, all samples are returned.
+        """
         return self._read(0, min(count, self._used))
 
     def _read(self, start: int, stop: int) -> tuple[Integers, Integers]:

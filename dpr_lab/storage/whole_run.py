@@ -19,7 +19,7 @@ from dpr_lab.storage.writer import RunWriter
 
 @dataclass(frozen=True, slots=True)
 class PartSettings:
-    """Limits for unfinished files of processes that were killed."""
+    """Limits for unfinished files that killed processes have left."""
 
     stale_s: float = 600.0
     """Age after which an unfinished file is removed, s. A running import writes several times per second."""
@@ -31,7 +31,7 @@ _PART = re.compile(r".+\.mcap\.\d+\.part")
 
 @contextmanager
 def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
-    """Context manager for the writer of a run whose content is already in another file.
+    """Provide a context with a writer for a run whose content is already in another file.
 
     The writer writes to `NAME.mcap.PROCESS.part` in the same folder. The file is renamed at the end. Unfinished files
     of killed processes are removed.

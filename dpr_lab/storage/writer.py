@@ -49,7 +49,7 @@ from dpr_lab.storage.sidecar import write_sidecar
 
 @dataclass(frozen=True, slots=True)
 class WriterSettings:
-    """Timing of the writer, sizes of its blocks, and resolution of angles."""
+    """Settings of the writer: timing, sizes of blocks, and resolution of angles."""
 
     flush_s: float = 0.2
     """Maximum age of a chunk before it is passed to the operating system, s. The age is checked at each call, every 50
@@ -76,18 +76,18 @@ SETTINGS = WriterSettings()
 class RunWriter:
     """Append-only writer of one run file; a context manager for use from a single thread.
 
-    The file has its final name from the start, unless `part` is given. Leaving the `with` block without `finish`, or by
-    an exception, closes it as an incomplete run. Call any method (or `flush`) at least every 50 ms, so that no sample
-    waits in memory for longer than 250 ms.
+    The file has its final name from the start, unless `part` is given. If the `with` block is left without `finish` or
+    by an exception, the file is closed as an incomplete run. Call any method (or `flush`) at least every 50 ms, so that
+    no sample waits in memory for longer than 250 ms.
 
     Args:
         path: file to create; its folder is created if missing
         metadata: origin of the run
-        now: monotonic time in seconds, for the age of a chunk
-        part: path to write to instead; the caller renames this file and writes its hash
+        now: function that returns a monotonic time, s, for the age of a chunk
+        part: path that is written instead of `path`; the caller renames this file and writes its hash
 
     Raises:
-        RunError: the file exists already, or cannot be written. Any method raises this error if the disk fails during
+        RunError: the file already exists or cannot be written. Any method raises this error if the disk fails during
         the recording; the data written before are kept and can be recovered.
     """
 
@@ -135,13 +135,15 @@ class RunWriter:
     def table(
         self, t: ArrayLike, theta: ArrayLike, counts: ArrayLike | None = None, torques: ArrayLike | None = None
     ) -> None:
-        """Append rows of an imported table, which has its own times. The tick of a row is the row number.
+        """Append rows of an imported table, which has its own times.
+
+        The tick of a row is the row number.
 
         Args:
-            t: (n,) time since the table's first row, s, not negative
+            t: (n,) time since the first row of the table, s, not negative
             theta: (n, 3) absolute angles, rad
             counts: (n, 3) position counts, if the table contains them
-            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, if the joints were driven; as in `samples`
+            torques: (kinds, n, 2) known torques of joint 1 and 2, N m, if the joints were driven; order as in `samples`
 
         Raises:
             ValueError: the shapes are wrong, a value is not finite, or the time of the run comes from ticks.
@@ -155,15 +157,15 @@ class RunWriter:
         self._append(tick, rows, angles, count, _by_kind(torques))
 
     def raw(self, host_time_ns: int, data: bytes) -> None:
-        """Append bytes exactly as received from the link."""
+        """Append the bytes that were received from the link."""
         self._add(RAW, self._since_start(host_time_ns), data, host_time_ns)
         self._flush_when_due()
 
     def event(self, host_time_ns: int, kind: str, tick: int | None = None, detail: str = "") -> None:
         """Append an event of the device.
 
-        The kind of a release is `layout.RELEASED`, and its tick is required. Too many events of one kind are not
-        stored; the notes of the run contain their number.
+        The kind of a release is `layout.RELEASED`, and its tick is required. If one kind has too many events, further
+        events are not stored. The notes of the run contain their number.
         """
         if kind != RELEASED and self._is_flood(f"events {kind}"):
             return
@@ -175,16 +177,16 @@ class RunWriter:
         self._add_json(EVENTS, log_time, message, host_time_ns)
 
     def status(self, host_time_ns: int, status: Mapping[str, Any]) -> None:
-        """Append the state and counters of the device, with the keys of the `/status` schema.
+        """Append state and counters of the device, with the keys of the `/status` schema.
 
-        The number of states is limited, as for events.
+        The number of states is limited like the number of events.
         """
         if self._is_flood("states"):
             return
         self._add_json(STATUS, self._since_start(host_time_ns), status, host_time_ns)
 
     def clock(self, host_time_ns: int, fit: Mapping[str, float]) -> None:
-        """Append a fit of device time to host time, as values by name with unit."""
+        """Append a fit of device time to host time; `fit` contains values by name with unit."""
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
     def copy(self, messages: Iterable[Stored]) -> None:
@@ -209,7 +211,7 @@ class RunWriter:
         self._close(self._with_dropped(summary).to_record(self.samples_written))
 
     def abort(self, reason: str, summary: RunSummary | None = None) -> None:
-        """Close the file as an incomplete run with a reason; the recorded data remain readable."""
+        """Close the file as an incomplete run, and store the reason; the recorded data remain readable."""
         summary = self._with_dropped(summary or RunSummary())
         self._close(summary.to_record(self.samples_written, reason or "no reason given"))
 
@@ -228,7 +230,10 @@ class RunWriter:
             self.abort(f"{kind.__name__}: {error}")
 
     def _is_flood(self, kind: str) -> bool:
-        """Count a message and return whether its kind exceeds the limit until the next flush, so that it is dropped."""
+        """Count a message, and check whether its kind exceeds the limit until the next flush.
+
+        Such a message is dropped.
+        """
         self._kept[kind] += 1
         if self._kept[kind] <= SETTINGS.messages_a_chunk:
             return False
@@ -289,7 +294,10 @@ class RunWriter:
         self._flush_when_due()
 
     def _add_rows(self, log_ns: Integers, *rows: Any) -> None:
-        """Append samples: as one block if there are many and all fit a fixed width, otherwise one by one."""
+        """Append samples.
+
+        Many samples are written as one block if all fit a fixed width; otherwise, they are written one by one.
+        """
         channel = self._channels[SAMPLES]
         texts = sample_texts(*rows) if len(log_ns) >= SETTINGS.many_rows else None
         if texts is not None and (np.diff(log_ns) >= 0).all():

@@ -1,12 +1,8 @@
-"""Readers that convert data files to tables. Each format has one module and one entry in `READERS`.
+"""Convert data files to tables; each format has one module and one entry in `READERS`.
 
-arrays        named arrays as the columns of a table, and limits of their size
-points        points tracked in a video (Tracker, DeepLabCut) as angles
-matlab        .mat up to version 7: arrays, structs
-hdf5          HDF5, .mat of version 7.3
-npz           NumPy's .npz and .npy
-parquet       Apache Parquet
-joint_states  sensor_msgs/JointState in MCAP files and ROS 2 bags
+arrays        named arrays as columns of a table; limits of their size points        points tracked in a video (Tracker,
+DeepLabCut) as angles matlab        .mat up to version 7: arrays, structs hdf5          HDF5, .mat of version 7.3 npz
+NumPy's .npz and .npy parquet       Apache Parquet joint_states  sensor_msgs/JointState in MCAP files and ROS 2 bags
 records       JSON: records of a logger, or lists of numbers
 """
 
@@ -31,7 +27,7 @@ from dpr_lab.whole_file import regular
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """File format: its first bytes, and the function that reads it."""
+    """A file format: its first bytes, and the function that reads a file of this format."""
 
     kind: str
     begins: tuple[bytes, ...]
@@ -66,7 +62,7 @@ def read_any(path: Path, take: Sequence[str] = (), on_progress: OnImport = unwat
     Args:
         path: a file, or the folder of a ROS 2 bag
         take: names of the requested parts if a file contains more than one recording (`ImportOptions.take`)
-        on_progress: called after each block of a text
+        on_progress: function that is called after each block of a text
         points: whether columns of x and y in a text are treated as points and converted to angles
 
     Raises:

@@ -1,4 +1,4 @@
-"""Named arrays as the columns of a table."""
+"""Convert named arrays to the columns of a table."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -37,7 +37,7 @@ def refuse_large(path: Path, values: int) -> None:
         values: number of values, declared or counted
 
     Raises:
-        RunError: the file contains more numbers.
+        RunError: the file contains too many numbers.
     """
     most = text_table.LIMITS.values
     if values > most:
@@ -63,13 +63,13 @@ def refuse_swollen(path: Path, size: int) -> None:
 
 
 def most_unpacked(path: Path) -> int:
-    """Maximum unpacked size of a compressed file, bytes."""
+    """Return the maximum unpacked size of a compressed file, bytes."""
     limits = text_table.LIMITS
     return limits.small_bytes + limits.expansion * path.stat().st_size
 
 
 def broken(path: Path, kind: str, error: BaseException) -> RunError:
-    """Create the error for a file that its library cannot read."""
+    """Create the error for a file that the library of its format cannot read."""
     if isinstance(error, MemoryError):
         return RunError(f"{path}: needs more memory than is free on this computer: split it into recordings")
     return RunError(
@@ -82,20 +82,20 @@ def table_of(
 ) -> Table:
     """Convert named arrays to a table.
 
-    A vector becomes one column, a matrix several columns; single numbers are ignored.
+    A vector becomes one column, and a matrix becomes several columns. Single numbers are ignored.
 
     The columns of a matrix are named `NAME[1]`, `NAME[2]`, .... The column of an array `group/name` is named `name` if
-    this is unique in the file.
+    this name is unique in the file.
 
     Args:
         path: the file
         kind: kind of the file
         arrays: arrays of any shape and type; non-numeric arrays are ignored
-        take: names of arrays or groups to read, with their content
+        take: names of the arrays, and of the groups with their content, that are read
         notes: notes for the operator
 
     Raises:
-        RunError: no array of numbers, no array with a requested name, or too many numbers.
+        RunError: there is no array of numbers, no array with a requested name, or too many numbers.
     """
     wanted = _wanted(path, arrays, take)
     columns = dict(_columns(wanted))

@@ -1,10 +1,10 @@
-"""Robust fit of a circle to the path of a tracked point.
+"""Fit a circle to the path of a tracked point, robustly to outliers.
 
 The fit must be robust because the tracker may have followed another object in some frames.
 
-Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k; Rousseeuw
-(1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the least median of distances, then
-least squares for the points near it.
+Sources: Kasa (1976), IEEE Trans. Instrum. Meas. 25, 8-14: least squares of x^2 + y^2 - 2 cx x - 2 cy y - k with the
+centre (cx, cy). Rousseeuw (1984), J. Am. Stat. Assoc. 79, 871-880: the circle through three of the points with the
+least median of distances, then least squares for the points near this circle.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from dpr_lab.arrays import Array, Flags
 
 @dataclass(frozen=True, slots=True)
 class CircleSettings:
-    """Settings of the robust fit of a circle to tracked points."""
+    """Settings for fitting a circle to tracked points."""
 
     triples: int = 100
     """Number of circles through three random points. If a third of the points are wrong, about 30 of them pass only
@@ -35,7 +35,7 @@ SETTINGS = CircleSettings()
 
 
 def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
-    """Fit a circle to most of the points, robust to outliers.
+    """Fit a circle to most of the points, robustly to outliers.
 
     Returns the centre (2,) and the mask (n,) of the points on the circle, or None if the points lie on a line.
 
@@ -65,13 +65,16 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
 
 
 def _distances(points: Array, centre: Array) -> tuple[Array, float]:
-    """Distances (n,) of points from the circle of median radius about a centre, and this radius."""
+    """Return the distances (n,) of points from a circle, and the radius of the circle.
+
+    The circle has the given centre and the median distance of the points as radius.
+    """
     radii = np.hypot(*(points - centre).T)
     return np.abs(radii - np.median(radii)), float(np.median(radii))
 
 
 def _centre(points: Array) -> Array | None:
-    """Centre (2,) of the least-squares circle through points; None if they lie on a line."""
+    """Return the centre (2,) of the least-squares circle through points, or None if the points lie on a line."""
     if len(points) < 3:
         return None
     centred = points - points.mean(axis=0)

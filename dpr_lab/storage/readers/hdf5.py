@@ -1,4 +1,4 @@
-"""HDF5 files, including MATLAB files of version 7.3, which are HDF5."""
+"""Read HDF5 files, including MATLAB files of version 7.3, which are HDF5."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,10 @@ KIND = "HDF5 file"
 
 @dataclass(frozen=True, slots=True)
 class TreeLimits:
-    """Limits on the number and depth of the groups and data sets of a file. A recording has a few dozen."""
+    """Limits on the number and depth of the groups and data sets of a file.
+
+    The file of a recording contains a few dozen.
+    """
 
     depth: int = 32
     """Maximum nesting depth of groups."""
@@ -30,11 +33,11 @@ LIMITS = TreeLimits()
 
 
 def read_hdf5(path: Path, take: Sequence[str]) -> Table:
-    """Read every numeric data set of an HDF5 file; data sets in other files are refused.
+    """Read every numeric data set of an HDF5 file; refuse data sets that are stored in other files.
 
     Raises:
-        RunError: a damaged file, data in other files, a MATLAB object, too many groups, or more numbers than a
-        recording has.
+        RunError: the file is damaged, its data are in other files, or it contains a MATLAB object, too many groups, or
+            more numbers than a recording.
         DprError: h5py is not installed.
     """
     with extra("hdf5"):
@@ -60,7 +63,7 @@ def read_hdf5(path: Path, take: Sequence[str]) -> Table:
 
 
 def _objects(path: Path, file: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the groups and data sets of a file with their names, each once.
+    """Yield each group and data set of a file once, together with its name.
 
     Links to other files are not followed. Internal groups of MATLAB, whose names begin with `#`, are skipped.
     """

@@ -1,4 +1,4 @@
-"""`sensor_msgs/JointState` in MCAP files and in the folders of ROS 2 bags; no ROS is needed."""
+"""Read `sensor_msgs/JointState` from MCAP files and from the folders of ROS 2 bags; ROS is not needed."""
 
 import re
 import sqlite3
@@ -59,12 +59,15 @@ def read_mcap(path: Path, take: Sequence[str]) -> Table:
 
 
 def read_sqlite(path: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of the `.db3` file of a bag. Arguments and errors are those of `read_mcap`."""
+    """Read the joint positions of the `.db3` file of a bag.
+
+    Arguments and errors are those of `read_mcap`.
+    """
     return _table(path, KIND, lambda: _sqlite_messages(path), take)
 
 
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of a ROS 2 bag, a folder with `metadata.yaml`.
+    """Read the joint positions of a ROS 2 bag, which is a folder with `metadata.yaml`.
 
     The argument `take` and the errors are those of `read_mcap`.
     """
@@ -105,7 +108,7 @@ def _table(path: Path, kind: str, messages: Callable[[], Iterable[Stamped]], tak
 
 @cache
 def _decoder() -> Callable[[bytes], Any]:
-    """Decoder of a JointState from CDR.
+    """Return a function that decodes a JointState from CDR.
 
     Raises:
         DprError: mcap-ros2-support is not installed.
@@ -122,7 +125,10 @@ def _decoder() -> Callable[[bytes], Any]:
 def _gathered(
     path: Path, messages: Iterable[Stamped], take: Sequence[str]
 ) -> tuple[list[int], list[str], list[dict[int, float]], str]:
-    """Collect times, ns, joint names, positions by joint, and the topic, from all messages on the JointState topic."""
+    """Collect the content of all messages on the JointState topic.
+
+    The result contains the times, ns, the names of the joints, the positions by joint for each message, and the topic.
+    """
     logged: list[int] = []
     stamped: list[int] = []
     joints: dict[str, int] = {}
@@ -192,7 +198,7 @@ def _refuse_encoding(path: Path, channel: Channel) -> None:
 
 
 def _expanded(chunk: Chunk) -> Chunk:
-    """Unpack a chunk; its size must not exceed the declared size or the limit."""
+    """Unpack a chunk; its size must not exceed the declared size and the limit."""
     size = chunk.uncompressed_size
     if size > LIMITS.record_bytes:
         raise McapError(f"a chunk that would expand to {size:,} bytes; the maximum is {LIMITS.record_bytes:,}")

@@ -1,4 +1,7 @@
-"""MATLAB files up to version 7: arrays, and structs of arrays. MATLAB objects contain code and are refused."""
+"""Read MATLAB files up to version 7: arrays and structs of arrays.
+
+MATLAB objects contain code and are refused.
+"""
 
 import struct
 import zlib
@@ -57,9 +60,9 @@ def _most_bytes() -> int:
 
 
 def _parts(path: Path, content: bytes) -> Iterator[bytes]:
-    """Split a MATLAB file into one uncompressed file per element. Declared sizes are not trusted.
+    """Split a MATLAB file into one uncompressed file for each element.
 
-    Only one element at a time, and the numbers read so far, are held in memory.
+    Declared sizes are not trusted. Memory contains only one element at a time and the numbers that are already read.
     """
     order = "<" if content[126:HEADER] == b"IM" else ">"
     total, position = HEADER, HEADER

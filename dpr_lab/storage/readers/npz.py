@@ -1,4 +1,4 @@
-"""NumPy's .npz and .npy files, without pickled objects."""
+"""Read .npz and .npy files of NumPy; files with pickled objects are refused."""
 
 import zipfile
 import zlib

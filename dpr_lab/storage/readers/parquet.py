@@ -1,4 +1,4 @@
-"""Apache Parquet files, read by pyarrow."""
+"""Read Apache Parquet files by pyarrow."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,10 +1,12 @@
-"""Points tracked in a video (Tracker, DeepLabCut, columns of x and y) as the angles of the rods.
+"""Convert points that were tracked in a video to the angles of the rods.
 
-The inner rod is the line from pivot to elbow, the outer rod the line from elbow to tip:
+The points are from Tracker, DeepLabCut, or columns of x and y. The inner rod is the line from pivot to elbow, and the
+outer rod is the line from elbow to tip:
 
-    theta1 = pi + atan2(x1, -y1),  (x1, y1) = elbow - pivot, y upwards;  theta2 likewise from tip - elbow
+    theta1 = pi + atan2(x1, -y1),  (x1, y1) = elbow - pivot
+    theta2 = pi + atan2(x2, -y2),  (x2, y2) = tip - elbow
 
-A table with one moving point contains a single rod, from the pivot to this point.
+where y points upwards. A table with one moving point contains a single rod, from the pivot to this point.
 """
 
 import re
@@ -88,7 +90,7 @@ class _Point:
 
 
 def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched, *, points: bool = True) -> Table:
-    """Read a text table; a table of points is converted to angles, unless `points` is false.
+    """Read a text table; convert a table of points to angles, unless `points` is false.
 
     Raises:
         RunError: as `dpr_lab.storage.tables.table.read_table`, or points that are not the ends of two rods.
@@ -106,9 +108,10 @@ def read_text(path: Path, take: Sequence[str], on_progress: OnImport = unwatched
 
 
 def _with_names(table: Table) -> Table:
-    """Name the columns of a table without header if they are the ends of rods of constant length: t, x1, y1, x2, ...
+    """Name the columns of a table without header if they contain the ends of rods of constant length.
 
-    Angles and speeds of rods are not mistaken for points, because they do not have a constant distance.
+    The names are t, x1, y1, x2, ... Angles and speeds of rods are not mistaken for points, because they do not have a
+    constant distance.
     """
     timed = len(table.names) % 2
     xy = range(timed, len(table.names), 2)
@@ -127,7 +130,7 @@ def _with_names(table: Table) -> Table:
 
 
 def _points(table: Table) -> tuple[str, list[_Point]]:
-    """Kind of the table, and the points in it."""
+    """Return the kind of the table and the points that the table contains."""
     rows = {row[0].lower(): row for row in table.heading if row and len(row) == len(table.names)}
     if "bodyparts" in rows and "coords" in rows:
         columns = zip(rows["bodyparts"], (coord.lower() for coord in rows["coords"]), strict=True)
@@ -155,7 +158,7 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
 
 
 def _coordinate(name: str) -> tuple[str, str]:
-    """Point and axis named by a column of coordinates; two empty texts for other columns."""
+    """Return the point and the axis that the name of a column states; two empty texts for other columns."""
     if match := _IN_WORDS.fullmatch(name):
         return match["point"].lower(), match["axis"].lower()
     match = _BY_NAME.fullmatch(name)
@@ -163,9 +166,9 @@ def _coordinate(name: str) -> tuple[str, str]:
 
 
 def _groups(table: Table) -> list[str]:
-    """Name of the point for each column of a Tracker table.
+    """Return the name of the point for each column of a Tracker table.
 
-    The row above the header has this name above the first column of the point.
+    In the row above the header, the name of a point is above the first column of the point.
     """
     above = [row for row in table.heading if row != table.names and any(row)]
     row = (above[-1] if above else ()) + ("",) * len(table.names)
@@ -252,9 +255,10 @@ def _angles(table: Table, points: list[_Point], take: Sequence[str]) -> Table:
 
 
 def _repeats(ends: list[_Point]) -> Flags:
-    """Flags (n,) of frames that repeat the previous frame, apart from tracking noise; all False if there are few.
+    """Detect frames that repeat the previous frame, apart from tracking noise.
 
-    The points hardly move in such a frame, although they move in the same direction before and after it.
+    In a repeated frame, the points hardly move, although they move in the same direction before and after this frame.
+    The result is a mask (n,) of the frames; it is all False if few frames are repeated.
     """
     steps = np.diff(np.concatenate([end.at for end in ends], axis=1), axis=0)
     sizes = np.sqrt((steps**2).sum(axis=1))
@@ -267,11 +271,11 @@ def _repeats(ends: list[_Point]) -> Flags:
 
 
 def _interpolated(ends: list[_Point]) -> Flags:
-    """Flags (n,) of frames in which a moving point is interpolated linearly between other frames.
+    """Detect frames in which a moving point is interpolated linearly between other frames.
 
-    Both coordinates of the point have equal steps before and after such a frame, to the last digits. Points that are
-    tracked to a whole pixel and then scaled have some such frames by chance. Their expected number is computed as if
-    the coordinates were independent.
+    The result is a mask (n,) of the frames. Both coordinates of the point have equal steps before and after such a
+    frame, to the last digits. Points that are tracked to a whole pixel and then scaled have some such frames by chance.
+    The expected number of these frames is computed as if the coordinates were independent.
     """
     unreal = np.zeros(len(ends[0].at), dtype=np.bool_)
     for end in ends:
@@ -293,10 +297,10 @@ def _interpolated(ends: list[_Point]) -> Flags:
 
 
 def _upside_down(rods: list[Array]) -> bool:
-    """Whether the y axis of the table points downwards, according to the motion of the points.
+    """Check, from the motion of the points, whether the y axis of the table points downwards.
 
     Falling points become faster. If y points upwards, the increments of squared speed and of height of the rods' ends
-    are therefore negatively correlated over intervals in which friction is negligible. This also holds for rods that
+    are therefore negatively correlated over intervals in which friction is negligible. This is also true for rods that
     swing from near upright or turn over. Noise hides the correlation over short intervals, and the exchange of energy
     between the rods hides it over some longer ones. The interval with the largest correlation is therefore used. Points
     that do not move are assumed to hang.
@@ -309,7 +313,7 @@ def _upside_down(rods: list[Array]) -> bool:
 
 
 def _falling(points: Array, lag: int) -> float:
-    """Correlation of the increments of squared speed and of height over an interval of `lag` frames."""
+    """Compute the correlation of the increments of squared speed and of height over `lag` frames."""
     half = max(1, lag // SETTINGS.frames_of_speed)
     speed2 = ((points[:, 2 * half :] - points[:, : -2 * half]) ** 2).sum(axis=2)
     faster, higher = (values[:, lag:] - values[:, :-lag] for values in (speed2, points[:, half:-half, 1]))
@@ -322,8 +326,8 @@ def _falling(points: Array, lag: int) -> float:
 def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Point]:
     """Select the pivot and the ends of the rods, in this order.
 
-    The points named in `take` are used. If `take` is empty, all points are used: sorted by the numbers at the end of
-    their names, or, without such numbers, in the order of the table. A missing pivot is estimated.
+    The points named in `take` are used. If `take` is empty, all points are used. They are sorted by the numbers at the
+    end of their names; without such numbers, the order of the table is kept. A missing pivot is estimated.
     """
     by_name = {point.name.lower(): point for point in points}
     available = ", ".join(point.name for point in points)
@@ -340,19 +344,22 @@ def _chosen(table: Table, points: list[_Point], take: Sequence[str]) -> list[_Po
 
 
 def _by_number(points: list[_Point]) -> list[_Point]:
-    """Points sorted by the number at the end of their names (m1 before m2), if all names have one."""
+    """Sort points by the number at the end of their names (m1 before m2) if all names have such a number."""
     numbered = all(re.search(r"\d$", point.name) for point in points)
     return sorted(points, key=lambda point: int(re.findall(r"\d+", point.name)[-1])) if numbered else points
 
 
 def _moved(point: _Point) -> float:
-    """Extent of the motion of a point, between the 5 % and 95 % quantiles of its coordinates."""
+    """Return the extent of the motion of a point, between the 5 % and 95 % quantiles of its coordinates."""
     valid = point.at[np.isfinite(point.at).all(axis=1)]
     return float(np.hypot(*np.ptp(np.quantile(valid, [0.05, 0.95], axis=0), axis=0))) if len(valid) else 0.0
 
 
 def _pivot_of(table: Table, end: _Point) -> _Point:
-    """Estimate the pivot of a rod: the origin, or the centre of the circle on which the end of the rod moves."""
+    """Estimate the pivot of a rod.
+
+    The pivot is the origin, or the centre of the circle on which the end of the rod moves.
+    """
     valid = end.at[np.isfinite(end.at).all(axis=1)]
     if len(valid) < 3:
         raise RunError(f"{table.path}: the point {end.name!r} was detected in too few frames")
@@ -367,7 +374,7 @@ def _pivot_of(table: Table, end: _Point) -> _Point:
 
 
 def _direction(rod: Array) -> Array:
-    """(n,) absolute angle of a rod, 0 = upright, pi = hanging, unwrapped, rad."""
+    """Compute the absolute angle (n,) of a rod, unwrapped, rad; 0 = upright, pi = hanging."""
     swung = np.arctan2(rod[:, 0], -rod[:, 1])
     valid = np.isfinite(swung)
     swung[valid] = np.unwrap(swung[valid])

@@ -1,9 +1,9 @@
-"""JSON files: a list of records, one record per line, or lists of numbers of equal length.
+"""Read JSON files: a list of records, one record per line, or lists of numbers of equal length.
 
-Loggers write each sample as a separate object, `{"t": 0.01, "theta1": 3.1}`, in a list or on a line, often together
-with values that describe the recording. The longest list of objects is read as the table. If there is no such list,
-each list of numbers is a column. Numbers within nested objects and lists become columns with the path as name:
-`imu/gyro[1]`.
+Loggers write each sample as a separate object, `{"t": 0.01, "theta1": 3.1}`, in a list or on its own line. Often the
+file also contains values that describe the recording. The longest list of objects is read as the table. If there is no
+such list, each list of numbers is a column. Numbers in nested objects and lists become columns. The name of such a
+column is the path of the number, for example `imu/gyro[1]`.
 """
 
 import json
@@ -56,7 +56,10 @@ def _document(text: str) -> Any:
 
 
 def _lists(name: str, value: Any) -> Iterator[tuple[str, list[Any]]]:
-    """Yield name and content of each list in a document. Lists within lists are not yielded separately."""
+    """Yield name and content of each list in a document.
+
+    Lists within lists are not yielded separately.
+    """
     if isinstance(value, list):
         yield name, value
     elif isinstance(value, Mapping):
@@ -80,7 +83,10 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, float]]:
 
 
 def _array(rows: list[Any]) -> NDArray[Any]:
-    """Convert a list to an array of numbers with NaN for missing values, or to an array of text for other content."""
+    """Convert a list to an array of numbers; missing values become NaN.
+
+    For other content, the result is an array of text.
+    """
     try:
         return np.array(rows, dtype=np.float64)
     except (TypeError, ValueError):

@@ -1,9 +1,9 @@
-"""Noise of tracked angles and tilt of the camera, from the lengths of the rods in a video.
+"""Estimate the noise of tracked angles and the tilt of the camera from the lengths of the rods in a video.
 
 The true length of a rod is constant. The scatter of the distance between its ends in the picture is therefore the noise
-of a tracked point. Divided by the length, it is the noise of the angle in rad. If the camera does not look along the
-joint axes, the length in the picture also varies with the pose (weak perspective). This part is a constant and two
-harmonics of the angles, and is not noise.
+of a tracked point. This noise, divided by the length, is the noise of the angle in rad. If the camera does not look
+along the joint axes, the length in the picture also varies with the pose (weak perspective). This variation is
+described by a constant and two harmonics of the angles. It is not noise.
 
 Source: Hartley & Zisserman (2004), Multiple View Geometry in Computer Vision, section 6.3: affine cameras.
 """
@@ -23,7 +23,7 @@ WANTED = "pivot, elbow and tip (the pivot may be omitted if it does not move); f
 
 @dataclass(frozen=True, slots=True)
 class LengthSettings:
-    """Settings of the analysis of rod lengths."""
+    """Settings for analysing the lengths of rods."""
 
     scatter: float = 0.1
     """Maximum scatter of a rod's length, relative to the length. With a larger scatter the points are not the ends of
@@ -61,7 +61,7 @@ class RodLength:
 
 
 def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
-    """Analyse the length in the picture of the last rod in `rods`.
+    """Analyse the length that the last rod in `rods` has in the picture.
 
     Args:
         path: table of the points
@@ -98,16 +98,16 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
 
 
 def _autocorrelation(values: Array) -> float:
-    """Correlation of neighbouring values; pairs with a NaN are ignored."""
+    """Compute the correlation of adjacent values; pairs with a NaN are ignored."""
     power, products = float(np.nanmean(values**2)), values[1:] * values[:-1]
     return float(np.nanmean(products)) / power if power > 0 and np.isfinite(products).any() else 0.0
 
 
 def _by_pose(rods: Sequence[Array], lengths: Array) -> Array:
-    """Part (n,) of the length of the last rod that depends on the directions of the rods; 0 if not significant.
+    """Compute the part (n,) of the length of the last rod that depends on the directions of the rods.
 
-    Two harmonics of each direction are fitted by least squares. The effective number of n errors with autocorrelation r
-    is n (1 - r) / (1 + r).
+    The result is 0 if this part is not significant. Two harmonics of each direction are fitted by least squares. n
+    errors with autocorrelation r have the effective number n (1 - r) / (1 + r).
     """
     angles = np.arctan2(*np.stack(rods).transpose(2, 0, 1))
     harmonics = [wave(k * angle) for angle in angles for k in (1, 2) for wave in (np.cos, np.sin)]

@@ -1,1 +1,1 @@
-"""Tables of other loggers: reading of numbers, interpretation of columns, checks of plausibility."""
+"""Read tables of other loggers: parse numbers, interpret columns, and check plausibility."""

@@ -1,4 +1,4 @@
-"""Columns of known inputs: torques of the joints, the input of a driven arm, or the motion of a cart."""
+"""Find columns of known inputs: torques of the joints, the input of a driven arm, or the motion of a cart."""
 
 import math
 import re
@@ -75,9 +75,9 @@ class KnownInputs:
     """Number of mounted rods."""
 
     def torques(self, columns: Mapping[str, Array], t: Array, rows: NDArray[np.intp]) -> dict[str, Array]:
-        """Inputs (k, 2) of the kept rows (k,) for each kind, SI units, from all rows of the columns.
+        """Convert the columns to inputs (k, 2) of the kept rows (k,), SI units, for each kind of input.
 
-        `t` contains the times of all rows, s.
+        `columns` and `t`, s, contain all rows of the table.
         """
         return {
             kind: np.stack([held_torque(t, columns[name], rows) for name in pair], axis=1) * self.factors
@@ -87,10 +87,10 @@ class KnownInputs:
     def refuse_silent(
         self, columns: Mapping[str, Array], rows: NDArray[np.intp], path: object, least: float = 1e-9
     ) -> None:
-        """Check that the input of a driven arm exceeds `least` somewhere, in SI units.
+        """Check that the input of a driven arm exceeds `least`, in SI units, in at least one row.
 
         Raises:
-            RunError: the input is zero throughout, or never exceeds `least`.
+            RunError: the input is zero in all rows, or never exceeds `least`.
         """
         if self.motor is None:
             return
@@ -106,7 +106,7 @@ class KnownInputs:
             )
 
     def notes(self) -> list[str]:
-        """Notes for the operator on how the columns were interpreted."""
+        """Compose notes for the operator on the interpretation of the columns."""
         if not self.pairs:
             return []
         if self.motor is not None:
@@ -153,7 +153,9 @@ def known_inputs(
 
 
 def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[str, str]) -> ImportOptions:
-    """Set the mode of the arm in import options: the stated mode, otherwise the mode in the rig file.
+    """Set the mode of the arm in import options.
+
+    The mode is the stated mode, or otherwise the mode in the rig file.
 
     Raises:
         RunError: the mode is not possible for this rig, or its column is missing.
@@ -199,7 +201,7 @@ def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path:
 
 
 def _columns_of(kind: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
-    """Columns whose names denote one kind of input, each with the match of its name."""
+    """Return the columns whose names denote a kind of input, each with the match of its name."""
     return _matching(f"{_KIND}(?:{_NAMES[kind]})0?{_KIND}({'|'.join(_UNITS[kind])})?", names)
 
 
@@ -209,7 +211,7 @@ def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _other_input(names: Sequence[str], motor: MotorTable) -> str:
-    """Advice for a table that has another kind of input than the rig file; empty if there is no such column."""
+    """Advise the user if a table has another kind of input than the rig file; return an empty text otherwise."""
     for kind, constant in (("torque", ""), ("current", ", with kt if it is known"), ("voltage", ", with kt and R")):
         columns = _columns_of(kind, names) if kind != motor.input else {}
         for name in columns:
@@ -218,7 +220,7 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
 
 
 def _gain_note(motor: MotorTable) -> list[str]:
-    """Note if the rig file lacks a constant that converts the input to a torque; otherwise empty."""
+    """Return a note if the rig file lacks a constant that converts the input to a torque; otherwise an empty list."""
     needed = {"current": ("kt",), "voltage": ("kt", "R")}.get(motor.input, ())
     missing = [name for name in needed if getattr(motor, name) is None]
     if not missing:
@@ -230,7 +232,7 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Note if a table contains a drive input although its arm is free; otherwise empty."""
+    """Return notes on columns with a drive input if the arm is free; otherwise an empty list."""
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
@@ -240,16 +242,17 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
 
 
 def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions) -> list[str]:
-    """Note on how to import the motion of a cart, if the table has an unused column with its position.
+    """Return a note on importing the motion of a cart if the table has an unused column with its position.
 
-    On an arm of length R that turns by theta_0 = -x / R, the pivot of the rod has the acceleration of a cart at x,
-    because the terms with the squared speed of the arm vanish for a long arm.
+    A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
+    rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long
+    arm.
 
     Args:
         table: the table
-        used: quantity -> name of its column
+        used: name of the column of each quantity
         rig: the recorded rig
-        options: with the unit of the angles and the mode of the arm
+        options: import options, which contain the unit of the angles and the mode of the arm
     """
     if rig.rods.number != 1 or options.arm != "clamped" or options.unit not in _ANGLES or table.settled:
         return []

@@ -1,4 +1,4 @@
-"""Fast reading of blocks of a table that contain only numbers, without a Python call for each line."""
+"""Read blocks of a table that contain only numbers, without a Python call for each line."""
 
 import io
 
@@ -14,9 +14,9 @@ _NEWLINE, _BLANK = ord("\n"), ord(" ")
 
 
 def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int) -> Array | None:
-    """Read a block in which every line is a row of numbers; None for any other block.
+    """Read a block in which every line is a row of numbers; return None for other blocks.
 
-    The result equals `float` of each field exactly. A missing value is NaN.
+    Each number equals `float` of its field exactly. A missing value is NaN.
 
     Args:
         text: complete lines
@@ -45,9 +45,9 @@ def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool
 
 
 def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimiter: str | None) -> bool:
-    """Whether every line has `width` fields.
+    """Check whether every line has `width` fields.
 
-    A comment may have the same number of fields. It is rejected later, because its fields are not numbers.
+    A comment may have the same number of fields. Such a comment is rejected later, because its fields are not numbers.
     """
     if delimiter is None:
         begins = raw > _BLANK
@@ -61,7 +61,10 @@ def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimi
 
 
 def _numbers(fields: list[str]) -> Array | None:
-    """Numbers of text fields, NaN for missing values; None if a field is neither."""
+    """Convert text fields to numbers, NaN for missing values.
+
+    The result is None if a field is neither a number nor a missing value.
+    """
     try:
         known = ("nan" if field.strip().lower() in NOT_A_VALUE else field for field in fields)
         return np.fromiter(map(float, known), dtype=np.float64, count=len(fields))

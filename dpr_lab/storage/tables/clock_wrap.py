@@ -1,4 +1,4 @@
-"""Unwrapping of times from a wrapping counter, for example of a 32-bit microsecond counter after 4295 s."""
+"""Unwrap times from a counter that wraps, for example from a 32-bit microsecond counter after 4295 s."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from dpr_lab.errors import RunError
 
 @dataclass(frozen=True, slots=True)
 class CounterSettings:
-    """Common widths of counters, and the criteria that detect a wrap."""
+    """Common widths of counters, and criteria that detect a wrap."""
 
     bits: tuple[int, ...] = (16, 24, 31, 32)
     ticks: tuple[float, ...] = (1.0, 1e3, 1e6)
@@ -33,12 +33,12 @@ SETTINGS = CounterSettings()
 
 
 def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
-    """Unwrap times (n,) of a counter with the period `wrap`; NaN is kept.
+    """Unwrap the times (n,) of a counter with the period `wrap`; NaN values are kept.
 
     `name` is the name of the column in error messages.
 
     Raises:
-        RunError: the times span more than the given period, so the period is wrong.
+        RunError: the times span at least the given period, so that the period is wrong.
     """
     known = np.flatnonzero(np.isfinite(times))
     span = float(np.ptp(times[known])) if len(known) else 0.0
@@ -53,12 +53,12 @@ def unwrapped_times(times: Array, wrap: float, name: str) -> Array:
 
 
 def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool = False) -> float | None:
-    """Width of the counter that wrapped between two values; None if no counter matches.
+    """Return the width of the counter that wrapped between two values, or None if no counter matches.
 
     Args:
         before: last value before the decrease
         after: next value
-        step: usual difference of two values
+        step: usual difference between successive values
         continues: whether the readings continue smoothly across the decrease; the counter may then have any width
     """
     widths = sorted(2.0**bits / ticks for bits in SETTINGS.bits for ticks in SETTINGS.ticks)
@@ -73,7 +73,9 @@ def wrap_behind(before: float, after: float, step: float = 0.0, continues: bool 
 
 
 def continues_across(row: int, columns: Iterable[Array]) -> bool:
-    """Whether the clock wrapped at a row, because moving readings continue across it as in the neighbouring rows.
+    """Check whether the clock wrapped at a row.
+
+    The clock wrapped if the readings move, and continue across the decrease of the time as between adjacent rows.
 
     Args:
         row: index of the first row after the decrease
@@ -90,5 +92,5 @@ def continues_across(row: int, columns: Iterable[Array]) -> bool:
 
 
 def _round(width: float) -> list[float]:
-    """Numbers of one to four digits near a width."""
+    """Return numbers of one to four digits near a width."""
     return [float(f"{width:.{digits}g}") for digits in range(1, 5)]

@@ -1,4 +1,4 @@
-"""Meaning of the columns of a table: from options, from common names, or from the position of unnamed columns."""
+"""Find the meaning of the columns of a table from options, from common names, or from the order of unnamed columns."""
 
 import math
 import re
@@ -73,12 +73,15 @@ class Columns:
 
 
 def is_time(name: str) -> bool:
-    """Whether a name is a common name of a time column."""
+    """Check whether a name is a common name of a time column."""
     return any(re.fullmatch(_TIME_NAME.format(unit=unit), bare(name)) for unit in _TIME_SUFFIX.values())
 
 
 def counter(table: Table) -> str:
-    """Name of the column that counts the rows, such as the frames of a video; empty if there is none."""
+    """Return the name of the column that counts the rows, for example the frames of a video.
+
+    Empty if there is none.
+    """
     for name, column in zip(table.names, table.values, strict=True):
         steps = np.diff(column)
         if _COUNTER.fullmatch(bare(name)) and len(steps) and (steps == np.rint(steps)).all() and steps.min() > 0:
@@ -87,9 +90,9 @@ def counter(table: Table) -> str:
 
 
 def numbers(table: Table) -> Array:
-    """Number of each row in the recording, (n,), from 0.
+    """Return the number (n,) of each row in the recording, starting at 0.
 
-    Numbers are missing where frames were lost. The numbers of a column that counts every k-th frame are divided by k.
+    Numbers are missing if frames were lost. The numbers of a column that counts every k-th frame are divided by k.
     """
     if table.frames is not None:
         return table.frames
@@ -100,7 +103,7 @@ def numbers(table: Table) -> Array:
 
 
 def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s") -> dict[str, str]:
-    """Find columns by common names. Quantities without exactly one match are omitted.
+    """Find columns by common names; quantities without exactly one match are omitted.
 
     Names with a word such as `measured` or `exp`, and names of joints, such as `shoulder`, are used only if no column
     has a plain name.
@@ -123,7 +126,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
 
 
 def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
-    """Names that match the first pattern with any match."""
+    """Return the names that match the first pattern with a match."""
     matches = ([name for name in names if re.fullmatch(pattern, bare(name))] for pattern in patterns)
     return next(filter(None, matches), [])
 
@@ -135,13 +138,13 @@ def find_columns(
 
     Args:
         table: the table
-        given: column name of t, theta0, theta1, theta2, if stated
-        unit: unit of the angles; None: as in their names, otherwise rad
-        time_unit: unit of the time; None: as in its name, otherwise s
+        given: stated column names of t, theta0, theta1 and theta2
+        unit: unit of the angles; None: the unit in the column names, otherwise rad
+        time_unit: unit of the time; None: the unit in the column name, otherwise s
         rate_hz: sample rate of a table without time
 
     Raises:
-        RunError: a column is missing, occurs twice, has another length or states another unit.
+        RunError: a column is missing, is used twice, has another length, or states another unit.
     """
     names = [*table.names, *table.other_lengths]
     unit = unit or ("counts" if _is_counted(table, given.get("theta1", "")) else _said_unit(names, given))
@@ -163,10 +166,11 @@ def find_columns(
 
 
 def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tuple[Table, dict[str, str]]:
-    """Add a missing column for a fixed joint 2 to a table of one rod; return the table and the given columns.
+    """Add a constant column for the missing joint 2 to a table of one rod.
 
-    The name of the rod's column may lack a number. If only one column varies, it needs no name. If the column of theta1
-    is given, a column named like theta2 does not count as another rod; it may be another recording.
+    The result is the table and the column names of its quantities. The name of the rod's column may lack a number. If
+    only one column varies, it needs no name. If the column of theta1 is given, a column named like theta2 does not
+    count as a second rod, because it may be another recording.
     """
     guessed = [guess_columns(table.names, unit) for unit in ("rad", "counts")]
     if "theta2" in given or ("theta1" not in given and any("theta2" in guess for guess in guessed)):
@@ -191,14 +195,17 @@ def with_still_joint2(table: Table, given: Mapping[str, str], timed: bool) -> tu
 
 
 def _on_arm(names: Sequence[str]) -> dict[str, str]:
-    """Columns of the arm and of the rod on the arm, if both have the names that Quanser uses."""
+    """Find the columns of the arm and of the rod on the arm, if both have the names that Quanser uses."""
     named = {quantity: _matches(names, [pattern]) for quantity, pattern in _ON_ARM.items()}
     single = all(len(matches) == 1 for matches in named.values())
     return {quantity: matches[0] for quantity, matches in named.items()} if single else {}
 
 
 def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
-    """Find an increasing column that is the time although no name states it: the first, without names also the last."""
+    """Find an increasing column that is the time although no name states it.
+
+    Only the first column is tested. If the columns have no names, the last column can also be the time.
+    """
     if table.settled or "t" in given or any(map(is_time, table.names)) or counter(table):
         return {}
     unnamed = all(_NO_NAME.fullmatch(name) for name in table.names)
@@ -208,7 +215,7 @@ def _clock(table: Table, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
-    """Name of the only column that varies, apart from the time; empty list if several columns vary.
+    """Find the only column that varies, apart from the time; return an empty list if several columns vary.
 
     Raises:
         RunError: the only column that varies is one coordinate of a point.
@@ -234,7 +241,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
 
 
 def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
-    """The angle, if one of two columns is the speed of the other; otherwise both names.
+    """Return the angle if one of two columns is the speed of the other; otherwise return both names.
 
     The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
     the opposite sign of the angle.
@@ -249,7 +256,7 @@ def _without_speed(names: Sequence[str], table: Table, clock: str) -> list[str]:
 
 
 def _correlation(first: Array, second: Array) -> float:
-    """Correlation of two columns about zero, without rows that lack a value."""
+    """Compute the correlation of two columns about zero; rows that lack a value are ignored."""
     known = np.isfinite(first) & np.isfinite(second)
     x, y = first[known], second[known]
     size = float(np.sqrt((x @ x) * (y @ y)))
@@ -257,7 +264,7 @@ def _correlation(first: Array, second: Array) -> float:
 
 
 def varies(column: Array) -> bool:
-    """Whether the values of a column differ."""
+    """Check whether the values of a column differ."""
     known = column[np.isfinite(column)]
     return bool(len(known) and np.ptp(known) > 0.0)
 
@@ -311,9 +318,9 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
 
 
 def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[str]) -> str:
-    """Example of the option that names the missing columns.
+    """Compose an example of the option that names the missing columns.
 
-    It lists the remaining columns in their order if their number equals that of the missing quantities.
+    The example contains the remaining columns in their order if there are as many columns as missing quantities.
     """
     unknown = [name for name in names if name not in named.values() and name != NO_ROD]
     # Without the arm: its column may be a guess.
@@ -335,7 +342,7 @@ def _said_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _is_counted(table: Table, name: str) -> bool:
-    """Whether a column without a number in its name, such as `encoder`, contains counts."""
+    """Check whether a column without a number in its name, for example `encoder`, contains counts."""
     counted = name in table.names and _ONE_COUNT.fullmatch(bare(name))
     return bool(counted) and bool((np.mod(table.values[table.names.index(name)], 1.0) == 0.0).all())
 
@@ -348,7 +355,10 @@ def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
-    """Assign columns without names by their order: time if present, then both rods, or the arm and both rods."""
+    """Assign columns without names to quantities by their order.
+
+    The order is the time, if present, then both rods, or the arm and both rods.
+    """
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     others = [name for name in table.names if name != time]
@@ -387,7 +397,10 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
 
 
 def own_name(name: str) -> str:
-    """Column name without the name of its group, for example `X` for `VideoAnalysis: X` in a table of Logger Pro."""
+    """Return a column name without the name of its group.
+
+    An example is `X` for `VideoAnalysis: X` in a table of Logger Pro.
+    """
     rest = name.partition(": ")[2].strip()
     if not rest and name.endswith("/position"):  # name in ROS: topic, joint, quantity
         return "/".join(name.split("/")[-2:])
@@ -395,5 +408,5 @@ def own_name(name: str) -> str:
 
 
 def bare(name: str) -> str:
-    """A column name without its group and separators, in lower case."""
+    """Return a column name without its group and separators, in lower case."""
     return re.sub(r"[\W_]+", "", own_name(name).lower())

@@ -1,4 +1,4 @@
-"""Lines of a text file, plain or compressed by gzip, read in blocks to bound the memory."""
+"""Read the lines of a text file, plain or compressed by gzip, in blocks to limit the memory."""
 
 import codecs
 import gzip
@@ -52,12 +52,12 @@ class TableLimits:
 
 
 class Content:
-    """Text of a file by line or by block; a context manager.
+    """Text of a file that is read by line or by block; a context manager.
 
     Args:
         path: the file
         limits: limits of the file
-        on_progress: called after each block
+        on_progress: function that is called after each block
 
     Raises:
         RunError: the file is empty, is not text, or is a damaged or too large compressed file. The methods raise this
@@ -84,7 +84,7 @@ class Content:
         self._packed.close()
 
     def lines(self) -> Iterator[Line]:
-        """Non-empty lines with their numbers; comments are stored separately."""
+        """Yield non-empty lines with their numbers; comments are stored separately."""
         while self._at < len(self._text) or self._read_block():
             end = self._text.find("\n", self._at)
             end = len(self._text) if end < 0 else end
@@ -94,7 +94,7 @@ class Content:
                 yield cleaned
 
     def blocks(self) -> Iterator[Line]:
-        """Blocks of complete lines, each with the number of its first line.
+        """Yield blocks of complete lines, each with the number of its first line.
 
         Unlike `lines`, blocks include comments and empty lines. The last block may lack a line end.
         """
@@ -105,7 +105,7 @@ class Content:
             yield number, text
 
     def lines_of(self, number: int, text: str) -> Iterator[Line]:
-        """Non-empty lines of a block with their numbers."""
+        """Yield the non-empty lines of a block with their numbers."""
         for line_number, line in enumerate(text.split("\n"), number):
             if cleaned := self._kept(line_number, line):
                 yield cleaned
@@ -123,7 +123,7 @@ class Content:
         return (number, text) if text else None
 
     def _read_block(self) -> bool:
-        """Read complete lines; false at the end of the file."""
+        """Read complete lines; return False at the end of the file."""
         self._text = self._file.read(self._limits.block_bytes)
         if self._text and not self._text.endswith("\n"):
             self._text += self._file.readline(self._limits.line_length + 1)
@@ -133,7 +133,7 @@ class Content:
 
 
 class _Unpacked(io.RawIOBase):
-    """Text of a gzip file as a raw stream, limited by the compressed size.
+    """Unpacked text of a gzip file as a raw stream; the compressed size limits the unpacked size.
 
     Raises:
         RunError: the file is damaged, or expands beyond the limits.
@@ -159,7 +159,7 @@ class _Unpacked(io.RawIOBase):
 
 
 def _unpacked(packed: BinaryIO, path: Path, limits: TableLimits) -> BinaryIO:
-    """Bytes of a text file, decompressed if needed."""
+    """Return the bytes of a text file, decompressed if needed."""
     start = packed.read(len(GZIP))
     packed.seek(0)
     if start != GZIP:
@@ -168,7 +168,7 @@ def _unpacked(packed: BinaryIO, path: Path, limits: TableLimits) -> BinaryIO:
 
 
 def _coding(path: Path, limits: TableLimits) -> str:
-    """Character encoding of a text file, determined from the complete file.
+    """Determine the character encoding of a text file from the complete file.
 
     Raises:
         RunError: the file is empty or not text.
@@ -189,7 +189,10 @@ def _coding(path: Path, limits: TableLimits) -> str:
 
 
 def _is_utf16(path: Path, limits: TableLimits) -> bool:
-    """Whether a file begins with the mark of UTF-16, which spreadsheets write as "Unicode text", and can be decoded."""
+    """Check whether a file begins with the mark of UTF-16 and can be decoded.
+
+    Spreadsheets write such files as "Unicode text".
+    """
     decoder = codecs.getincrementaldecoder("utf-16")()
     with path.open("rb") as packed, _unpacked(packed, path, limits) as file:
         block = file.read(limits.block_bytes)
@@ -201,7 +204,7 @@ def _is_utf16(path: Path, limits: TableLimits) -> bool:
 
 
 def _no_text(path: Path, *, compressed: bool) -> str:
-    """Reason why a file is not a text table, and advice."""
+    """State why a file is not a text table, and what the user can do."""
     kind = str(mimetypes.guess_type(path)[0]).partition("/")[0]
     if kind == "video":
         return (

@@ -1,4 +1,4 @@
-"""A table with its interpretation, and the limits of the plausibility checks."""
+"""Define a table with its interpretation, and the limits of the plausibility checks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from dpr_lab.storage.tables.readings import ReadTable, Values
 
 @dataclass(frozen=True, slots=True)
 class QuestionSettings:
-    """Limits beyond which the import of a table gives a warning or is refused."""
+    """Limits from which the import of a table gives a warning or is refused."""
 
     fewest_rows: int = 10
     """Minimum number of rows of a swing. The noise estimate alone needs seven."""
@@ -80,7 +80,7 @@ class TableQuestion:
 
 @dataclass(frozen=True, slots=True)
 class InterpretedTable:
-    """A table with its interpretation."""
+    """A table and its interpretation."""
 
     path: Path
     rig: Rig
@@ -104,12 +104,12 @@ class InterpretedTable:
 
     @property
     def free(self) -> bool:
-        """Whether only gravity and friction act."""
+        """Whether only gravity and friction act on the rods."""
         return self.torques is None and not self.prescribed
 
     @property
     def prescribed(self) -> bool:
-        """Whether the motion of the arm or of the inner rod is prescribed. An unknown torque then acts."""
+        """Whether the motion of the arm or of the inner rod is prescribed; an unknown torque then acts."""
         return self.arm_moves or self.options.inner == "prescribed"
 
     @property
@@ -124,13 +124,13 @@ class InterpretedTable:
 
     @property
     def looked_at(self) -> slice:
-        """Samples of the swing for the energy test."""
+        """Samples of the swing that are used in the energy test."""
         return slice(self.part.start, min(self.part.stop, self.part.start + SETTINGS.energy_rows))
 
     def read(self) -> ReadTable:
-        """Samples of the swing with their interpretation.
+        """Return samples at the beginning of the swing with their interpretation.
 
-        If the time stamps scatter about evenly spaced instants, these instants are used.
+        If the time stamps scatter around evenly spaced instants, these instants are used.
         """
         rows = self.looked_at
         even = even_instants(self.t[rows], self.theta[rows, 1:])

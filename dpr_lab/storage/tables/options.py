@@ -1,4 +1,4 @@
-"""Options of a table import, and the time of its recording."""
+"""Define the options of a table import, and parse the time of its recording."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -34,7 +34,10 @@ class Typed:
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
-    """Interpretation of a table. The options of `import table` and of the screen are these fields."""
+    """Interpretation of a table.
+
+    The options of `import table` and of the screen are the fields of this class.
+    """
 
     pose: Annotated[str | None, Typed("Pose of the rig file from which the swing started.")] = None
     """Pose of the rig from which the swing started, if known."""
@@ -161,7 +164,7 @@ class ImportOptions:
 
 @dataclass(frozen=True, slots=True)
 class TypedOption:
-    """Description of one option of `import table`, derived from a field of `ImportOptions`."""
+    """Description of one option of `import table`; it is derived from a field of `ImportOptions`."""
 
     name: str
     """Name of the field of `ImportOptions`."""
@@ -173,7 +176,7 @@ class TypedOption:
 
     @property
     def reads_text(self) -> bool:
-        """Whether `read` must convert the option's text to its value."""
+        """Whether `read` must convert the text of the option to a value."""
         return get_origin(self.kind) in (Mapping, tuple)
 
     def read(self, text: str) -> Any:
@@ -200,7 +203,7 @@ class TypedOption:
 
 @cache
 def typed_options() -> tuple[TypedOption, ...]:
-    """Options of `import table`, one for each field of `ImportOptions`."""
+    """Return the options of `import table`, one for each field of `ImportOptions`."""
     return tuple(_typed_options())
 
 

@@ -1,4 +1,4 @@
-"""Plausibility of a table: spacing, duration, wraps, outliers, speeds."""
+"""Check the plausibility of a table: spacing, duration, wraps, outliers, speeds."""
 
 import math
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 @dataclass(frozen=True, slots=True)
 class Plausible:
-    """Limits of a plausible table. Beyond them a unit is wrong or the file is not a recording."""
+    """Limits of a plausible table; beyond them, a unit is wrong or the file is not a recording."""
 
     nan_share: float = 0.1
     """Maximum share of rows without a value. A larger share is accepted if these rows are scattered, for example
@@ -64,10 +64,10 @@ PLAUSIBLE = Plausible()
 
 
 def check_spacing(path: Path, t: Array) -> None:
-    """Check the times (n,), s: the rows must not be too far apart, and the table not too long.
+    """Check the times (n,), s: rows must not be too far apart, and the table must not be too long.
 
     Raises:
-        RunError: the unit of time is probably another one.
+        RunError: a limit is exceeded; the unit of time is then probably wrong.
     """
     step = float(np.median(np.diff(t)))
     if step > PLAUSIBLE.step_s:
@@ -86,14 +86,14 @@ def check_spacing(path: Path, t: Array) -> None:
 
 
 def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
-    """Refuse a table with too many rows without a value.
+    """Refuse a table in which too many rows have no value.
 
     The message names the longest complete part by `--start-s` and `--duration-s`.
 
     Args:
         path: the table
         t: (n,) times since the first row of the table, s, ascending
-        whole: (n,) mask of the rows with all values
+        whole: (n,) mask of the rows that have all values
 
     Raises:
         RunError: more than a tenth of the rows have no value, and these rows are not scattered.
@@ -119,7 +119,8 @@ def refuse_missing(path: Path, t: Array, whole: Flags) -> None:
 def unwrapped(angles: Array) -> Array:
     """Unwrap angles that the logger wrapped.
 
-    Angles count as wrapped if all lie within one turn and jump by nearly one turn. Other angles are returned unchanged.
+    Angles count as wrapped if they all lie within one turn and jump by nearly one turn. Other angles are returned
+    unchanged.
     """
     if np.ptp(angles) > 2 * np.pi + PLAUSIBLE.window_slack or not _jumps(angles):
         return angles
@@ -127,7 +128,9 @@ def unwrapped(angles: Array) -> Array:
 
 
 def turn_of_hanging(angle: Array) -> float:
-    """Whole turns between pi and the angle at which a rod first hangs, rad; 0 if it also hangs at pi, or never hangs.
+    """Return the full turns between pi and the angle at which a rod first hangs, rad.
+
+    The result is 0 if the rod also hangs at pi, or never hangs.
 
     Args:
         angle: (n,) angle of the rod, 0 = upright, rad
@@ -137,12 +140,15 @@ def turn_of_hanging(angle: Array) -> float:
 
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
-    """Notes on the axes whose angles, (n,), rad, were wrapped by the logger."""
+    """Return notes on the axes whose angles (n,), rad, the logger has wrapped."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 
 def outliers(angles: Array) -> Flags:
-    """Mask (n,) of outliers: impossibly large angles, and angles that jump away and back in a few rows."""
+    """Detect outliers: impossibly large angles, and angles that jump away and back within a few rows.
+
+    The result is a mask (n,) of the outliers.
+    """
     wild = np.abs(angles) > PLAUSIBLE.angle
     if not wild.any() and not _jumps(angles):
         return wild
@@ -155,7 +161,7 @@ def outliers(angles: Array) -> Flags:
 
 
 def drop_outliers(readings: dict[str, Array], rig: Rig, options: ImportOptions) -> list[str]:
-    """Replace outliers by NaN and return notes with their number."""
+    """Replace outliers by NaN, and return notes with the number of outliers."""
     notes = []
     for axis, column in readings.items():
         counted = abs(rig.radians_per_count[AXES.index(axis)]) if options.unit == "counts" else None
@@ -174,7 +180,7 @@ def _jumps(angles: Array) -> bool:
 
 
 def _leaps(angles: Array, rows: int) -> Flags:
-    """Mask (n,) of angles that jump away and back within the given number of rows, except for wraps."""
+    """Return a mask (n,) of angles that jump away and back within the given number of rows, except for wraps."""
     # Both ends are extended so that the first and last rows can be outliers too.
     x = np.concatenate([angles[rows : rows + 1], angles, angles[-rows - 1 : -rows]])
     jump_there, back = x[1:-rows] - x[: -rows - 1], x[rows + 1 :] - x[rows:-1]
@@ -193,22 +199,22 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Note on gaps between the times (n,), s; empty if there are no gaps."""
+    """Return a note on gaps between the times (n,), s; the list is empty if there are no gaps."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []
 
 
 def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool) -> list[str]:
-    """Notes on angles (n, 3), rad, of one or two rods: impossible motion, or rods that mostly point upwards.
+    """Return notes if the angles show impossible motion, or rods that mostly point upwards.
 
-    A single rod without a drive turns back only below the upright pose, so its motion between turning points is less
-    than one turn.
+    A single rod without a drive turns back only below the upright pose. Its motion between turning points is therefore
+    less than one turn.
 
     Args:
         t: (n,) s
-        theta: angles of arm, inner and outer rod
-        upright: whether to judge if the rods point upwards
+        theta: (n, 3) angles of arm, inner and outer rod, rad
+        upright: whether to check if the rods point upwards
         rods: number of rods
         in_radians: whether the angles of rods without a drive are interpreted as radians
     """
@@ -235,7 +241,10 @@ def odd_notes(t: Array, theta: Array, upright: bool, rods: int, in_radians: bool
 
 
 def _between_turning_points(angle: Array) -> float:
-    """Median angle by which a rod turns from one turning point to the next, rad; 0 with fewer than three."""
+    """Return the median angle between successive turning points of a rod, rad.
+
+    The result is 0 with fewer than three turning points.
+    """
     moving = angle[np.diff(angle, prepend=np.inf) != 0]
     steps = np.diff(moving)
     turning = moving[1:-1][steps[:-1] * steps[1:] < 0]
@@ -243,7 +252,7 @@ def _between_turning_points(angle: Array) -> float:
 
 
 def recorded_by_stamps(first_s: float) -> str:
-    """Date and time in UTC of the first row, if its time is in seconds since 1970; otherwise empty."""
+    """Return date and time (UTC) of the first row if its time is in seconds since 1970; otherwise an empty text."""
     if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
         return ""
     return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

@@ -1,4 +1,4 @@
-"""Preview of a table: its interpretation before the import."""
+"""Preview a table: show its interpretation before the import."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,7 +60,7 @@ class Preview:
     """(n, 3) absolute angles of the run, 0 = upright, rad."""
 
     def facts(self) -> dict[str, str]:
-        """Interpretation of the table as text: the value of each property."""
+        """Return the interpretation of the table as text: the value of each property by name."""
         by_rig = self.unit == "counts"
         reading = (
             f"{self.unit}, converted by the encoders of the rig"
@@ -89,23 +89,23 @@ class Preview:
     def _mean_rate_hz(self) -> float:
         """Mean sample rate, Hz.
 
-        It is computed from the total duration, which is hardly affected by rounded times. If rows are missing, it is
-        computed from the median step.
+        The rate is computed from the total duration, because rounded times hardly affect the duration. If rows are
+        missing, the rate is computed from the median step.
         """
         return self.rate_hz if self.gaps else (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
-        """Times and angles of `joints` in the first rows, s and rad."""
+        """Return times, s, and angles of `joints`, rad, in the first rows."""
         angles = self.theta[:rows, list(self.joints)]
         return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), angles.tolist(), strict=True)]
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Command-line options that are certain to resolve warnings."""
+        """Command-line options that are certain to correct what the warnings report."""
         return tuple(word for question in self.questions for word in question.mend)
 
     def to_json(self) -> dict[str, object]:
-        """All properties as a JSON object, with the first rows of the recording."""
+        """Return all properties and the first rows of the recording as a JSON object."""
         names = ("kind", "columns", "angles", "zero", "unit", "time_unit", "samples", "duration_s", "rate_hz", "gaps")
         stated = {name: getattr(self, name) for name in names}
         return {
@@ -157,12 +157,12 @@ def preview(file: Path, rig: Rig, options: ImportOptions, on_progress: OnImport 
 
 
 def names_of(joints: tuple[int, ...]) -> tuple[str, ...]:
-    """Names of the angles of joints."""
+    """Return the names of the angles of joints."""
     return tuple(AXES[joint] for joint in joints)
 
 
 def chart_title(joint: int) -> str:
-    """Title of the chart of a joint's angle."""
+    """Return the title of the chart of a joint's angle."""
     return AXES[joint] if joint == 0 else f"{AXES[joint]}, 0 = upright"
 
 

@@ -1,4 +1,4 @@
-"""Conversion of a table's values to angles, and other interpretations if the given interpretation is implausible."""
+"""Convert the values of a table to angles, and propose other interpretations if the given one is implausible."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ Values = Mapping[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class ReadingSettings:
-    """Limits for the proposal of another interpretation of a table."""
+    """Limits from which another interpretation of a table is proposed."""
 
     right: float = 0.15
     """Maximum energy residual of a correct interpretation. It is 0.01 in simulations, 0.02 to 0.12 on real rigs, and
@@ -93,12 +93,12 @@ class OtherReading:
 
     @property
     def sentence(self) -> str:
-        """Description of the interpretation, with the options that select it."""
+        """Description of the interpretation and of the options that select it."""
         return " and ".join(self.causes) + (f" ({' '.join(self.mend)})" if self.mend else "")
 
     @property
     def mirrored(self) -> "OtherReading":
-        """Interpretation with mirrored rods; its energy is the same."""
+        """Interpretation with mirrored rods; the energy of the rods is the same."""
         turned = {axis: -self.values[axis] for axis in AXES[1:]}
         signs, offset = (-self.scale[0], -self.scale[1]), (-self.offset[0], -self.offset[1])
         causes = self.causes if signs == (-1.0, 1.0) else (*self.causes, "both angles have the opposite sign")
@@ -106,10 +106,12 @@ class OtherReading:
 
 
 def angles(values: Values, options: ImportOptions, rig: Rig, path: Path) -> tuple[Array, Integers | None]:
-    """Convert values to absolute angles (n, 3), rad, each axis contiguous, and counts (None without counts).
+    """Convert values to absolute angles (n, 3), rad, and to counts.
+
+    Each column of the angles is contiguous. The counts are None if the values are not counts.
 
     Raises:
-        RunError: counts have fractions.
+        RunError: the counts are not integers.
     """
     if options.unit == "counts":
         counts = _counts(path, values, rig)
@@ -130,7 +132,7 @@ def in_radians(values: Values, options: ImportOptions) -> dict[str, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadTable:
-    """Samples of a table with their interpretation."""
+    """Samples of a table and their interpretation."""
 
     path: Path
     rig: Rig
@@ -143,17 +145,20 @@ class ReadTable:
     """(n, 2) known torques, N m; None for a free swing."""
 
     def rods(self, values: Values, options: ImportOptions) -> Array:
-        """Absolute angles (n, 2) of the rods in an interpretation, rad. Both columns are equal for a single rod."""
+        """Return the absolute angles (n, 2) of the rods in an interpretation, rad.
+
+        Both columns are equal for a single rod.
+        """
         theta, _ = angles(values, options, self.rig, self.path)
         return theta[:, [1, 1]] if self.rig.rods.mounted != "both" else theta[:, 1:]
 
     def others(self) -> Iterator[OtherReading]:
-        """All alternative interpretations that are tried."""
+        """Yield all alternative interpretations that are tried."""
         return other_readings(self.values, self.options, self.columns, self.rig)
 
 
 def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
-    """Alternative interpretations of the table with a clearly smaller energy residual than `fit`, best first."""
+    """List alternative interpretations of the table with a clearly smaller energy residual than `fit`, best first."""
     if fit.residual <= READ.right:
         return []
     tried: list[tuple[float, OtherReading]] = []
@@ -172,9 +177,9 @@ def better_readings(fit: EnergyFit, read: ReadTable) -> list[OtherReading]:
 
 
 def _as_counts(read: ReadTable) -> OtherReading | None:
-    """Interpretation of integers as encoder counts, possibly with other zeros.
+    """Interpret integers as encoder counts, possibly with other zeros.
 
-    None unless a free swing conserves its energy in this interpretation.
+    The result is None unless the energy of a free swing is conserved in this interpretation.
     """
     whole = all(np.array_equal(column, np.round(column)) for column in read.values.values())
     if read.options.unit == "counts" or read.options.offset or read.options.scale or not whole:
@@ -189,12 +194,12 @@ def _as_counts(read: ReadTable) -> OtherReading | None:
 
 
 def _conserves(fit: EnergyFit | None) -> bool:
-    """Whether the energy residual of a free swing is small enough for a correct interpretation."""
+    """Check whether the energy residual of a free swing is small enough for a correct interpretation."""
     return fit is not None and fit.residual <= READ.right / READ.alike
 
 
 def _with_other_zeros(read: ReadTable) -> OtherReading | None:
-    """Interpretation with other zeros, for which a free swing conserves its energy; None if there is none."""
+    """Find other zeros with which the energy of a free swing is conserved; return None if there are none."""
     rods = read.rods(read.values, read.options)
     added = energy_zeros(read.t, rods, read.rig)
     if added is None or not _conserves(energy_fit(read.t, rods + added, None, read.rig)):
@@ -203,7 +208,7 @@ def _with_other_zeros(read: ReadTable) -> OtherReading | None:
 
 
 def balanced_readings(read: ReadTable) -> list[OtherReading]:
-    """Alternatives with a clearly smaller residual of the torque balance, best first."""
+    """List alternative interpretations with a clearly smaller residual of the torque balance, best first."""
 
     def balance(values: Values, options: ImportOptions) -> TorqueBalance | None:
         return torque_balance(read.t, read.rods(values, options), read.torques, read.rig)
@@ -234,10 +239,10 @@ def balanced_readings(read: ReadTable) -> list[OtherReading]:
 
 
 def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, float]:
-    """Replace zeros from the torque balance by zeros from the energy of a single free rod, if both are near each other.
+    """Replace the zeros from the torque balance by the zeros from the energy, if both are near each other.
 
-    Friction that stops the rod or changes its sign shifts the zeros from the accelerations, but not those from the
-    energy.
+    This is done only for a single free rod. Friction that stops the rod or changes its sign shifts the zeros from the
+    torque balance. It does not shift the zeros from the energy.
     """
     if read.rig.rods.mounting == "both" or read.torques is not None:
         return balancing
@@ -249,7 +254,10 @@ def _by_energy(read: ReadTable, balancing: tuple[float, float]) -> tuple[float, 
 
 
 def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
-    """Interpretation with two offsets, rad, added to the absolute angles, by --offset or zero_counts."""
+    """Create an interpretation in which two offsets, rad, are added to the absolute angles.
+
+    The offsets are stated by --zero, --offset or zero_counts.
+    """
     values, options, rig = read.values, read.options, read.rig
     if options.unit != "counts":
         from_pi = np.abs((np.asarray(added) % (2 * np.pi)) - np.pi)
@@ -270,13 +278,13 @@ def _with_zeros(read: ReadTable, added: ArrayLike) -> OtherReading:
 
 
 def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
-    """Interpretation with two offsets, rad, added to the absolute angles; small offsets are omitted.
+    """Create an interpretation in which two offsets are added to the absolute angles; small offsets are omitted.
 
     Args:
         values: values of the table
         options: options of the import
         added: (2,) offsets, rad
-        tolerance: an offset is replaced by the nearest usual zero error if they differ by less than this angle, rad
+        tolerance: largest difference, rad, for which an offset is replaced by the nearest usual zero error
     """
     turned = (np.asarray(added) + np.pi) % (2 * np.pi) - np.pi
     usual = np.round(turned / READ.usual_zero_rad) * READ.usual_zero_rad
@@ -291,7 +299,10 @@ def with_zeros(values: Values, options: ImportOptions, added: ArrayLike, toleran
 
 
 def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[str, str]:
-    """Name and text of an option: one value if it is the same for both rods, otherwise a value for each rod."""
+    """Return name and text of an option.
+
+    The text is one value if it is the same for both rods; otherwise it contains a value for each rod.
+    """
     if set(value) == set(AXES[1:]) and len(set(value.values())) == 1:
         return option, f"{value['theta1']:g}"
     return option, ",".join(
@@ -302,7 +313,7 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
 def other_readings(
     values: Values, options: ImportOptions, columns: Mapping[str, str], rig: Rig
 ) -> Iterator[OtherReading]:
-    """Interpretations that differ from the given options by zero, reference, sign, order or scale."""
+    """Yield interpretations that differ from the given options by zero, reference, sign, order, unit or scale."""
     counted, both_rods = options.unit == "counts", rig.rods.mounting == "both"
     zeros = (False,) if counted else (False, True)
     references = (False,) if counted or not both_rods else (False, True)
@@ -327,7 +338,7 @@ def other_readings(
 
 
 def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherReading]:
-    """Interpretations in which the readings of one or both rods are halved or doubled."""
+    """Yield interpretations in which the readings of one or both rods are halved or doubled."""
     counted = options.unit == "counts"
     zeros = rig.encoders.zero_counts[1:] if counted else (0.0, 0.0)
     relative = rig.encoders.joint2 == "relative" if counted else options.angles == "relative"
@@ -348,7 +359,7 @@ def _scaled(values: Values, options: ImportOptions, rig: Rig) -> Iterator[OtherR
 
 
 def _slower(values: Values, options: ImportOptions, factor: float) -> OtherReading:
-    """Interpretation in which the times of the table are multiplied by a factor."""
+    """Create an interpretation in which the times of the table are multiplied by a factor."""
     if options.rate_hz is not None:
         cause = f"the rate is about {options.rate_hz / factor:.3g} Hz (--rate-hz)"
     else:

@@ -43,7 +43,7 @@ _CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of a table, with their names."""
+    """Columns of a table and their names."""
 
     path: Path
     names: tuple[str, ...]
@@ -70,7 +70,7 @@ class Table:
     """(n,) original number of each row, from 0, if frames of a video were removed; None for consecutive rows."""
 
     def column(self, name: str) -> Array:
-        """(n,) values of one column; NaN for missing values.
+        """Return the values (n,) of one column; missing values are NaN.
 
         Raises:
             RunError: a field is not a number; the message names line and column.
@@ -101,7 +101,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
 
     Args:
         path: the file
-        on_progress: called after each block
+        on_progress: function that is called after each block
 
     Raises:
         RunError: the file cannot be read, is empty, is not text, contains no numbers, or has a row of another length.
@@ -154,7 +154,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
 
 
 def _in_columns(table: Table) -> Table:
-    """Exchange rows and columns of a table whose few rows are time and quantities; other tables are unchanged."""
+    """Exchange rows and columns of a table that has one quantity in each row; other tables are unchanged."""
     values = np.array([column for column in table.values if not np.isnan(column).all()])  # without names of the rows
     few = 2 <= len(table.lines) <= LIMITS.rows_as_columns and len(values) > LIMITS.instants * len(table.lines)
     if not (few and all(map(str.isdecimal, table.names)) and np.isfinite(values).all() and runs(values[:, 0])):
@@ -211,7 +211,7 @@ class _Columns:
                 self._values[place].append(self._number(cell.strip(), place, number))
 
     def take_block(self, number: int, text: str, delimiter: str | None) -> bool:
-        """Append a block of lines that contain only numbers, from line `number` on.
+        """Append a block of lines that contain only numbers; `number` is the number of the first line.
 
         For other lines, nothing is appended and the result is False.
         """
@@ -228,7 +228,8 @@ class _Columns:
     def finish(self) -> None:
         """Complete the table.
 
-        A last row that is too short is ignored, with a note: it was truncated when the logger was switched off.
+        A last row that is too short is ignored, and a note is added. Such a row was truncated when the logger was
+        switched off.
         """
         if self._short is None:
             return
@@ -247,7 +248,7 @@ class _Columns:
     def _number(self, word: str, place: int, line: int) -> float:
         """Convert a field to a number.
 
-        A time such as `14:30:00.123` or `30:00.1`, also with a date before it, is converted to seconds. All fields of a
+        A time such as `14:30:00.123` or `30:00.1` is converted to seconds; a date may precede the time. All fields of a
         column must have the same unit.
         """
         word = word.replace(_MINUS, "-")
@@ -267,7 +268,10 @@ class _Columns:
 
 
 def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
-    """Names of the columns: from the rows above the numbers, or from the last comment, or else column numbers."""
+    """Find the names of the columns.
+
+    The names are in the rows above the numbers or in the last comment; otherwise, the names are column numbers.
+    """
     if not early:
         return _commented_header(comments, delimiter, width)
     wide = [row for row in early if len(row) == width] or _otherwise_separated(early, delimiter, width)
@@ -279,19 +283,25 @@ def _names(early: list[list[str]], comments: Sequence[Line], delimiter: str | No
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """Add the unit from the row below to the name of a column, unless the name contains it or there is no unit."""
+    """Add the unit from the row below to the name of a column.
+
+    The name is unchanged if it contains the unit or if there is no unit.
+    """
     unit = unit.strip(" ()[]")
     return name if not unit or unit.lower() in re.split(r"[\W_]+", name.lower()) else f"{name} ({unit})"
 
 
 def _labels(lines: list[str]) -> list[str]:
-    """Names of the columns if most lines have a name before each number, in the order of the first such line."""
+    """Return the names of the columns if most lines have a name before each number.
+
+    The order is that of the first such line.
+    """
     labelled = [line for line in lines if _LABELLED.fullmatch(line)]
     return [name for name, _ in re.findall(_LABEL, labelled[0], re.I)] if 2 * len(labelled) > len(lines) else []
 
 
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
-    """Possible header rows with one name per column, if the header has another delimiter than the numbers."""
+    """List possible header rows with one name per column, if the header has another delimiter than the numbers."""
     lines = [(delimiter or " ").join(row) for row in early]
     lines += [re.sub(r"\s+(?=[(\[])", "", line) for line in lines]  # a blank before a unit separates no names
     split = [line.split(other) for line in lines for other in (*DELIMITERS, None)]
@@ -299,7 +309,10 @@ def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: i
 
 
 def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
-    """Name each number of a row in which a field may contain several numbers: a point, or the elements of an array."""
+    """Name each number of a row in which a field may contain several numbers.
+
+    Such a field is a point, or contains the elements of an array.
+    """
     if len(names) != len(cells):  # refused with the first row
         return list(names)
     named: list[str] = []
@@ -318,24 +331,30 @@ def _trimmed(row: list[str], width: int) -> list[str]:
 
 
 def _delimiter(lines: list[str]) -> str | None:
-    """First delimiter that most lines contain; None for blanks."""
+    """Return the first delimiter that most lines contain; None for blanks."""
     return next((d for d in DELIMITERS if sum(d in line for line in lines) > len(lines) / 2), None)
 
 
 def _joined(line: str) -> str:
-    """Join the numbers of each vector in a line to one field: `_NEXT` replaces the delimiters between them."""
+    """Join the numbers of each vector in a line to one field.
+
+    `_NEXT` replaces the delimiters between these numbers.
+    """
     if "(" not in line and "[" not in line:
         return line
     return _VECTOR.sub(lambda match: match[1] + _NEXT.join(re.split(r"[\s,;]+", match[2])), line)
 
 
 def _numbers_of(cells: Sequence[str]) -> list[str]:
-    """Fields of a row, with a separate field for each number of a vector."""
+    """Split the vectors in the fields of a row, so that each number has its own field."""
     return [part for cell in cells for part in (cell.strip()[1:].split(_NEXT) if _NEXT in cell else (cell,))]
 
 
 def _cells(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) -> list[str]:
-    """Split a line into fields. If each number has a name before it, only the numbers are returned."""
+    """Split a line into fields.
+
+    If each number is preceded by a name, only the numbers are returned.
+    """
     if labels:
         named = dict(re.findall(_LABEL, line, re.I)) if _LABELLED.fullmatch(line) else {}
         return [named[name] for name in labels if name in named]
@@ -349,7 +368,10 @@ def _cells(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) 
 
 
 def _is_data(row: list[str]) -> bool:
-    """Whether a row contains numbers rather than names or units; an additional column of words is accepted."""
+    """Check whether a row contains numbers rather than names or units.
+
+    An additional column of words is accepted.
+    """
     row = [cell.strip() for cell in _numbers_of(row)]
     numbers = sum(map(_is_number, row))
     empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
@@ -366,7 +388,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _value(word: str, decimal_comma: bool) -> float | None:
-    """Parse a number, with or without separators between groups of three digits; None for other words."""
+    """Parse a number, with or without separators between groups of three digits; return None for other words."""
     try:
         return float(word.replace(",", ".") if decimal_comma else word)
     except ValueError:
@@ -377,7 +399,7 @@ def _value(word: str, decimal_comma: bool) -> float | None:
 
 
 def _commented_header(comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
-    """Header in the last comment above the numbers.
+    """Return the header from the last comment above the numbers.
 
     Column numbers are returned if the comment does not have one name per column.
     """

@@ -1,16 +1,17 @@
-"""Faults of time stamps: few digits, one stamp for several rows, a wrong side of a gap, a full second at a wrong row.
+"""Correct four kinds of faulty time stamps.
 
-Too few digits: several rows share one time, for example in a spreadsheet that shows three digits. If the rows are
+Too few digits: several rows have the same time, for example in a spreadsheet that shows three digits. If the rows are
 evenly spaced, their number determines the times t_i = t_0 + i T. Apart from a constant, each written time then differs
-from t_i by at most half of its resolution. Unevenly sampled or lost rows violate this condition.
+from t_i by at most half of the resolution of the times. Unevenly sampled or lost rows violate this condition.
 
 One stamp for several rows: a clock is read once for several rows, or rows wait and are stamped together. A gap after or
 before these rows then contains their instants.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
-pause and its reading after it, or vice versa. The reading then continues the motion on the other side of the gap.
+pause and the reading of the row after the pause, or vice versa. The reading then continues the motion on the other side
+of the gap.
 
-Full second at the wrong row: a stamp may be composed of two counters that are not read at one instant, such as the
+Full second at the wrong row: a stamp may be composed of two counters that are not read at one instant, for example the
 second of a clock and the milliseconds of the processor. Rows between the changes of the two counters are then a second
 early or late: 24.997, 24.002, 25.009.
 """
@@ -25,7 +26,7 @@ from dpr_lab.arrays import Array, Flags
 
 @dataclass(frozen=True, slots=True)
 class StampSettings:
-    """Limits for the detection of faulty time stamps."""
+    """Limits for detecting faulty time stamps."""
 
     shared: float = 0.1
     """Minimum share of rows with the time of the previous row but other readings, for times to count as rounded."""
@@ -74,7 +75,7 @@ def carried_times(t: Array) -> tuple[Array, str]:
     the usual size with the shift. Other times are not changed.
 
     Args:
-        t: (n,) times, s, NaN where unknown
+        t: (n,) times, s; unknown times are NaN
     """
     known = np.flatnonzero(np.isfinite(t))
     steps = np.diff(t[known])
@@ -104,25 +105,30 @@ def carried_times(t: Array) -> tuple[Array, str]:
 
 
 def runs(column: Array) -> bool:
-    """Whether a column increases in nearly equal steps."""
+    """Check whether a column increases in nearly equal steps."""
     steps = np.diff(column)
     return bool(len(steps) and (steps > 0).all() and np.median(steps) > 0.5 * np.mean(steps))
 
 
 def never_falls(column: Array) -> bool:
-    """Whether a column never decreases, as a time; rows that were written together may have the same value."""
+    """Check whether a column never decreases, as a time does.
+
+    Rows that were written together may have the same value.
+    """
     steps = np.diff(column)
     return bool(len(steps) and (steps >= 0).all() and column[-1] > column[0])
 
 
 def shares_times(t: Array, readings: Mapping[str, Array]) -> Flags:
-    """Flags (n - 1,) of rows that have the same time as the previous row but different readings."""
+    """Return a mask (n - 1,) of rows that have the same time as the previous row but different readings."""
     changed = np.logical_or.reduce([np.diff(column) != 0 for column in readings.values()])
     return np.asarray(changed & (np.diff(t) == 0))
 
 
 def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Replace rounded times by evenly spaced times, and return the times and a note. Other times are not changed.
+    """Replace rounded times by evenly spaced times, and return the times and a note.
+
+    Other times are not changed.
 
     Args:
         t: (n,) times, s, not decreasing
@@ -147,13 +153,14 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Spread rows with one stamp but different readings evenly over the gap after or before them, and return a note.
+    """Spread rows with one stamp but different readings evenly over the gap after or before these rows.
 
-    Rows are not spread if the gap is too short for them, as after a row that was written twice.
+    The result contains the times and a note. Rows are not spread if the gap is too short for them, for example after a
+    row that was written twice.
 
     Args:
         t: (n,) s, not decreasing
-        readings: (n,) of each axis
+        readings: (n,) readings of each axis
     """
     shared = shares_times(t, readings)
     if not shared.any() or not np.isfinite(t).all():
@@ -183,7 +190,10 @@ def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def _of_digits(t: Array) -> Array:
-    """Resolution (n,) of times, s, if written with the fewest significant digits that represent all of them."""
+    """Compute the resolution (n,) of times, s.
+
+    The times are assumed to be written with the fewest significant digits that represent all times.
+    """
     size = np.abs(t)
     decade = np.floor(np.log10(np.where(size > 0, size, size[size > 0].min())))
     digits = next(
@@ -203,7 +213,7 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
     The reading next to a gap is predicted from both sides, each by the parabola through the nearest rows.
 
     Args:
-        t: (n,) times, s, increasing where known
+        t: (n,) times, s; known times increase
         readings: (n,) unwrapped readings of each axis
     """
     values = np.stack(list(readings.values()), axis=1)
@@ -248,7 +258,12 @@ def stamps_at_gaps(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]
 
 
 def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array:
-    """Absolute prediction error (columns,) at an instant, by a parabola through other rows; infinite far from them."""
+    """Predict the readings (columns,) at an instant, and return the absolute errors of the prediction.
+
+    The prediction is a parabola through other rows.
+
+    The error is infinite if the instant is far from the rows.
+    """
     duration = float(np.ptp(t[fitted]))
     if np.abs(t[fitted] - instant).max() > SETTINGS.far * duration or duration <= 0:
         return np.full(x.shape[1], np.inf)

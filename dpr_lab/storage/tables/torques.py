@@ -1,4 +1,4 @@
-"""Columns of the torques of joints 1 and 2, and other interpretations of these columns."""
+"""Find the columns of the torques of joints 1 and 2, and other interpretations of these columns."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,7 +39,7 @@ Pairs = Mapping[str, tuple[str, str]]
 def find_torques(
     names: Sequence[str], source: str | None, given: Mapping[str, str], path: object, *, alone: bool = False
 ) -> Pairs:
-    """Find the columns of the torques of both joints; empty for a free swing.
+    """Find the columns of the torques of both joints; return an empty mapping for a free swing.
 
     If columns of one kind exist, columns without a stated kind are of the other kind. A joint without a torque column
     is passive, and the name of its column is `PASSIVE`.
@@ -47,7 +47,7 @@ def find_torques(
     Args:
         names: names of the columns
         source: `measured` or `commanded`, if only this kind is requested; `none` for no torques; None for all
-        given: names of the columns of `tau1` and `tau2`, if stated
+        given: stated names of the columns of `tau1` and `tau2`
         path: path of the table
         alone: whether there is only joint 1, whose torque then needs no number
 
@@ -90,7 +90,7 @@ def find_torques(
 
 
 def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str], path: object) -> Pairs:
-    """Torque columns that the options name; all must be of one kind."""
+    """Return the torque columns that the options name; all must be of one kind."""
     for joint, name in stated.items():
         if name not in names:
             raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {', '.join(names)}")
@@ -101,9 +101,9 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
-    """Note on torque columns that do not name their joint and are therefore not used; otherwise empty.
+    """Return a note on torque columns that do not name their joint and are therefore not used.
 
-    On a moving arm such a torque belongs to its drive.
+    Otherwise the list is empty. On a moving arm, such a torque belongs to the drive of the arm.
     """
     torques = [name for name in names if (match := _NAME.fullmatch(bare(name))) and not match[2]]
     if driving or options.arm != "clamped" or options.torque == "none" or not torques:
@@ -112,7 +112,7 @@ def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> 
 
 
 def torque_column(table: Table, name: str) -> Array:
-    """Torque of a column, N m, according to the unit in its name; zero for a passive joint.
+    """Return the torques of a column, N m, according to the unit in its name; zeros for a passive joint.
 
     Raises:
         RunError: the column has another length.
@@ -129,9 +129,9 @@ def torque_column(table: Table, name: str) -> Array:
 
 
 def held_torque(t: Array, torque: Array, rows: NDArray[np.intp]) -> Array:
-    """Torque (k,) of the kept rows, N m.
+    """Return the torque (k,) of the kept rows, N m.
 
-    Over an interval with removed rows, the torque is the mean, which preserves the impulse.
+    Over an interval with removed rows, the torque is averaged. The mean preserves the impulse.
 
     Args:
         t: (rows,) times of all rows, s
@@ -165,7 +165,7 @@ def other_torques(
 
     Args:
         torques: (n, 2) as interpreted, N m; None for a free swing
-        pair: names of their columns
+        pair: names of the columns of the torques
         scale: factors of the option `--scale`
         ignored: kind and (n, 2) torques that the options ignore, N m; None if no torques are ignored
     """
@@ -189,11 +189,13 @@ def other_torques(
 def better_torques(
     fit: EnergyFit, t: Array, rods: Array, others: Sequence[OtherTorques], rig: Rig
 ) -> OtherTorques | None:
-    """Interpretation of the torques with a clearly smaller energy residual than `fit`; None if there is none.
+    """Find the interpretation of the torques with a clearly smaller energy residual than `fit`.
+
+    The result is None if there is none.
 
     Args:
-        fit: the energy balance as interpreted
-        t: (n,) s
+        fit: energy balance of the given interpretation
+        t: (n,) times, s
         rods: (n, 2) absolute angles, rad
         others: other interpretations
         rig: the recorded rig
@@ -205,7 +207,9 @@ def better_torques(
 
 
 def coarse_torques(torques: Array, limit: float, words: str) -> str:
-    """Warning if torques, or an input of the arm, change too much from row to row; otherwise empty.
+    """Return a warning if torques, or an input of the arm, change too much from row to row.
+
+    Otherwise return an empty text.
 
     Args:
         torques: (n, 2) from the release on, N m
@@ -226,16 +230,18 @@ def coarse_torques(torques: Array, limit: float, words: str) -> str:
 def idle_torques(
     t: Array, rods: Array, torques: Array | None, pair: tuple[str, str], rig: Rig, limits: tuple[float, float]
 ) -> str:
-    """Warning if torques exceed gravity although the rods move as if no torque acted; otherwise empty.
+    """Return a warning if torques exceed gravity although the rods move as if no torque acted.
+
+    Otherwise return an empty text.
 
     Args:
-        t: (n,) s
+        t: (n,) times, s
         rods: (n, 2) absolute angles, rad
-        torques: (n, 2) as interpreted, N m
-        pair: names of their columns
+        torques: (n, 2) torques in the given interpretation, N m
+        pair: names of the columns of the torques
         rig: the recorded rig
-        limits: residual of the torque balance, relative to gravity, above which the torques may not act at all;
-            ratio of the residual without them to that residual, below which they probably do not act
+        limits: smallest residual of the torque balance, relative to gravity, for which the torques may not act at all;
+            largest ratio of the residual without torques to this residual, for which they probably do not act
     """
     acting, idle = (torque_balance(t, rods, acting, rig) for acting in (torques, None))
     if torques is None or acting is None or idle is None:

@@ -1,7 +1,8 @@
-"""Interpretation of a table: columns, units, zeros, release, and warnings.
+"""Interpret a table: its columns, units and zeros, and the release; compose the warnings.
 
-Nothing is resampled: uneven steps and gaps are kept. Rows without a value and rows with the same time as the previous
-row are removed, counted and reported. Times change only where they wrap, or in `dpr_lab.storage.tables.time_stamps`.
+The rows are not resampled: uneven steps and gaps are kept. Rows without a value and rows with the same time as the
+previous row are removed, counted and reported. Times change only if they wrap, or by
+`dpr_lab.storage.tables.time_stamps`.
 """
 
 from collections.abc import Mapping
@@ -46,7 +47,7 @@ from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """A table with its interpretation as a run."""
+    """A table and its interpretation as a run."""
 
     since_first_s: Array
     """(n,) times since the first kept row, s."""
@@ -79,12 +80,12 @@ class Understood:
 
     @property
     def t(self) -> Array:
-        """(n,) times since the release, s; negative in the rest before it."""
+        """Times (n,) since the release, s; they are negative in the rest before the release."""
         return self.since_first_s - self.since_first_s[self.release]
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Notes and warnings, as they are stored with a run."""
+        """Notes and warnings that are stored with a run."""
         return (*self.notes, *(question.sentence for question in self.questions))
 
     @property
@@ -130,7 +131,10 @@ def understand(
 
 
 def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -> tuple[Table, dict[str, str]]:
-    """Read the table, and the stated columns of time and angles. The angle of a missing rod is constant."""
+    """Read the table, and return it with the stated columns of time and angles.
+
+    A missing rod gets a constant angle.
+    """
     named_angles = not set(AXES).isdisjoint(options.columns)
     table = read_any(path, options.take, on_progress, points=not named_angles)
     stated = {name: column for name, column in options.columns.items() if name not in ("input", *JOINTS)}
@@ -140,7 +144,10 @@ def _read(path: Path, rig: Rig, options: ImportOptions, on_progress: OnImport) -
 def _readings(
     table: Table, names: Mapping[str, str], rig: Rig, options: ImportOptions
 ) -> tuple[Array, dict[str, Array], list[str]]:
-    """Extract times (rows,), s, readings (rows,) of each recorded axis with NaN for outliers, and notes."""
+    """Extract times, readings and notes from a table.
+
+    The times (rows,) are in s. The readings (rows,) of each recorded axis are NaN for outliers.
+    """
     t, carried = carried_times(_times(table, names, options))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
     _check_forwards(table, t, options, readings)
@@ -235,7 +242,7 @@ def _understood(
 
 
 def _at_edges(read: Understood, rig: Rig) -> Understood:
-    """Correct the angles to the edges between counts, if the logger sent a row at each encoder count."""
+    """Correct the angles to the edges between counts if the logger sent a row at each count of an encoder."""
     theta = read.theta
     encoders = np.column_stack([theta[:, 0], rig.encoders.joint_angles.of_rods(theta[:, 1:])])
     rows = edge_rows(encoders[:, : 1 + rig.rods.number])
@@ -265,7 +272,10 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
 
 
 def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
-    """Notes on rows removed because the rods were held, and on a first row before t = 0 taken as the release."""
+    """Return notes on rows that were removed, and on a first row before t = 0 that is treated as the release.
+
+    Rows are removed if the rods are held in them.
+    """
     notes = []
     if part.start == 0 and t[0] < 0 < t[-1]:
         notes.append(
@@ -307,12 +317,12 @@ def _times(table: Table, columns: Mapping[str, str], options: ImportOptions) -> 
 
 
 def _scaled(column: Array, axis: str, options: ImportOptions) -> Array:
-    """Readings of a column: unwrapped, multiplied by the scale, then shifted by the offset."""
+    """Return the readings of a column: unwrapped, multiplied by the scale, then shifted by the offset."""
     return _unwrapped(column, options) * options.scale.get(axis, 1.0) + options.offset.get(axis, 0.0)
 
 
 def _unwrapped(column: Array, options: ImportOptions) -> Array:
-    """Unwrap a column; missing values stay missing."""
+    """Unwrap a column; missing values are kept."""
     if options.wrap is None:
         return column
     known, turned = np.isfinite(column), column.copy()
@@ -321,7 +331,10 @@ def _unwrapped(column: Array, options: ImportOptions) -> Array:
 
 
 def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """Axes whose column contains numbers, and a note on an empty column of the arm; both rods are required."""
+    """Return the axes whose column contains numbers, and a note if the column of the arm is empty.
+
+    Both rods are required.
+    """
     silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
     for axis in silent:
         if axis != "theta0":
@@ -385,7 +398,7 @@ def _rows_to_keep(
 
 
 def _refuse_coarse_times(path: Path, readings: Mapping[str, Array], rows: NDArray[np.intp], doubled: Flags) -> None:
-    """Refuse a time column with too few digits: many rows have equal times but different readings."""
+    """Refuse a time column with too few digits."""
     later, before = rows[doubled], rows[np.flatnonzero(doubled) - 1]
     changed = np.logical_or.reduce([column[later] != column[before] for column in readings.values()])
     if changed.sum() > PLAUSIBLE.doubled_share * len(rows):

@@ -1,4 +1,4 @@
-"""Layouts of viewers for run files: angles, torques and events of the joints, with the plots below each other."""
+"""Create layouts of viewers for run files: plots of angles and torques of the joints, and the events."""
 
 from collections.abc import Callable
 

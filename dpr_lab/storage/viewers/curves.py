@@ -1,4 +1,4 @@
-"""Curves of a run file in the layouts of viewers, grouped by plot."""
+"""Define the curves of a run file in the layouts of viewers, grouped by plot."""
 
 from dpr_lab.storage.layout import EVENTS, SAMPLES, STATUS
 

@@ -1,4 +1,4 @@
-"""Layout for Foxglove (JSON), to be opened with "Import from file".
+"""Create a layout for Foxglove (JSON), which is opened with "Import from file".
 
 Source: layouts that Foxglove exports; message paths, https://docs.foxglove.dev/docs/visualization/message-path-syntax.
 """
@@ -10,7 +10,7 @@ from dpr_lab.storage.viewers.curves import COLORS, PLOTS, TEXTS
 
 
 def foxglove() -> str:
-    """Create a layout for Foxglove as JSON: plots below each other, and the events at the bottom."""
+    """Create a layout for Foxglove as JSON: plots one below the other, and the events at the bottom."""
     panels = {f"Plot!{number}": _plot(title, curves) for number, (title, curves) in enumerate(PLOTS.items(), 1)}
     panels["RawMessages!events"] = {"topicPath": TEXTS, "diffEnabled": False}
     document = {
@@ -37,7 +37,7 @@ def _plot(title: str, curves: tuple[tuple[str, str, int | None], ...]) -> dict[s
 
 
 def _column(panels: list[str]) -> Any:
-    """Panels below each other, of equal height."""
+    """Arrange panels of equal height one below the other."""
     first, *rest = panels
     if not rest:
         return first

@@ -1,4 +1,4 @@
-"""Layout for PlotJuggler 3 (XML), to be opened with "Load layout" after the run file.
+"""Create a layout for PlotJuggler 3 (XML), which is opened with "Load layout" after the run file.
 
 Source: layouts that PlotJuggler saves; elements of an array are named `key[i]`.
 """
@@ -9,7 +9,7 @@ from dpr_lab.storage.viewers.curves import COLORS, PLOTS
 
 
 def plotjuggler() -> str:
-    """Create a layout for PlotJuggler as XML: one tab with plots below each other."""
+    """Create a layout for PlotJuggler as XML: one tab with plots one below the other."""
     root = Element("root")
     tabs = SubElement(root, "tabbed_widget", {"parent": "main_window", "name": "Main Window"})
     container = SubElement(SubElement(tabs, "Tab", tab_name="dpr-lab", containers="1"), "Container")

@@ -1,1 +1,1 @@
-"""Warnings about the interpretation of a table, one module for each kind of evidence."""
+"""Compose warnings about the interpretation of a table; each kind of evidence has its own module."""

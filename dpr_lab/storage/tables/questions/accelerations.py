@@ -1,4 +1,4 @@
-"""Warnings about readings and rig file, from the accelerations of the swing.
+"""Compose warnings about readings and rig file from the accelerations of the swing.
 
 Accelerations are more sensitive to a wrong interpretation than the energy of the swing.
 """
@@ -26,7 +26,7 @@ def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn if the measured inertias are outside the bounds of the rig file.
+    """Warn if the inertias that follow from the swing are outside the bounds of the rig file.
 
     Rigs with gears are not checked, because their motors add inertia.
     """
@@ -53,7 +53,10 @@ def rig_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def unit_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about the unit of the angles of a moving arm and its rods, from the equation of motion of the last rod."""
+    """Warn about a wrong unit of the angles of a moving arm and its rods.
+
+    The evidence is the equation of motion of the last rod.
+    """
     unit = table.options.unit
     if not table.arm_moves or unit not in TO_RADIANS:
         return []

@@ -1,4 +1,4 @@
-"""Warnings from the energy of the swing: units, zeros, signs, order of the columns, and known torques."""
+"""Compose warnings from the energy of the swing: on units, zeros, signs, order of the columns, and known torques."""
 
 import math
 from dataclasses import replace
@@ -24,9 +24,10 @@ from dpr_lab.storage.tables.torques import better_torques, other_torques
 
 
 def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[OtherReading]]:
-    """Warn about units, zeros, signs and order of the columns, from the energy of the swing.
+    """Warn about units, zeros, signs and order of the columns from the energy of the swing.
 
-    Returns the warnings and the interpretations that conserve the energy better.
+    Returns:
+        the warnings, and the interpretations in which the energy is conserved better
     """
     looked_at, read = table.looked_at, table.read()
     fit = energy_fit(read.t, table.theta[looked_at, 1:], read.torques, table.rig)
@@ -83,9 +84,10 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
 
 
 def _nearest(read: ReadTable, residual: float) -> str:
-    """End of a sentence that names the interpretation with by far the smallest change of energy; empty if none.
+    """Compose the end of a sentence that names the interpretation with by far the smallest change of energy.
 
-    The energy changes in this interpretation too, so it is not proposed as a correction.
+    The energy also changes in this interpretation, so that it is not proposed as a correction. The text is empty if
+    there is no such interpretation.
     """
     turned = _turned(read)
     others = [other for other in read.others() if other.mend and (not turned or other.scale == (1.0, 1.0))] + turned
@@ -100,16 +102,17 @@ def _nearest(read: ReadTable, residual: float) -> str:
 
 
 def _residual(read: ReadTable, other: OtherReading) -> float:
-    """Energy residual of an interpretation; infinite if the rods hardly move."""
+    """Return the energy residual of an interpretation; infinite if the rods hardly move."""
     rods = read.rods(other.values, other.options)
     fit = energy_fit(read.t * other.time_factor, rods, read.torques, read.rig)
     return math.inf if fit is None else fit.residual
 
 
 def _turned(read: ReadTable) -> list[OtherReading]:
-    """Interpretation in which a single free rod hangs at another angle of the table, neither 0 nor half a turn.
+    """Interpret the hanging position of a single free rod as another angle of the table than 0 or half a turn.
 
-    If the rod hangs at 90 degrees of the table, twice these angles are a swing about hanging and conserve energy, too.
+    The list is empty if there is no such interpretation. If the rod hangs at 90 degrees of the table, the doubled
+    angles also look like an energy-conserving swing about the hanging position.
     """
     if read.torques is not None or read.rig.rods.mounting == "both" or read.options.unit == "counts":
         return []
@@ -121,7 +124,7 @@ def _turned(read: ReadTable) -> list[OtherReading]:
 
 
 def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
-    """Create a warning that names the interpretations without the contradiction `broken`.
+    """Create a warning that names the interpretations in which the contradiction `broken` does not occur.
 
     If there is only one such interpretation, the warning contains its options as the correction.
     """
@@ -130,7 +133,10 @@ def read_otherwise(broken: str, others: list[OtherReading]) -> TableQuestion:
 
 
 def _torque_question(table: InterpretedTable, fit: EnergyFit, looked_at: slice) -> TableQuestion | None:
-    """Warn about sign, unit, order or absence of the torques if another interpretation conserves the energy."""
+    """Warn about sign, unit, order or absence of the torques if another interpretation conserves the energy.
+
+    The result is None without a better interpretation.
+    """
     others = list(other_torques(table.torques, table.torque_columns, table.options.scale, table.ignored))
     others = [replace(other, torques=other.torques[looked_at]) for other in others]
     best = better_torques(fit, table.t[looked_at], table.theta[looked_at][:, 1:], others, table.rig)

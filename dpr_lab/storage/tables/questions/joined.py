@@ -1,4 +1,4 @@
-"""Warning about a gap if the readings on both sides do not belong to one motion."""
+"""Warn about a gap if the readings on both sides of the gap do not belong to one motion."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from dpr_lab.storage.tables.plausible import PLAUSIBLE
 
 @dataclass(frozen=True, slots=True)
 class JoinSettings:
-    """Limits beyond which the readings on both sides of a gap do not belong to one motion."""
+    """Limits from which the readings on both sides of a gap do not belong to one motion."""
 
     rows: int = 4
     """Number of rows on each side of a gap that are compared with one polynomial."""
@@ -33,7 +33,7 @@ JOIN = JoinSettings()
 
 
 def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about the first gap after which another recording seems to begin, as in a log file that was continued."""
+    """Warn about the first gap after which another recording seems to begin, for example in a continued log file."""
     t, theta = table.t[table.swing], table.theta[table.swing, 1:]
     steps = np.diff(t)
     lost = np.rint(steps / np.median(steps)).astype(np.intp) - 1
@@ -55,7 +55,9 @@ def joined_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:
-    """Largest residual at a gap within one motion, rad; infinite if the table has too few places to estimate it.
+    """Return the largest residual that a gap within one motion can have, rad.
+
+    The result is infinite if the table has too few places to estimate the residual.
 
     Args:
         t: (n,) s
@@ -77,6 +79,6 @@ def _usual(t: Array, theta: Array, whole: Flags, lost: int) -> float:
 
 
 def _residual(t: Array, theta: Array) -> Array:
-    """(rods,) largest residuals of a polynomial through the rows, rad."""
+    """Fit a polynomial to the rows, and return the largest residual (rods,) of each rod, rad."""
     powers = np.vander((t - t.mean()) / np.ptp(t), JOIN.degree + 1)
     return np.abs(theta - powers @ np.linalg.lstsq(powers, theta, rcond=None)[0]).max(axis=0)

@@ -1,4 +1,7 @@
-"""Warning if a column is probably not an angle, from the amplitude dependence of the period of a single rod."""
+"""Warn if a column is probably not an angle.
+
+The evidence is how the period of a single rod depends on the amplitude.
+"""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -35,10 +38,11 @@ SETTINGS = PeriodSettings()
 
 
 def period_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about a column whose period depends on the amplitude like the period of much smaller angles.
+    """Warn about a column if its period depends on the amplitude like the period of much smaller angles.
 
-    The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), with the arithmetic-geometric mean agm and the
-    amplitude A. A position in mm that is read as degrees has the period of another amplitude.
+    The period of a freely swinging rod is T = T0 / agm(1, cos(A/2)), where A is the amplitude, T0 the period of small
+    swings and agm the arithmetic-geometric mean. A position in mm that is read as degrees has the period of another
+    amplitude.
     """
     unit = table.options.unit
     if table.rig.rods.number != 1 or not table.free or unit not in TO_RADIANS:
@@ -65,7 +69,7 @@ def period_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def swings(t: Array, angle: Array) -> tuple[Array, Array]:
-    """(k,) durations, s, and (k,) amplitudes of the periods between upward crossings of the median angle."""
+    """Return durations (k,), s, and amplitudes (k,) of the periods between upward crossings of the median angle."""
     x = angle - np.median(angle)
     up = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
     crossings = t[up] - x[up] * (t[up + 1] - t[up]) / (x[up + 1] - x[up])
@@ -74,7 +78,10 @@ def swings(t: Array, angle: Array) -> tuple[Array, Array]:
 
 
 def _sum_of_squares(periods: Array, amplitudes: Array) -> float:
-    """Sum of squared differences to the periods of a rod with these amplitudes and the best period T0, s^2."""
+    """Compute the sum of squared differences between periods and the periods of a rod with these amplitudes, s^2.
+
+    The period T0 of small swings is fitted.
+    """
     # the elliptic integral of scipy.special would delay each start of `import table`
     larger, smaller = np.ones_like(amplitudes), np.cos(amplitudes / 2)
     for _ in range(SETTINGS.means):

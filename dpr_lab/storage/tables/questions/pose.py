@@ -1,4 +1,4 @@
-"""Warnings about the pose of the release."""
+"""Warn about the pose of the release."""
 
 import math
 from dataclasses import replace
@@ -46,7 +46,10 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
-    """Interpretations with the release at the named pose and conserved energy, fewest changes first."""
+    """List interpretations that start at the named pose and conserve the energy.
+
+    Only interpretations with the fewest changes are listed.
+    """
     read = table.read()
     others, as_read = list(read.others()), OtherReading((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
@@ -59,9 +62,9 @@ def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
 
 
 def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
-    """Interpretation with other zeros, for which the swing starts at the named pose.
+    """Return an interpretation with other zeros in which the swing starts at the named pose.
 
-    Empty if the energy is conserved less well with these zeros.
+    The list is empty if the energy is conserved less well with these zeros.
     """
     if table.options.unit == "counts" or table.options.pose is None:
         return []
@@ -92,5 +95,5 @@ def _in_pose(table: InterpretedTable, other: OtherReading) -> bool:
 
 
 def apart(rods: Array, pose: Array) -> float:
-    """Largest angle between a rod and its pose, rad, without whole turns."""
+    """Return the largest angle between a rod and its pose, rad, without full turns."""
     return float(np.abs((rods - pose + np.pi) % (2 * np.pi) - np.pi).max())

@@ -1,4 +1,4 @@
-"""Warnings about the interpretation of a table.
+"""Compose the warnings about the interpretation of a table.
 
 A table that cannot be used is refused. Each warning names the options that may correct the interpretation.
 """
@@ -21,7 +21,7 @@ from dpr_lab.storage.tables.torques import coarse_torques, idle_torques
 
 @dataclass(frozen=True, slots=True)
 class PushSettings:
-    """Limits for the detection of rods that are pushed."""
+    """Limits from which rods were pushed."""
 
     hanging_rad: float = 0.03
     """Maximum angle from the hanging position, rad, at which rods at rest do not start to swing by themselves."""
@@ -33,7 +33,7 @@ PUSH = PushSettings()
 
 
 def questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Check the interpretation of a table and return the warnings, most serious first.
+    """Check the interpretation of a table, and return the warnings, most serious first.
 
     Raises:
         RunError: the table cannot be used because of too few rows, constant or identical columns, a wrong unit of time,
@@ -56,7 +56,7 @@ def questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
-    """Refuse a mounted rod or a free joint that does not move."""
+    """Refuse a table of two rods if both columns are equal, or if a rod or the free elbow does not move."""
     if table.rig.rods.mounted != "both":
         return
     names = [table.columns.get(axis, axis) for axis in ("theta1", "theta2")]
@@ -89,7 +89,7 @@ def _refuse_dead(table: InterpretedTable, theta: Array) -> None:
 
 
 def refuse_push(table: InterpretedTable, origin: float) -> None:
-    """Refuse rods that start to swing from the hanging rest without a known drive.
+    """Refuse a table in which rods start to swing from the hanging rest without a known drive.
 
     Raises:
         RunError: the rods were pushed; the message names the option that excludes the push.
@@ -112,7 +112,7 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
     """Warn about a low sample rate or a short duration.
 
     Raises:
-        RunError: too few rows to follow a swing.
+        RunError: there are too few rows to follow a swing.
     """
     slow, fast = periods(table.rig)
     step, lasts = float(np.median(np.diff(t))), float(t[-1] - t[0])
@@ -143,7 +143,8 @@ def _few(table: InterpretedTable, t: Array) -> list[TableQuestion]:
 def _torque_doubts(table: InterpretedTable) -> list[TableQuestion]:
     """Warn about known torques if rows are too far apart, or if the rods move as if the torques did not act.
 
-    The input of a driven arm does not act on the rods. For such an input, only the distance of the rows is checked.
+    The input of a driven arm does not act on the rods. For such an input, only the distance between the rows is
+    checked.
     """
     if table.torques is None:
         return []
