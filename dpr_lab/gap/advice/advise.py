@@ -5,7 +5,7 @@ recommended release has the largest discrimination between the effect and the al
 
     discrimination = |s| sqrt(1 - cos^2),
 
-in standard deviations of the noise, with s the signature of the effect and cos the cosine similarity of the two
+in standard deviations of the noise. Here s is the signature of the effect, and cos is the cosine similarity of the two
 signatures. Effects that no recording distinguishes need a bench measurement. A new kind of check needs a row of
 `CHECK_KINDS` and one file.
 """
@@ -35,7 +35,7 @@ WORTH_A_CHECK = 0.05
 
 
 def kind_of(check: AdvisedCheck) -> CheckKind:
-    """Kind of a check.
+    """Return the kind of a check.
 
     Raises:
         RunError: this version has no such kind.
@@ -49,7 +49,10 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Recommend checks that distinguish each named effect from its alternatives; none if no question is open."""
+    """Return the recommend checks that distinguish each named effect from its alternatives.
+
+    None if no question is open.
+    """
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))
     # a release is predicted for a clamped arm; the motion of a moving arm would depend on its input
@@ -66,7 +69,10 @@ def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[Effe
 def _open_causes(
     posteriors: Sequence[EffectPosterior],
 ) -> Iterator[tuple[str, tuple[str, ...], tuple[float, ...], bool]]:
-    """Open questions: named effect, its possible causes, their probabilities, and whether these form one class."""
+    """Yield the open questions.
+
+    Each question is a named effect, its possible causes, their probabilities, and whether the causes form one class.
+    """
     for effect in posteriors:
         if len(effect.members) > 1:
             yield effect.name, effect.members, tuple(effect.probability * share for share in effect.odds), True

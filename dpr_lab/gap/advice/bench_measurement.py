@@ -15,12 +15,15 @@ from dpr_lab.shown import listed
 
 
 def form(check: AdvisedCheck) -> str:
-    """Command-line options that enter the result of a measurement."""
+    """Return the command-line options that state the result of a measurement."""
     return f'--value "{_example(check)}" --std "..."'
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """Proposed measurements: one for each member of a class, or one for an alternative that no recording separates."""
+    """Propose measurements for an open question.
+
+    A class needs one measurement for each member. An alternative needs one if no recording separates it.
+    """
     if question.one_class:
         checks = [_check(question, name) for name in question.causes]
         decisive = [check for check in checks if check.expected_bits > 0] or checks
@@ -34,7 +37,7 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def _alternatives(texts: Iterable[str]) -> str:
-    """Alternative instructions, joined by `Or:`; a sentence that occurs in several instructions is written once."""
+    """Join alternative instructions by `Or:`; write a sentence that occurs in several instructions once."""
     written: set[str] = set()
     parts = []
     for text in texts:
@@ -50,7 +53,7 @@ def _listed(causes: Sequence[str]) -> str:
 
 
 def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
-    """Measurement of an amplitude of one effect; the amplitude is zero if another cause is the right one."""
+    """Create a check that measures an amplitude of one effect; the amplitude is zero if another cause is right."""
     effect = EFFECTS[measured]
     wider = effect.adds and not set(effect.nested).isdisjoint(question.causes)
     amplitude = next(p for p in effect.amplitudes if p.name == effect.adds) if wider else effect.amplitudes[0]
@@ -63,7 +66,7 @@ def _check(question: OpenQuestion, measured: str) -> AdvisedCheck:
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
-    """Predictive densities of a measured value under the candidate causes.
+    """Return the predictive densities of a measured value under the candidate causes.
 
     Raises:
         RunError: the value has no unit, is impossible, or is questionable and was not confirmed.
@@ -79,7 +82,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
-    """Value and standard uncertainty of an answer, in the unit of the quantity."""
+    """Return the value and standard uncertainty of an answer, in the unit of the quantity."""
     value, std = answer.value, answer.std
     assert value is not None
     assert std is not None
@@ -94,7 +97,7 @@ def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
 
 
 def _example(check: AdvisedCheck) -> str:
-    """Example of a value with the unit of a check, for messages."""
+    """Return the example of a value with the unit of a check, for messages."""
     unit = check.quantity.unit if check.quantity else ""
     return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
 
@@ -127,11 +130,15 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 
 
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
-    """Question to the operator about a value, with the way to confirm the value; empty if it is plausible.
+    """Return a question to the operator about a doubtful value, with the way to confirm it.
 
-    A value is questioned if no candidate predicts it. If the recordings do not determine the measured quantity, the
-    value is questioned if it equals the estimate of another quantity, or is much larger than all fitted amplitudes with
-    the same unit.
+    Empty if it is plausible.
+
+    A value is doubtful if no candidate predicts it. If the recordings do not determine the measured quantity, a value
+    is
+    also doubtful if it equals the estimate of another quantity, or is much larger than all fitted amplitudes with the
+    same
+    unit.
     """
     quantity, estimate, fitted = check.measurand, predicted.estimate, _same_unit(diagnosis, check)
     confused = [
@@ -161,7 +168,7 @@ def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained
 
 
 def _same_unit(diagnosis: Diagnosis, check: AdvisedCheck) -> list[tuple[str, float]]:
-    """Names and sizes of the other fitted amplitudes of named effects that have the unit of a check."""
+    """Return names and sizes of other fitted amplitudes of named effects that have the unit of a check."""
     return [
         (f"the {EFFECTS[effect.name].bench_quantity(p.name).words} of {EFFECTS[effect.name].words}", fitted.value)
         for effect in diagnosis.effects

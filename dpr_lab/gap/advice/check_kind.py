@@ -1,4 +1,4 @@
-"""Interface of the kinds of recommended checks: their proposal, their result, and the probability of the result."""
+"""Interface of the kinds of recommended checks: proposal of a check, its result, and the probability of the result."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -94,10 +94,11 @@ class CheckKind:
 
 
 def expected_bits(probabilities: Sequence[float], separation: float) -> float:
-    """Expected information gain of a check between two causes, bits, times the probability that one of them is right.
+    """Return the expected information gain of a check between two causes, bits.
 
-    The log likelihood ratio is normal with mean +-d^2/2 and variance d^2, where d is the distance between the
-    predictions of the causes in standard deviations.
+    The gain is multiplied by the probability that one of both causes is right. The log likelihood ratio is normal with
+    mean
+    +-d^2/2 and variance d^2, where d is the distance between the predictions of the causes in standard deviations.
 
     Args:
         probabilities: (2,) probabilities of the causes; their sum may differ from one
@@ -121,7 +122,7 @@ def expected_bits(probabilities: Sequence[float], separation: float) -> float:
 
 
 def log_mean(log_densities: Array, weights: Array) -> float:
-    """Logarithm of the weighted mean of densities; the mean is unweighted if all weights are zero."""
+    """Return the logarithm of the weighted mean of densities; the mean is unweighted if all weights are zero."""
     weights = weights if weights.any() else np.ones_like(weights)
     with np.errstate(divide="ignore"):
         return float(np.logaddexp.reduce(log_densities + np.log(weights / weights.sum())))

@@ -17,7 +17,7 @@ from dpr_lab.identification.scaling.scale import Scale
 
 
 def expected_size(selection: Selection, scale: Scale, check: AdvisedCheck) -> Interval | None:
-    """Expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
+    """Return the expected result of a measurement if its effect is the cause, with its absolute 90 % interval.
 
     The size comes from the fit in which the measured effect replaces the named effect. If no such fit exists, the size
     comes from the score test.
@@ -57,9 +57,9 @@ def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval
 
 
 def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
-    """Columns of the named amplitudes of an effect.
+    """Return the columns of the named amplitudes of an effect; empty unless all of them are fitted.
 
-    Empty unless all are fitted (absorbed amplitudes are not fitted).
+    Absorbed amplitudes are not fitted.
     """
     places = {parameter.name: place for place, parameter in enumerate(parameters) if parameter.effect == effect}
     return [places[name] for name in names] if places.keys() >= set(names) else []

@@ -59,14 +59,14 @@ class ExpectedRecording:
     """(p,) values of the parameters, by effect: fitted, or typical if the effect is not in the model."""
 
     def apart(self, name: str, other: str) -> float:
-        """Distance between the change by one effect and its best approximation by another, in standard deviations."""
+        """Return how far the change by one effect is from its best approximation by another, in standard deviations."""
         signal = self.changes[name] @ self.sizes[name]
         explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
         return float(np.sqrt(max(signal @ signal - explained, 0.0)))
 
 
 def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Sequence[str]) -> list[ExpectedRecording]:
-    """Predicted changes of the readings by some effects, for each release of the menu.
+    """Predict the changes of the readings by some effects, for each release of the menu.
 
     Args:
         recordings: recordings that define the noise and the setup of the releases
@@ -106,9 +106,12 @@ def _expected(
 
 
 def simulated_release(recordings: Recordings, chosen: Hypothesis, choice: PossibleRelease) -> tuple[Problem, Array]:
-    """Simulation of a release with the fitted estimate: the problem with readings without noise, and the initial state.
+    """Simulate a release with the fitted estimate, without noise.
 
     The readings are weighted by the noise level of the recordings.
+
+    Returns:
+        the problem with the simulated readings, and the initial state
     """
     t = THINNING.after_release_s + np.arange(int(choice.duration * RATE_HZ)) / RATE_HZ
     estimate, like = chosen.fit.estimate, min(recordings.records, key=lambda recorded: recorded.setup.alone)

@@ -98,11 +98,11 @@ class Prediction:
     std: float
 
     def z(self, value: float, std: float) -> float:
-        """Distance between a measured value and the prediction, in standard deviations."""
+        """Return the distance between a measured value and the prediction, in standard deviations."""
         return abs(value - self.mean) / float(np.hypot(self.std, std))
 
     def log_density(self, value: float, std: float) -> float:
-        """Logarithm of the predictive density of a value with a standard uncertainty."""
+        """Return the logarithm of the predictive density of a value with a standard uncertainty."""
         spread = float(np.hypot(self.std, std))
         return -0.5 * self.z(value, std) ** 2 - float(np.log(spread * np.sqrt(2 * np.pi)))
 
@@ -122,7 +122,7 @@ class Predictions:
     """Prediction of the recordings if the measured effect is the cause."""
 
     def log_densities(self, value: float, std: float) -> dict[str, float]:
-        """Logarithm of the predictive density under each candidate, and under a cause outside the candidates."""
+        """Return the log predictive density under each candidate, and under a cause outside the candidates."""
         from scipy.special import voigt_profile  # its import is slow
 
         densities = {name: prediction.log_density(value, std) for name, prediction in self.candidates.items()}
@@ -132,12 +132,12 @@ class Predictions:
         return densities | {NONE_OF_THEM: float(np.logaddexp(np.log1p(-h) + little, np.log(h) + broad))}
 
     def nearest(self, value: float, std: float) -> float:
-        """Distance between a measured value and the candidate that predicts it best, in standard deviations."""
+        """Return the distance of a measured value from the nearest prediction, in standard deviations."""
         return min(prediction.z(value, std) for prediction in self.candidates.values())
 
 
 def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str]) -> Predictions:
-    """Predictive densities of the amplitude that a check measures, for each candidate.
+    """Return the predictive densities of the amplitude that a check measures, for each candidate.
 
     Args:
         diagnosis: diagnosis with the fitted sizes
@@ -163,7 +163,7 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """Measured amplitude that the recordings predict if its effect is the cause; None if no size was fitted."""
+    """Return the amplitude that the recordings predict if its effect is the cause; None if no size was fitted."""
     if check.expected:
         return check.expected
     fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
@@ -177,7 +177,7 @@ def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
 
 
 def magnitude(values: Array, covariance: Array) -> Interval | None:
-    """Root of the sum of squares of amplitudes, with an interval from their (n, n) covariance.
+    """Return the root of the sum of squares of amplitudes, with an interval from their (n, n) covariance.
 
     The result is None if the root is zero.
     """
@@ -191,7 +191,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Whether an effect contains an amplitude of another effect.
+    """Return whether an effect contains an amplitude of another effect.
 
     All forms of one effect have the same amplitudes, except for additional amplitudes of richer forms.
     """

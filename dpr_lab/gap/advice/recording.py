@@ -24,12 +24,12 @@ DISTINGUISHED = 5.0
 
 
 def form(check: AdvisedCheck) -> str:
-    """Description of the option that enters the result of a recording."""
+    """Return the description of the option that states the result of a recording."""
     return "its run files"
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """Recommended releases: for each other cause, the one whose prediction differs most from the named effect."""
+    """Recommend, for each other cause, the release in which its prediction differs most from the named effect."""
     steps: list[NextStep] = []
     if not question.expected:
         return steps
@@ -58,9 +58,9 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
-    """Tempered likelihood of the runs of a check under each candidate, which is fitted to these runs.
+    """Return the tempered likelihood of the runs of a check under each candidate.
 
-    A cause outside the library has the mean likelihood of the candidates.
+    Each candidate is fitted to these runs. A cause outside the library has the mean likelihood of the candidates.
 
     Raises:
         RunError: the runs cannot show the named effect, or no candidate can be fitted to them.
@@ -85,7 +85,7 @@ def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior
 
 
 def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: CheckAnswer) -> dict[str, Hypothesis]:
-    """Fits of each candidate to the runs, together with the other named effects."""
+    """Fit each candidate to the runs, together with the other named effects."""
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig

@@ -1,4 +1,4 @@
-"""Rods that are touched at rest: after the rods came to rest, the reading of a joint changes without a drive.
+"""Motion after rest: the reading of a joint without a drive changes although the rods had come to rest.
 
 A free rod that stays within the noise for half a period of its small oscillation is at rest: friction holds it, or its
 energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. A later motion is caused by
@@ -58,7 +58,7 @@ class Touch:
 
 
 def touch(record: Record, slow_period_s: float) -> Touch | None:
-    """First motion after the rods of a free swing have come to rest; None if the rods do not move."""
+    """Return the first motion after the rods of a free swing have come to rest; None if the rods do not move."""
     t, joints, sigma = _blocks(record)
     if len(t) < 2:
         return None
@@ -86,7 +86,10 @@ def touch(record: Record, slow_period_s: float) -> Touch | None:
 
 
 def without_touch(record: Record, rig: Rig) -> Record:
-    """Record that ends before the first motion after rest; the same object if there is no such motion."""
+    """Return the part of a record before the first motion after rest.
+
+    Return the record itself without such a motion.
+    """
     driven = not record.run.setup.free or record.encoder0_moves
     touched = None if driven else touch(record, periods(rig)[0])
     if touched is None:
@@ -101,7 +104,7 @@ def without_touch(record: Record, rig: Rig) -> Record:
 
 
 def _blocks(record: Record) -> tuple[Array, Array, Array]:
-    """Instants of blocks, their (n, axes) medians, and the (axes,) standard deviation of a median, rad."""
+    """Return the instants of blocks, their (n, axes) medians, and the (axes,) standard deviation of a median, rad."""
     length = max(REST.block_s, REST.fewest * float(np.median(np.diff(record.t))))
     number = np.floor((record.t - record.t[0]) / length).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=-1))

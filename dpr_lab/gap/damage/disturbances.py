@@ -123,7 +123,7 @@ def without_jumps(recordings: Recordings, estimate: Estimate, ratio: float = JUM
 
 
 def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recordings | None:
-    """Recordings without some intervals; None if a recording would have no segment left."""
+    """Remove some intervals from recordings; return None if a recording would have no segment left."""
     records = tuple(map(_without, whole.records, parts))
     remain = all(cut(record.t, np.inf, record.breaks) for record in records)
     return replace(whole, records=records) if remain else None
@@ -132,7 +132,7 @@ def _cleaned(whole: Recordings, parts: Sequence[Sequence[LeftOut]]) -> Recording
 def _with_pushes(
     cleaned: Recordings, parts: Sequence[list[LeftOut]], estimate: Estimate, ratio: float
 ) -> list[list[LeftOut]]:
-    """Excluded intervals of each recording, in which two kicks are merged if a push lies between them.
+    """Merge two kicks of the excluded intervals `parts` if a push lies between them.
 
     It is a push if the chi2 per reading of every segment between the kicks exceeds the largest one elsewhere by the
     ratio.
@@ -159,24 +159,30 @@ def _with_pushes(
 
 
 def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
-    """Jump, converted to a kick if it lies near a known kick, even if it looks like a step of a reading."""
+    """Convert a jump to a kick if it lies near a known kick, even if it looks like a step of a reading."""
     kicks = (part for part in parts if not part.of_reading)
     near = any(part.since - DISTURBANCE.joins_s < jump.at < part.until + DISTURBANCE.joins_s for part in kicks)
     return replace(jump, joint=None) if near else jump
 
 
 def _undriven(record: Record) -> bool:
-    """Whether no known torque and no moving arm drives the rods, whose errors could look like a disturbance."""
+    """Return whether no known torque and no moving arm drives the rods.
+
+    Errors of a drive could look like a disturbance.
+    """
     return record.run.setup.free and not record.encoder0_moves
 
 
 def _shifted(record: Record, estimate: Estimate) -> bool:
-    """Whether missed counts that the model does not contain shift the readings, so that no jump stands out."""
+    """Return whether missed counts shift the readings although the model contains no missed counts.
+
+    No jump is then conspicuous.
+    """
     return bool(record.screened.breaks) and not estimate.params[param_index(MISSED_COUNTS.name, "counts")]
 
 
 def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jump]:
-    """Kicks and steps of readings in free swings.
+    """Detect kicks and steps of readings in free swings.
 
     The search uses two overlapping divisions into segments, so that no jump lies at the end of a segment in both.
     """
@@ -201,12 +207,15 @@ def _later(record: Record, begin: float) -> Record:
 
 
 def shows(record: Record, jump: Jump) -> bool:
-    """Whether the readings themselves contain the step of a jump, and not only the residuals of a model."""
+    """Return whether the readings themselves contain the step of a jump, and not only the residuals of a model."""
     return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
 
 def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
-    """Intervals to exclude: about kicks, between a step and its return, and before or after a step that stays."""
+    """Return the intervals to exclude.
+
+    They lie about kicks, between a step and its return, and before or after a step that stays.
+    """
     reach, parts = 0.5 * DISTURBANCE.kick_s, list[LeftOut]()
     steps = sorted((jump for jump in jumps if jump.joint is not None), key=lambda jump: jump.at)
     while steps:
@@ -246,14 +255,14 @@ def _without_slips(record: Record) -> Record:
 
 
 def _returns(record: Record, first: Jump, later: Jump) -> bool:
-    """Whether a later step of the readings cancels an earlier one."""
+    """Return whether a later step of the readings cancels an earlier one."""
     sizes = first.size[0], later.size[0]
     takes_back = first.joint == later.joint and abs(sum(sizes)) < DISTURBANCE.returns * abs(sizes[0])
     return takes_back and later.at - first.at < DISTURBANCE.while_share * float(np.ptp(record.t))
 
 
 def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
-    """Intervals in chronological order, with neighbouring ones merged."""
+    """Sort intervals in chronological order, and merge neighbours."""
     merged = list[LeftOut]()
     for part in sorted(parts, key=lambda part: part.since):
         if (

@@ -1,6 +1,6 @@
 """Detection of a hand or a latch that still acts at the beginning of a recording.
 
-push    The energy of the rods, computed with the fitted ratios, rises at the beginning, or before the model of
+push    The energy of the rods is computed with the fitted ratios. It rises at the beginning, or before the model of
         undriven rods fits the readings. Without a drive the energy only decreases.
 hold    The first segment fits worse than all others, but without its first readings it fits as well as the others.
 """
@@ -80,13 +80,16 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
 
 
 def fitted_starts(recordings: Recordings, estimate: Estimate, length: float) -> tuple[Problem, Fit]:
-    """Segments of about a given length, s, and the fit of their initial states to given ratios and effects."""
+    """Cut recordings into segments of about a given length, s, and fit the initial states of the segments.
+
+    The ratios and the effects of the estimate are fixed.
+    """
     problem, initial = replace(recordings, ratios=None).cut(length)
     return problem, fit(problem, estimate.changed(initial=initial), (), iterations=HAND.iterations)
 
 
 def energies(problem: Problem, estimate: Estimate) -> Array:
-    """(segments,) energy of the rods at the start of each segment of one run, divided by b, 1/s^2.
+    """Return the (segments,) energy of the rods at the start of each segment of one run, divided by b, 1/s^2.
 
     The energy is zero for hanging rods at rest.
     """
@@ -100,7 +103,10 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
 
 
 def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
-    """Start, s, of the first segment that the model fits after a rise of the energy; None without such a rise."""
+    """Return the start, s, of the first segment that the model fits after a rise of the energy.
+
+    None without a rise.
+    """
     energy = energies(problem, fit.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]
     if len(energy) < 4 or not np.isfinite(energy).all():
@@ -123,7 +129,7 @@ def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float |
 
 
 def _first_followed(level: Array, top: int) -> int:
-    """Index of the first segment from `top` on that the model of undriven rods fits.
+    """Return the index of the first segment from `top` on that the model of undriven rods fits.
 
     The energy of a segment that contains the push is not the energy at its start.
 
@@ -137,9 +143,9 @@ def _first_followed(level: Array, top: int) -> int:
 
 
 def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
-    """Instant in the first segment, s, from which the model of undriven rods fits as well as in other segments.
+    """Return the instant in the first segment, s, until which something holds the rods; None if nothing holds them.
 
-    None if nothing holds the rods at the beginning.
+    From this instant on, the model of undriven rods fits as well as in other segments.
     """
     (recording,) = recordings.records
     problem, fitted = fitted_starts(recordings, undriven, LENGTHS.first)
@@ -165,7 +171,7 @@ def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
 
 
 def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scatter: float) -> bool:
-    """Whether the energy rises until the segment `top`, early in the recording, and then only decreases."""
+    """Return whether the energy rises until the segment `top`, early in the recording, and then only decreases."""
     most = float(later[top:].max())
     rise = (most - float(energy[: top + 1].min())) / most
     if top == 0 or rise < max(HAND.rises, HAND.scatters * scatter / most):
@@ -177,13 +183,13 @@ def _only_rose_before(energy: Array, later: Array, top: int, begins: Array, scat
 
 
 def _smoothed(energy: Array) -> Array:
-    """Running medians of the energy; at the ends the first and the last value are repeated."""
+    """Return running medians of the energy; repeat the first and the last value at the ends."""
     half = HAND.smoothed // 2
     padded = np.pad(energy, half, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, HAND.smoothed), axis=1))
 
 
 def _scatter(energy: Array) -> float:
-    """Standard deviation of the noise of the energy, from second differences, in which a slow decay cancels."""
+    """Estimate the noise of the energy from second differences, in which a slow decay cancels."""
     variance = 1.0 + 4.0 + 1.0  # second difference of white noise of unit variance
     return float(NORMAL_MAD * np.median(np.abs(np.diff(energy, 2))) / np.sqrt(variance))

@@ -85,7 +85,7 @@ class Jump:
 
 
 def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
-    """Jumps whose gain is far above the gains of all segments at other times.
+    """Return the jumps whose gain is far above the gains of all segments at other times.
 
     Args:
         candidates: best jump of each segment; segments may overlap
@@ -103,7 +103,7 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 
 
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
-    """Kick of largest gain, and step of a reading of largest gain, in each segment.
+    """Return the kick of largest gain, and step of a reading of largest gain, in each segment.
 
     The joint of a step is given only if neither a kick of finite duration nor a single wrong reading explains as much.
     """
@@ -131,7 +131,7 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
 
 
 def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
-    """(n,) maximum of values (n,) over the instants up to `reach_s` before and after each instant."""
+    """Return the (n,) maximum of values (n,) over the instants up to `reach_s` before and after each instant."""
     highest = values.copy()
     for shift in range(1, int(reach_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
         highest[shift:] = np.maximum(highest[shift:], values[:-shift])
@@ -140,7 +140,7 @@ def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
 
 
 def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float, ...]:
-    """Changes of the speeds of both rods, rad/s, by impulses on theta1 and theta2, N m s."""
+    """Return the changes of the speeds of both rods, rad/s, by impulses on theta1 and theta2, N m s."""
     i = round(float(reference.at[sample]))
     setup = reference.motion.run[i]
     a, b, d, *_ = reference.bases[setup]
@@ -172,7 +172,10 @@ class _Changes:
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> "_Changes":
-        """Residuals of a fit with free initial states, with polynomial torques of the given degree projected out."""
+        """Return the residuals of a fit with free initial states, after polynomial torques are projected out.
+
+        `degree` is the degree of the polynomials.
+        """
         owner, offsets = problem.owner, problem.segments.offsets
         residual = np.where(np.isfinite(fitted.linear.residual), fitted.linear.residual, 0.0)
         Q = np.concatenate([fitted.linear.Q, _of_torques(problem, fitted, reference, degree)], axis=2)
@@ -190,7 +193,11 @@ class _Changes:
         )
 
     def kicks(self) -> tuple[Array, Array]:
-        """(samples,) gain and (samples, 2) impulses on theta1 and theta2, N m s, of a kick just before each sample."""
+        """Compute the best kick just before each sample.
+
+        Returns:
+            (samples,) gain, and (samples, 2) impulses on theta1 and theta2, N m s
+        """
         score = self._later(np.einsum("nas,na->ns", self.out, self.e))
         power = self._later(np.einsum("nas,nar->nsr", self.out, self.out))
         shared = self._later(np.einsum("nas,naq->nsq", self.out, self.Q))
@@ -204,20 +211,24 @@ class _Changes:
         return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
 
     def steps(self, joint: int) -> tuple[Array, Array]:
-        """(samples,) gain and (samples,) size, rad, of a step in the reading of one joint just before each sample."""
+        """Compute the best step in the reading of one joint just before each sample.
+
+        Returns:
+            (samples,) gain, and (samples,) size, rad
+        """
         weight, Q = self.weight[:, joint], self.Q[:, joint]
         score, power = self._later(weight * self.e[:, joint]), self._later(weight**2)
         gain, size = step_gain(score, power, self._later(weight[:, None] * Q), JUMP.seen * np.maximum(power, 1.0))
         return self._inside(gain), size
 
     def lone(self) -> Array:
-        """(samples,) gain by the exclusion of a single wrong reading at the sample or next to it."""
+        """Return the (samples,) gain by the exclusion of a single wrong reading at the sample or next to it."""
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
         gain = np.max(self.e**2 / np.maximum(remaining, JUMP.seen), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))
 
     def _later(self, values: Array) -> Array:
-        """Sums over the samples from each sample to the end of its segment."""
+        """Return the sums over the samples from each sample to the end of its segment."""
         sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
         return np.asarray(sums[self.ends] - sums[:-1])
 
@@ -227,7 +238,10 @@ class _Changes:
 
 
 def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: int) -> Array:
-    """(segments, m, k) orthonormal responses of the readings to polynomial torques, without the initial states."""
+    """Return (segments, m, k) orthonormal responses of the readings to polynomial torques.
+
+    The initial states are projected out.
+    """
     t, edges = reference.motion.t, reference.edges
     begin, end = (np.repeat(t[places], np.diff(edges)) for places in (edges[:-1], edges[1:] - 1))
     powers = ((2 * t - begin - end) / (end - begin))[:, None] ** np.arange(degree + 1)

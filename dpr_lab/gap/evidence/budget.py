@@ -73,7 +73,7 @@ class _Source:
 
 
 def sources(problem: Problem, model: Hypothesis, rig: Rig) -> list[_Source]:
-    """All sources that contribute to the uncertainty of a prediction."""
+    """Return all sources that contribute to the uncertainty of a prediction."""
     return [_integrator(problem, model), *_constants(problem, model, rig), *_noise(model)]
 
 
@@ -88,7 +88,7 @@ class _Refit:
 
     @classmethod
     def of(cls, problem: Problem, model: Hypothesis, other: Problem) -> Self:
-        """Refit after the problem is replaced by another one with the same readings."""
+        """Refit the model after another problem with the same readings replaces its problem."""
         fit = model.fit
         change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
         step = shifted(fit, change)
@@ -96,7 +96,7 @@ class _Refit:
         return cls(step, float((1 + np.sum(remaining**2) / model.residuals.inflation) ** -0.5))
 
     def variance(self, swings: FreeSwings, changes: Sequence[Array], factor: float) -> list[Array]:
-        """(n, 2) squared change of each free run after the refit, rad^2.
+        """Return the (n, 2) squared change of each free run after the refit, rad^2.
 
         Args:
             swings: the free runs
@@ -110,7 +110,7 @@ class _Refit:
 
 
 def _integrator(problem: Problem, model: Hypothesis) -> _Source:
-    """Contribution of the integrator: the change of a prediction with half the step."""
+    """Return the contribution of the integrator: the change of a prediction with half the step."""
     halved = replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
     refit = _Refit.of(problem, model, halved)
     return _Source(
@@ -122,7 +122,7 @@ def _integrator(problem: Problem, model: Hypothesis) -> _Source:
 
 
 def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Source]:
-    """Contributions of lengths, gravity and weighed masses, each changed by one standard uncertainty."""
+    """Yield the contributions of lengths, gravity and weighed masses, each changed by one standard uncertainty."""
     for name, description, constants in _inputs(problem.model.constants, rig, problem.always):
         refit = _Refit.of(problem, model, replace(problem, model=problem.model.with_constants(constants)))
 
@@ -133,7 +133,10 @@ def _constants(problem: Problem, model: Hypothesis, rig: Rig) -> Iterator[_Sourc
 
 
 def _noise(model: Hypothesis) -> Iterator[_Source]:
-    """Contributions of the noise of the readings: in the fitted values, the initial state and the comparison itself."""
+    """Yield the contributions of the noise of the readings.
+
+    They act on the fitted values, on the initial state, and on the comparison itself.
+    """
     level, noise = model.residuals.level, model.residuals.independent_noise
     spread = considered(model.fit, noise)
 
@@ -157,7 +160,10 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
 
 
 def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
-    """Measured constants: name, source, and constants of the rig with this one changed by a standard uncertainty."""
+    """Yield the measured constants of the rig: name, source, and changed constants.
+
+    In the changed constants, this one is increased by its standard uncertainty.
+    """
     if not any(EFFECTS[name].corrects == "L1" for name in fitted):
         std = ASSUMED.rule_m * ASSUMED.rectangular
         description = (
@@ -174,7 +180,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
 
 
 def mean_squares(parts: Sequence[_Source], swings: FreeSwings, compared: Sequence[Flags]) -> Array:
-    """(sources, swings) mean variance by each source over the compared readings of each swing, rad^2."""
+    """Return the (sources, swings) mean variance by each source over the compared readings of each swing, rad^2."""
     by_source = [
         [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts
     ]
@@ -184,7 +190,12 @@ def mean_squares(parts: Sequence[_Source], swings: FreeSwings, compared: Sequenc
 def uncertainty_sources(
     by_model: Mapping[str, Sequence[_Source]], pooled: Mapping[str, Array]
 ) -> list[UncertaintySource]:
-    """Rows of the uncertainty budget, from the sources and pooled mean squares (sources,), before and after."""
+    """Return the rows of the uncertainty budget.
+
+    Args:
+        by_model: sources of the uncertainty, under the keys `before` and `after` the correction
+        pooled: (sources,) mean squares under the same keys, pooled over the free runs
+    """
     return [
         UncertaintySource(
             name=source.name,

@@ -28,7 +28,7 @@ MAP = MapSettings()
 
 
 def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
-    """Seconds that each rod spent at each angle and speed; rods that never swung freely are omitted."""
+    """Return the seconds that each rod spent at each angle and speed; rods that never swung freely are omitted."""
     joints = fitted.rig.encoders.joint_angles
     spent = [[_spent(record, joints.to_rods) for record in part.records] for part in (fitted, held_out)]
     occupancy: dict[str, Occupancy] = {}
@@ -63,7 +63,7 @@ def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
-    """Angles, speeds and durations of a rod for each recording in which it swung.
+    """Yield the angles, speeds and durations of a rod for each recording in which it swung.
 
     A single rod is in the first column.
     """

@@ -50,7 +50,7 @@ SHAPES = ShapeSettings()
 
 @dataclass(frozen=True)
 class AllShapes:
-    """Intervals of the amplitudes of effects over all shapes of each effect, in addition to a fitted set of effects."""
+    """Tests of effects over all their shapes, in addition to a fitted set of effects."""
 
     problem: Problem
     """The segments."""
@@ -58,7 +58,7 @@ class AllShapes:
     """Fitted set without the tested effects."""
 
     def intervals(self, effect: Effect) -> list[tuple[float, float]] | None:
-        """90 % interval of each amplitude, over all shapes of an effect.
+        """Return the 90 % interval of each amplitude over all shapes of an effect.
 
         The result is None if the amplitudes are inseparable in one of the shapes. It is also None for an effect that is
         not a torque along the swing, that has several shape parameters, or whose shape parameter has too many values.
@@ -91,7 +91,9 @@ class AllShapes:
 
 
 def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, float]] | None:
-    """90 % interval of each amplitude, fitted together with the other amplitudes; None if they are inseparable.
+    """Return the 90 % interval of each amplitude, fitted together with the other amplitudes.
+
+    The result is None if the amplitudes are inseparable.
 
     Args:
         given: columns of the amplitudes, with the model projected out
@@ -102,9 +104,9 @@ def joint_intervals(given: ColumnSpace, inflation: float) -> list[tuple[float, f
 
 
 def _union(sets: UnitSets, inflation: float) -> Array | None:
-    """(n, 2) smallest interval of each of n amplitudes that contains its 90 % intervals in all shapes.
+    """Return, for each of n amplitudes, the union (n, 2) of its 90 % intervals in all shapes.
 
-    None if the amplitudes are inseparable in one of the shapes.
+    The result is None if the amplitudes are inseparable in one of the shapes.
 
     Args:
         sets: columns of the amplitudes in each shape, with the model projected out
@@ -124,7 +126,10 @@ def _is_frequency(effect: Effect) -> bool:
 
 
 def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]:
-    """Problem and estimate with only those segments that end within `SHAPES.longest_s` after the first reading."""
+    """Keep only those segments of the problem and the estimate that end early.
+
+    They end within `SHAPES.longest_s` after the first reading.
+    """
     ends = problem.t[problem.segments.offsets[1:] - 1]
     indices = np.flatnonzero(ends <= problem.t.min() + SHAPES.longest_s)
     samples = problem.segments.samples_of(indices)
@@ -138,7 +143,7 @@ def _beginning(problem: Problem, estimate: Estimate) -> tuple[Problem, Estimate]
 
 
 def _values(effect: Effect, problem: Problem) -> Array:
-    """Tested values of the shape parameter; the values of a frequency are evenly spaced."""
+    """Return the tested values of the shape parameter; the values of a frequency are evenly spaced."""
     (shape,) = effect.shapes
     if not _is_frequency(effect):
         return np.array(shape.scan)
@@ -156,11 +161,14 @@ class _Swings:
 
     @classmethod
     def of(cls, problem: Problem, estimate: Estimate, fitted: FittedColumns) -> "_Swings":
-        """Swings of an estimate, at which the problem was linearised."""
+        """Return the swings of an estimate, at which the problem was linearised."""
         return cls(problem, trajectory(problem, estimate, spacing=TRAJECTORY.coarse_s), fitted)
 
     def sets(self, effect: Effect, values: Array) -> Iterator[UnitSets]:
-        """Columns of the amplitudes in each shape, with the model projected out, in blocks of several shapes."""
+        """Yield the columns of the amplitudes in each shape, in blocks of several shapes.
+
+        The model is projected out of the columns.
+        """
         amplitudes = [param_index(effect.name, p.name) for p in effect.amplitudes]
         count, place = len(amplitudes), param_index(effect.name, effect.shapes[0].name)
         at_once = max(1, SHAPES.block // count)

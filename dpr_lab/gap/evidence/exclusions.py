@@ -23,7 +23,7 @@ from dpr_lab.gap.result.evidence import Exclusion
 def exclusions(
     problem: Problem, model: Hypothesis, test: ScoreTest, least: Mapping[str, Mapping[str, float | None]]
 ) -> list[Exclusion]:
-    """Exclusions of every detectable amplitude of every effect that is not named.
+    """Return the exclusions of every detectable amplitude of every effect that is not named.
 
     Args:
         problem: the segments
@@ -46,7 +46,7 @@ def exclusions(
 
 
 def _intervals(all_shapes: AllShapes, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
-    """90 % interval of each amplitude; empty if the recordings do not separate the amplitudes.
+    """Return the 90 % interval of each amplitude; empty if the recordings do not separate the amplitudes.
 
     If the shapes of an effect come from the recordings, such as an instant, the interval applies to its best shape.
     """

@@ -59,7 +59,7 @@ class SpeedGrid:
     """Smallest absolute speed, rad/s."""
 
     def up_to(self, speed: float) -> Array:
-        """Speeds in both directions, ascending, rad/s."""
+        """Return the speeds in both directions, ascending, rad/s."""
         positive = np.geomspace(self.slowest, speed, self.count)
         return np.concatenate([-positive[::-1], positive])
 
@@ -68,17 +68,14 @@ GRID = SpeedGrid()
 
 
 def laws_of(joint: int) -> tuple[str, ...]:
-    """Names of the effects that are friction laws of joint 0, 1 or 2."""
+    """Return the names of the effects that are friction laws of joint 0, 1 or 2."""
     return tuple(law[joint].name for law in LAWS)
 
 
 def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) -> dict[str, JointFriction]:
-    """Friction torque of `joint1`, `joint2`, and `joint0` of a moving arm, up to the speed reached in both directions.
+    """Return the friction torque of `joint1`, `joint2` and, for a moving arm, `joint0`.
 
-    Args:
-        problem: the segments
-        model: the corrected model
-        back_emf: whether a voltage drives the arm
+    The curve of a joint ends at the speed that the joint reaches in both directions.
     """
     fit = model.fit
     reached = _reached(trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
@@ -103,7 +100,10 @@ def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) 
 
 
 def _reached(swings: Trajectory) -> dict[int, float]:
-    """Speed that a joint reaches in both directions, rad/s, by joint; joint 0 only for an arm that moves."""
+    """Return the speed that a joint reaches in both directions, rad/s, by joint.
+
+    Joint 0 only for an arm that moves.
+    """
     speeds = swings.joint_speed.copy()
     alone = np.array([setup.alone for setup in swings.setups])[swings.motion.run]
     speeds[alone, 1] = 0.0
@@ -111,7 +111,7 @@ def _reached(swings: Trajectory) -> dict[int, float]:
 
 
 def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
-    """Amplitudes of the free-form friction curve that the model does not fit already."""
+    """Return the amplitudes of the free-form friction curve that the model does not fit already."""
     fitted = {column.place for column in free}
     every = effect_parameters(FRICTION_CURVES[joint])
     return [column for column in every if column.place not in fitted]
@@ -120,7 +120,7 @@ def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
 def linear_torque(
     joint: int, speeds: Array, estimate: Estimate, free: Sequence[FreeParameter], constants: RigConstants
 ) -> tuple[Array, Array]:
-    """(speeds,) friction torque, N m, and (speeds, free) derivatives with respect to the fitted values."""
+    """Return the (speeds,) friction torque, N m, and (speeds, free) derivatives with respect to the fitted values."""
     vectors = np.tile(estimate.vector, (len(free) + 1, 1))
     steps = np.array([column.step for column in free])
     vectors[range(1, len(vectors)), [column.place for column in free]] += steps
@@ -129,7 +129,7 @@ def linear_torque(
 
 
 def _torques(joint: int, speeds: Array, vectors: Array, base: Array, constants: RigConstants) -> Array:
-    """(speeds, vectors) friction torque of a joint, N m, for each vector of parameters."""
+    """Return the (speeds, vectors) friction torque of a joint, N m, for each vector of parameters."""
     n, axes, axis = len(speeds), 2 if joint else 3, joint - 1  # the arm is the last axis
     zero, omega = np.zeros((n, axes)), np.zeros((n, axes))
     hanging = zero + [np.pi, np.pi, 0.0][:axes]

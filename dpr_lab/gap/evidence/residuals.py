@@ -32,7 +32,7 @@ LOOK = LookSettings()
 
 
 def residual_look(problem: Problem, models: Mapping[str, Hypothesis]) -> ResidualLook:
-    """Residual analysis of each joint under each model.
+    """Return the residual analysis of each joint under each model.
 
     Args:
         problem: segments of the fitted runs
@@ -64,7 +64,7 @@ def _look(problem: Problem, model: Hypothesis, joint: int, chances: Array) -> Wh
 
 
 def _autocorrelation(r: Array, read: Flags, owner: Integers, lags: int) -> Array:
-    """(lags + 1,) autocorrelation of the residuals of a joint.
+    """Return the (lags + 1,) autocorrelation of the residuals of a joint.
 
     Pairs of readings from different segments are omitted.
     """

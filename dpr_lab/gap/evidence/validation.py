@@ -49,7 +49,7 @@ def validation(
     models: Mapping[str, Hypothesis],
     runs_by_model: Mapping[str, FreeRuns],
 ) -> tuple[Budget, list[Curves]]:
-    """Validation budget and curves, from free runs of the models before and after correction.
+    """Return the validation budget and curves, from free runs of the models before and after correction.
 
     Args:
         recordings: the fitted runs
@@ -94,14 +94,17 @@ def validation(
 
 
 def _compared(pair: Pairs, until: float) -> Flags:
-    """(n, 2) mask of the compared readings: after the initial state, before the horizon, simulated by both models."""
+    """Return the (n, 2) mask of the compared readings.
+
+    They lie after the initial state and before the horizon, and both models simulate them.
+    """
     after = pair["after"]
     followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
     return np.asarray(after.compared & (after.t <= until)[:, None] & followed)
 
 
 def _error(swing: FreeSwing, compared: Flags) -> float:
-    """Mean squared error of the compared readings, rad^2."""
+    """Return the mean squared error of the compared readings, rad^2."""
     errors = (swing.predicted - swing.measured)[compared]
     return float(np.mean(errors**2)) if len(errors) else 0.0
 
@@ -111,7 +114,7 @@ def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
 
 
 def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
-    """Areas between the distributions for both models, and for noise alone, rad; means over the joints."""
+    """Return the areas between the distributions for both models, and for noise alone, rad; means over the joints."""
     after = pair["after"]
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
     areas: dict[str, list[float]] = {"before": [], "after": [], "noise": []}
@@ -126,7 +129,7 @@ def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
 
 
 def _area_between(first: Array, second: Array) -> float:
-    """Area between two distributions with equally many values.
+    """Return the area between the empirical distribution functions of two samples of equal size.
 
     scipy's wasserstein_distance returns the same area, but its import is slow.
     """
@@ -154,7 +157,7 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
 
 
 def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]:
-    """Input of the arm's drive at (n,) times since the first reading, and its name with the unit.
+    """Return the input of the arm's drive at (n,) times since the first reading, and its name with the unit.
 
     Empty without an input.
     """
@@ -167,5 +170,5 @@ def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]
 
 
 def _rounded(values: Array) -> Any:
-    """Rounded numbers as nested lists; zero where a model could not be simulated."""
+    """Return the rounded numbers as nested lists; zero where a model could not be simulated."""
     return np.round(np.nan_to_num(values), CURVE.digits).tolist()

@@ -43,7 +43,7 @@ class Quantity(Saved):
 
     @classmethod
     def of(cls, effect: str, parameter: str) -> Self:
-        """Quantity to which an amplitude of an effect belongs."""
+        """Return the measurable quantity that contains an amplitude of an effect."""
         bench = EFFECTS[effect].bench_quantity(parameter)
         unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
         (*_, joint) = effect.rpartition("_joint")
@@ -62,7 +62,7 @@ class Quantity(Saved):
         return f"{self.name} ({self.symbol}{definition}), in {'% or ppm' if self.unit == '1' else self.unit}"
 
     def shown(self, value: float) -> str:
-        """Value with its unit, for example `0.0061 N m`; a ratio in percent."""
+        """Return a value as text with its unit, for example `0.0061 N m`; a ratio is stated in percent."""
         return f"{100 * value:.4g} %" if self.unit == "1" else f"{value:.4g} {self.unit}"
 
 
@@ -94,7 +94,7 @@ class AdvisedCheck(Saved):
     """Release to record; None for a measurement."""
 
     def is_part_of(self, advice: str) -> bool:
-        """Whether a recommendation contains every sentence of the instruction of this check."""
+        """Return whether a recommendation contains every sentence of the instruction of this check."""
         return all(sentence in advice for sentence in SENTENCE_END.split(self.text))
 
     @property

@@ -206,7 +206,7 @@ class Diagnosis(Shown, Saved):
         return [("effect", "probability", "share of the excess"), *rows] if rows else []
 
     def to_json(self) -> dict[str, Any]:
-        """Diagnosis as a plain object with the public names."""
+        """Return the diagnosis as a plain object with the public names."""
         return self.model_dump(by_alias=True)
 
 
@@ -215,7 +215,7 @@ ADDED_BY_COMMANDS = ("files", "simulator")
 
 
 def diagnosis_file(path: Path) -> Path:
-    """File of a diagnosis; `path` is the file or its folder."""
+    """Return the path of the file of a diagnosis; `path` is this file or its folder."""
     return path / RECORD if path.is_dir() else path
 
 
@@ -223,8 +223,8 @@ def load_diagnosis(path: Path) -> Diagnosis:
     """Read the output of `diagnose --json`, from its file or from the folder of `diagnose --out`.
 
     Raises:
-        RunError: the file is missing, is not JSON, is not a diagnosis (the message names the key), or contains effects
-            that this version does not know.
+        RunError: the file is missing, is not JSON, is not a diagnosis, or contains effects that this version does not know.
+            If a value of a diagnosis is wrong, the message names its key.
     """
     try:
         path = diagnosis_file(path)

@@ -82,9 +82,11 @@ class GapBudget(Saved):
 
     @property
     def changed_ratio(self) -> VaryingParameter | None:
-        """Ratio, other than a friction ratio, that differs between recordings by more than an unchanged rig allows.
+        """Ratio that differs between recordings by more than an unchanged rig allows.
 
         None if there is no such ratio.
+
+        Friction ratios are not considered.
         """
         if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None

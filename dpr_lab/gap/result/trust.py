@@ -1,4 +1,4 @@
-"""Trustworthiness of a diagnosis of one rig: blind trials on simulated plants similar to it."""
+"""Reliability of a diagnosis of one rig, from blind trials on simulated plants that are similar to the rig."""
 
 from typing import Literal
 
@@ -31,7 +31,7 @@ class TrustTrial(Saved):
 
 
 class ConfusionCell(Saved):
-    """Number of trials in which one effect is named for a plant with another effect."""
+    """Number of trials in which a diagnosis named one effect although the plant contained another one."""
 
     true: str
     named: str

@@ -37,7 +37,7 @@ SPEED_NOISE = SpeedNoiseSettings()
 
 
 def sixth(values: Array, stride: int = 1) -> Array:
-    """Sixth differences of every `stride`-th value, scaled so that the variance of white noise is preserved.
+    """Return the sixth differences of every `stride`-th value, scaled so that white noise keeps its variance.
 
     The sixth differences of a polynomial of degree 5 are zero.
     """
@@ -45,21 +45,22 @@ def sixth(values: Array, stride: int = 1) -> Array:
 
 
 def tamed_rms(values: Array, wildest: float = 8.0) -> float:
-    """Root mean square of values that are clipped at `wildest` robust standard deviations."""
+    """Return the root mean square of values after clipping them at `wildest` robust standard deviations."""
     most = wildest * spread(values)
     return float(np.sqrt(np.mean(np.minimum(np.abs(values), most) ** 2)))
 
 
 def spread(values: Array) -> float:
-    """Robust standard deviation of zero-mean normal values, from their median absolute value."""
+    """Estimate the standard deviation of zero-mean normal values robustly, from their median absolute value."""
     return float(NORMAL_MAD * np.median(np.abs(values)))
 
 
 def stride_ratio(values: Array, floor: float) -> float:
-    """Ratio of the noise of every third sample to the noise of neighbours: 1 for white noise, larger if smoothed.
+    """Return the noise of every third sample, divided by the noise of neighbouring samples.
 
-    `floor` is a lower limit of the noise of neighbours, rad. It is needed because the reading of a coarse encoder
-    repeats between counts while the rod is slow.
+    The ratio is 1 for white noise and larger for smoothed readings. `floor` is a lower limit of the noise of
+    neighbours, rad.
+    The limit is needed because the reading of a coarse encoder repeats between counts while the rod is slow.
     """
     near, far = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
     return far / max(near, floor) if near > 0 else 1.0
@@ -104,7 +105,10 @@ def noise_by_speed(
 
 
 def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array], float]) -> tuple[float, float]:
-    """Slope of the variance of `residual` over `speed2` and its standard error, from the levels in bins of speed."""
+    """Fit a line to the variance of `residual` over `speed2`; return its slope and the standard error of the slope.
+
+    The variance is computed in bins of speed by the function `level`.
+    """
     in_bin = len(residual) / SPEED_NOISE.bins
     if in_bin < SPEED_NOISE.fewest:
         return 0.0, math.inf

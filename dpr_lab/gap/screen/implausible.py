@@ -33,19 +33,25 @@ IMPLAUSIBLE = ImplausibleSettings()
 
 
 def too_fast(t: Array, joints: Array) -> Flags:
-    """(n, 2) mask of readings that differ from both neighbours by more than a rod can move between the samples."""
+    """Return a (n, 2) mask of implausible readings.
+
+    Such a reading differs from both neighbours by more than a rod can move between two samples.
+    """
     jumps = np.abs(np.diff(joints, axis=0)) > IMPLAUSIBLE.fastest * np.diff(t)[:, None]
     edge = np.zeros((1, joints.shape[1]), dtype=bool)
     return np.concatenate([edge, jumps]) & np.concatenate([jumps, edge])
 
 
 def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) -> Flags:
-    """Mask of readings that equal the previous reading although the rod moves by many standard deviations per sample.
+    """Detect readings that equal the previous reading although the rod moves.
 
-    Wrong instants may make the readings of one axis equal by chance, but rarely the readings of both axes. At a turning
-    point, two samples on either side may be equal, so one turning axis is not evidence. Consecutive repeated samples
-    are judged together, by the motion of both axes since the last new sample. A jump after repeated samples is not a
-    missed count.
+    The rod moves if its path per sample is many standard deviations of a reading. Wrong instants may make the readings
+    of
+    one axis equal by chance, but rarely those of both axes. Two samples on either side of a turning point may be equal,
+    so
+    one axis that turns is not evidence. Consecutive repeated samples are judged together, by the motion of both axes
+    since
+    the last new sample. A jump after repeated samples is not a missed count.
 
     Args:
         t: (n,) instants, s
@@ -84,7 +90,10 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 
 
 def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
-    """(n,) mask of rows whose next new reading contains most of the motion since the last new one."""
+    """Return a (n,) mask of the rows after which the next new reading makes up for the missing motion.
+
+    This is the motion since the last new reading before the row.
+    """
     n = np.arange(len(held))
     last_new = np.maximum.accumulate(np.where(held, 0, n))
     next_new = np.minimum.accumulate(np.where(held, len(held) - 1, n)[::-1])[::-1]
@@ -93,7 +102,7 @@ def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
 
 
 def _before(step: Array) -> Array:
-    """(n, 2) last non-zero change before each reading; zero if there is none."""
+    """Return the (n, 2) last non-zero change before each reading; zero if no change precedes the reading."""
     moves = np.where(np.nan_to_num(step) != 0.0, np.arange(len(step))[:, None], 0)
     last = np.maximum.accumulate(np.roll(moves, 1, axis=0) * (np.arange(len(step)) > 0)[:, None], axis=0)
     return np.nan_to_num(np.take_along_axis(step, last, axis=0))

@@ -31,7 +31,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class InputRules:
-    """Thresholds of the test for an arm that stands still, and of the fits of other interpretations."""
+    """Thresholds for an arm that stands still, and for fits of other interpretations of a table."""
 
     still: float = 6.0
     """Maximum range of the arm's angle for an arm that counts as at rest, in standard deviations of a reading."""
@@ -81,9 +81,9 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 
 
 def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
-    """Whether the fitted gravity torque of a recording has the wrong sign.
+    """Return whether the fitted gravity torque of a recording has the wrong sign.
 
-    The angle is then measured from hanging instead of upright, or the reverse.
+    The table then states angles from hanging that were read as angles from upright, or the reverse.
     """
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(
@@ -92,19 +92,21 @@ def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
 
 
 def _gain(fitted: Fit) -> float:
-    """Fitted torque per unit of the input, relative to the value of the rig file."""
+    """Return the fitted torque per unit of the input, divided by the value of the rig file."""
     return 1.0 + float(fitted.estimate.params[param_index(DRIVE_GAIN.name, DRIVE_GAIN.amplitudes[0].name)])
 
 
 def _reduced(fitted: Fit) -> float:
-    """Reduced chi-square of a fit."""
+    """Return the reduced chi-square of a fit."""
     return fitted.chi2 / fitted.linear.residual.size
 
 
 def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
-    """Whether another interpretation reduces chi-square by a factor, in total and in most segments that misfit.
+    """Return whether another interpretation reduces chi-square by a factor.
 
-    A failed fit leaves large residuals in a few segments, irrespective of the right interpretation.
+    The factor must be reached in total and in most of the segments that the given interpretation does not fit. A failed
+    fit
+    leaves large residuals in a few segments, whichever interpretation is right.
     """
     if not factor * other.chi2 < as_read.chi2:
         return False
@@ -132,7 +134,7 @@ def _refuse_other_angles(recordings: Recordings, start: Array, as_read: Fit) -> 
 
 
 def _moving(recordings: Recordings) -> list[Run]:
-    """Swings of the recordings whose arm moved."""
+    """Return those swings of the recordings whose arm moved."""
     return [record.run.swing for record in recordings.records if record.setup.arm_moves]
 
 
@@ -148,7 +150,10 @@ def _refuse_still(recordings: Recordings) -> None:
 
 
 def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ()) -> Fit:
-    """Fit of a model with a free gain and some effects to short segments, starting from the unit that fits best."""
+    """Fit a model with a free gain and some effects to short segments.
+
+    The fit starts from the unit of the input that fits best.
+    """
     problem, initial = recordings.cut(LENGTHS.first)
     estimate = Estimate.of(start, recordings.start_params, initial)
     if recordings.driven_arm and recordings.rig.motor:

@@ -88,7 +88,7 @@ class PeriodicDelay:
 
 
 def even_instants(t: Array, joints: Array) -> Array | None:
-    """Evenly spaced instants in place of stamps with jitter, if the angles are smoother at even instants.
+    """Return evenly spaced instants if the angles are smoother at these instants than at the time stamps.
 
     For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
     Even instants are chosen if the angles are smoother on them in significantly more windows, or if the log-likelihood
@@ -134,11 +134,11 @@ def even_instants(t: Array, joints: Array) -> Array | None:
 
 
 def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
-    """Log-likelihood ratio of evenly spaced sampling instants to the time stamps, nats.
+    """Return the log-likelihood ratio of evenly spaced sampling instants to the time stamps, nats.
 
     Args:
         on_stamps: (w, m) absolute finite differences of each window and joint on the time stamps
-        on_even: (w, m) the same on evenly spaced instants
+        on_even: (w, m) absolute finite differences on evenly spaced instants
         counts: (w, m) mask of the windows to use
     """
     ratio = 0.0
@@ -151,10 +151,12 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 
 
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
-    """Period, s, and (n,) instants, s, of an even clock near the stamps, and (n,) mask of parts without a lost sample.
+    """Return an even clock near the stamps: its period, s, its (n,) instants, s, and a (n,) mask.
 
-    Stamps may come in bursts, so the period is a mean over many samples. A lost sample moves the clock by a period.
-    Without lost samples and with a steady clock, a straight line through all stamps has the least noise.
+    The mask is true in parts without a lost sample. Stamps may come in bursts, so the period is a mean over many
+    samples. A
+    lost sample moves the clock by a period. Without lost samples and with a steady clock, a straight line through all
+    stamps has the least noise.
     """
     index, drift = np.arange(len(t)), min(INSTANTS.drift, len(t) // 4)
     period = float(np.median(t[drift:] - t[:-drift])) / drift
@@ -170,7 +172,7 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
 
 
 def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
-    """Cycle with the most significant late readings; None if no cycle is significant.
+    """Return the cycle in which late readings are most significant; None if no cycle is significant.
 
     Let r = W theta be the divided differences of windows of seven readings. If reading i is late by d, r = W_i d
     omega_i. Therefore
@@ -178,7 +180,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
         d_i = (W^T r)_i / ((W^T W)_ii omega_i),    information (W^T W)_ii omega_i^2 / sigma^2,
 
     summed over every n-th reading, for each n and each position in the cycle. The likely cycles are fitted by least
-    squares, and the one with the largest reduction is returned.
+    squares, and the cycle with the largest reduction is returned.
 
     Args:
         t: (n,) instants, s
@@ -220,7 +222,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
 
 
 def _ticks(t: Array, period: float) -> Integers:
-    """(n,) index of each sample in a count that includes lost samples.
+    """Return the (n,) index of each sample in a count that includes lost samples.
 
     After a late stamp, in contrast to a lost sample, the next interval is short.
     """
@@ -231,7 +233,7 @@ def _ticks(t: Array, period: float) -> Integers:
 
 
 def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights: Array) -> PeriodicDelay:
-    """Delay of every `cycle`-th reading, by least squares over the divided differences.
+    """Return the delay of every `cycle`-th reading, by least squares over the divided differences.
 
     Args:
         cycle: number of samples from one late reading to the next
@@ -246,13 +248,16 @@ def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights
 
 
 def _by_place(position: Integers, cycle: int, score: Array, information: Array) -> Array:
-    """(cycle,) delay at each position of a cycle, in standard errors."""
+    """Return the (cycle,) delay at each position of a cycle, in standard errors."""
     known = np.maximum(np.bincount(position, information, cycle), np.finfo(float).tiny)
     return np.bincount(position, score, cycle) / np.sqrt(known)
 
 
 def _largest(z: Array, contrast: float) -> tuple[float, int]:
-    """Size and position of the largest delay (cycle,); size 0 if other delays in the cycle are nearly as large."""
+    """Return the size and the position of the largest delay among (cycle,) delays.
+
+    The size is 0 if other delays in the cycle are nearly as large.
+    """
     size = np.abs(z)
     first = int(np.argmax(size))
     separation = np.abs((np.arange(len(z)) - first + len(z) // 2) % len(z) - len(z) // 2)
@@ -262,12 +267,12 @@ def _largest(z: Array, contrast: float) -> tuple[float, int]:
 
 
 def _differences(values: Array, weights: Array) -> Array:
-    """(windows,) divided differences of (n,) values, one for each window."""
+    """Return the (windows,) divided differences of (n,) values, one for each window."""
     return np.einsum("wj,wj->w", sliding_window_view(values, ORDER + 1), weights)
 
 
 def _to_samples(values: Array, samples: int) -> Array:
-    """(samples,) sum of the (windows, 7) values over all windows that contain a sample."""
+    """Return the (samples,) sum of the (windows, 7) values over all windows that contain a sample."""
     total = np.zeros(samples)
     for position in range(ORDER + 1):
         total[position : samples - ORDER + position] += values[:, position]
@@ -275,13 +280,13 @@ def _to_samples(values: Array, samples: int) -> Array:
 
 
 def _speed(t: Array, angle: Array, reach: int) -> Array:
-    """(n,) speed from neighbours on either side, so that one wrong instant has little influence."""
+    """Estimate the (n,) speed from distant neighbours, so that one wrong instant has little influence."""
     speed = np.gradient(angle, t)
     speed[reach:-reach] = (angle[2 * reach :] - angle[: -2 * reach]) / (t[2 * reach :] - t[: -2 * reach])
     return speed
 
 
 def _median_of_neighbours(values: Array, half: int) -> Array:
-    """(n,) median over each value (n,) and `half` neighbours on either side."""
+    """Return the (n,) running median: the median of each value and of `half` neighbours on either side."""
     padded = np.pad(values, half, mode="reflect", reflect_type="odd")
     return np.median(sliding_window_view(padded, 2 * half + 1), axis=1)

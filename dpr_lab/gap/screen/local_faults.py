@@ -107,9 +107,9 @@ def local_faults(
 
 
 def _significance(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
-    """(n,) significance of a step or an outlier at each sample, in standard deviations; 0 at the ends.
+    """Return the (n,) significance of a step or an outlier at each sample, in standard deviations; 0 at the ends.
 
-    A swing that is too fast for the polynomial leaves a residual. Only larger deviations are significant.
+    A swing that is too fast for the polynomial leaves a residual. Only deviations above this residual are significant.
     """
     reach = LOCAL_FAULTS.smooth
     level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")
@@ -123,9 +123,9 @@ def _significance(even: Array, half: int, noise: tuple[float, float], period: fl
 
 @cache
 def _filters(half: int, degree: int) -> tuple[Array, Array]:
-    """Weights of two estimates: a step before the middle sample, and an outlier at the middle sample.
+    """Return the weights of two estimators: a step before the middle sample, and an outlier at the middle sample.
 
-    Both are scaled to unit variance for unit white noise.
+    Both estimates have unit variance for unit white noise.
     """
     positions = np.arange(-half, half + 1) / half
     smooth = np.linalg.qr(np.vander(positions, degree + 1))[0]
@@ -137,7 +137,10 @@ def _filters(half: int, degree: int) -> tuple[Array, Array]:
 
 
 def _highest(values: Array, half: int) -> Array:
-    """(n,) maximum of positive values (n,) over each value and `half` neighbours on either side."""
+    """Return the (n,) running maximum: the maximum of each value and of `half` neighbours on either side.
+
+    The values must be positive.
+    """
     highest, width = np.pad(values, half), 1
     while width <= 2 * half:
         shift = min(width, 2 * half + 1 - width)
@@ -146,13 +149,16 @@ def _highest(values: Array, half: int) -> Array:
 
 
 def _peaks(z: Array, half: int) -> Integers:
-    """Indices of local maxima that significantly exceed zero and their surroundings."""
+    """Return the indices of local maxima that are significant and far above the values around them."""
     highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= _highest(z, half)))
     return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half, LOCAL_FAULTS.usual)]
 
 
 def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
-    """(places,) quantile of the values 2 to 10 half windows away from each place; zero if there are none."""
+    """Return a quantile of the values around each place, (places,); zero if there are none.
+
+    The values are those at a distance of 2 to 10 half windows from the place.
+    """
     reach = 10 * half
     away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])
     around = np.sort(np.pad(z, reach, constant_values=np.inf)[reach + centres[:, None] + away], axis=1)
@@ -163,7 +169,7 @@ def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
 
 
 def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tuple[int, float | None]:
-    """Most likely fault among a few samples: an outlier at one of them, or a step.
+    """Decide which fault is most likely among a few samples: an outlier at one of them, or a step.
 
     Args:
         t: (n,) instants, s
@@ -191,7 +197,7 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
 
 
 def _spline(t: Array, y: Array, instants: Array, sweeps: int = 40) -> Array:
-    """Values at some instants of the cubic spline through readings, with not-a-knot conditions at the ends.
+    """Evaluate the cubic spline through readings at some instants; the ends have not-a-knot conditions.
 
     The slopes s of the spline at the readings make the curvature continuous. With spacings h and difference quotients
     d,

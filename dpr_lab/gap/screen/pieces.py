@@ -28,7 +28,7 @@ def whole(name: str) -> str:
 
 
 def are_pieces(names: Iterable[str]) -> bool:
-    """Whether a list of names is not empty and contains only names of pieces."""
+    """Return whether a list of names contains at least one name, and only names of pieces."""
     names = list(names)
     return bool(names) and all(whole(name) != name for name in names)
 

@@ -86,7 +86,7 @@ class QueuedRows:
 
 
 def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
-    """Rows with an unknown delay after turning points; None if the rows do not show a saturated link.
+    """Return the rows with an unknown delay after turning points; None if the link is not saturated.
 
     Args:
         t: (n,) stamps, s
@@ -119,7 +119,7 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
 
 
 def _difference(t: Array, joints: Array, rows: Flags, series: slice) -> float:
-    """Median time by which a series of rows deviates from the polynomial through the surrounding rows, s."""
+    """Return the median time, s, by which a series of rows deviates from the polynomial through the rows around it."""
     length = series.stop - series.start
     around = np.arange(
         max(0, series.start - int(QUEUE.span * length)), min(len(t), series.stop + int(QUEUE.span * length))

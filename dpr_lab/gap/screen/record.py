@@ -119,7 +119,12 @@ class Record:
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
 
     def with_noise(self, factor: Array, correlation: float) -> "Record":
-        """Record with the noise of joints 1 and 2 multiplied by a factor (2,), and with another autocorrelation."""
+        """Return a copy whose noise of joints 1 and 2 has another size and autocorrelation.
+
+        Args:
+            factor: (2,) factors of the standard deviations
+            correlation: autocorrelation of neighbouring errors
+        """
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
@@ -135,7 +140,9 @@ class Record:
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
     def without(self, t: Array, off: Flags) -> "Record":
-        """Record without the instants at which a reading is an outlier, with a finding for each of these readings.
+        """Return a copy without the instants at which a reading is an outlier.
+
+        Add a finding for each of these readings.
 
         Args:
             t: (n,) instants, s
@@ -149,7 +156,7 @@ class Record:
         return self.only(~np.isin(self.t, t[off.any(axis=1)])).with_findings(findings)
 
     def left_out(self, since: float, until: float) -> "Record":
-        """Record without the readings from `since` to `until`, s, in which the rods did not swing freely."""
+        """Return a copy without the readings from `since` to `until`, s, in which the rods did not swing freely."""
         inside = (self.t >= since) & (self.t < until)
         edges = [edge for edge in (since, until) if np.isfinite(edge)]
         return replace(
@@ -196,9 +203,9 @@ def record(run: Run, rig: Rig) -> Record:
 
 
 def without_gap(run: Run, t: Array) -> Flags:
-    """(n - 1,) mask of the intervals between the instants t, s, in which no reading is missing.
+    """Return a (n - 1,) mask of the intervals between the instants t, s, in which no reading is missing.
 
-    The rows of a run at the edges of counts follow the motion, so that a long interval is not a gap.
+    If the rows of a run are at the edges of counts, they follow the motion, so that a long interval is not a gap.
     """
     intervals = np.diff(t)
     if run.at_edges or not len(intervals):
@@ -208,7 +215,7 @@ def without_gap(run: Run, t: Array) -> Flags:
 
 
 def _screen_edges(run: Run, rig: Rig) -> Screened:
-    """Screen a run with one row for each count (`dpr_lab.estimation.counted_rows`).
+    """Screen a run that has one row for each count (`dpr_lab.estimation.counted_rows`).
 
     The rows follow the motion: there are few at turning points, and neighbours differ by one count. Tests for missing
     rows, steps, outliers, late or repeated readings compare rows with an even clock and do not apply. Only the errors
@@ -234,7 +241,10 @@ def _screen_edges(run: Run, rig: Rig) -> Screened:
 
 
 def _fastest(screened: Screened, quantile: float) -> float:
-    """High quantile of the speeds of the joints, rad/s, over one block, so that noise has little influence."""
+    """Return a high quantile of the speeds of the joints, rad/s.
+
+    Each speed is a difference over one block, so that noise has little influence.
+    """
     t, trusted = screened.t, screened.keep.all(axis=1)
     stride = max(1, round(1 / RATE_HZ / float(np.median(np.diff(t)))))
     joints, instants = screened.joints[trusted][::stride], t[trusted][::stride]
@@ -244,9 +254,9 @@ def _fastest(screened: Screened, quantile: float) -> float:
 
 
 def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | None:
-    """Lowest rate of blocks, Hz, at which the bias of a block mean is below its noise; None: no averaging.
+    """Return the lowest rate of blocks, Hz, at which the bias of a block mean is below its noise.
 
-    The rate is `RATE_HZ` times a power of two.
+    The rate is `RATE_HZ` times a power of two. It is None if the readings must not be averaged.
     """
     blocks = RATE_HZ
     while rate_hz >= THINNING.averaged_from * blocks:
@@ -258,14 +268,17 @@ def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | N
 
 
 def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
-    """Instants, readings and their standard deviations, without averaging; nan for a reading that is not trusted."""
+    """Return the instants, the readings and their standard deviations without averaging.
+
+    A reading that is not trusted is nan.
+    """
     speed = np.gradient(screened.joints, screened.t, axis=0)
     sigma = np.sqrt(screened.noise**2 * screened.shared + (screened.jitter_s * speed) ** 2)
     return screened.t, np.where(screened.keep, screened.joints, np.nan), sigma
 
 
 def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
-    """Instants, readings and standard deviations as means over blocks of 1 / `rate_hz`.
+    """Average instants and readings over blocks of 1 / `rate_hz`; return the means and their standard deviations.
 
     Without dither, fewer readings are independent.
     """
@@ -292,10 +305,9 @@ def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Arra
 
 
 def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
-    """(n, m) second derivative at a given rate, from the parabola through seven neighbours.
+    """Estimate the (n, m) second derivative at a given rate, from the parabola through seven neighbours.
 
     At the ends of a uniform segment the nearest value is repeated. Segments that are too short have the value zero.
-
     Three neighbours would suffice for the swing, but would correlate the noise of neighbouring averages.
 
     Source: Savitzky & Golay (1964), Smoothing and differentiation of data, Anal. Chem. 36, 1627-1639.
@@ -311,7 +323,10 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
 
 
 def _arm_moves(run: Run, standard_errors: float) -> bool | None:
-    """Whether neighbouring readings of encoder 0 are correlated, in contrast to noise; None if it was not recorded."""
+    """Return whether the arm moves; None if encoder 0 was not recorded.
+
+    Neighbouring readings of a moving arm are correlated, those of noise are not.
+    """
     swing = run.swing.theta[:, 0]
     if run.arm_read is False or (run.counts is None and np.ptp(swing) == 0.0):
         return None

@@ -162,7 +162,7 @@ class Recordings:
         return effect_params(arm if self.arm_moves else {})
 
     def with_tracking(self, noise: TrackingNoise | None) -> "Recordings":
-        """Recordings with correlated errors, unless the noise is known by other means."""
+        """Return the recordings with correlated errors of the readings, unless the noise is known by other means."""
         if noise is None or self.tracking is not None:
             return self
         evidence = (
@@ -178,7 +178,10 @@ class Recordings:
         return replace(self, records=tuple(records), tracking=noise)
 
     def with_shutter(self, shutter: Shutter | None) -> "Recordings":
-        """Recordings corrected for the rolling shutter of a camera, with readings at the instants of its frames."""
+        """Correct the recordings for the rolling shutter of a camera.
+
+        The corrected readings are those at the instants of the frames.
+        """
         if shutter is None:
             return self
         delay_ms = 1e3 * abs(shutter.delay) * self.rods_length
@@ -195,7 +198,7 @@ class Recordings:
         return replace(self, records=tuple(records), shutter=shutter)
 
     def with_earlier_torques(self, share: float) -> "Recordings":
-        """Recordings with known torques at earlier times, by a share of the interval between rows."""
+        """Move the known torques to earlier times, by a share of the interval between rows."""
         if not share:
             return self
         setups = [record.setup for record in self.records]
@@ -204,12 +207,16 @@ class Recordings:
         return replace(self, records=tuple(records), torques_earlier=share)
 
     def _widened(self, values: Array) -> Array:
-        """(n, axes) values padded with zeros for a clamped arm, if the arm of another run moves."""
+        """Pad (n, axes) values of a clamped arm with zeros if the arm of another run moves."""
         missing = (3 if self.arm_moves else 2) - values.shape[1]
         return np.pad(values, ((0, 0), (0, missing))) if missing else values
 
     def cut(self, length: float) -> tuple[Problem, Array]:
-        """Problem with segments of about the given length, s, and (segments, 4) initial states from the readings."""
+        """Cut the recordings into segments of about the given length, s.
+
+        Returns:
+            the problem, and (segments, 4) initial states from the readings
+        """
         records = self.records
         cuts = [cut(record.t, length, record.breaks) for record in records]
         slices = [(i, s) for i, pieces in enumerate(cuts) for s in pieces]
@@ -240,7 +247,7 @@ class Recordings:
         return problem, initial
 
     def without(self, problem: Problem, off: Flags) -> "Recordings":
-        """Recordings without the readings that a mask (samples, 2) marks as faulty."""
+        """Return the recordings without the readings that a mask (samples, 2) marks as faulty."""
         if not off.any():
             return self
         run = problem.segments.run[problem.owner]
@@ -250,12 +257,14 @@ class Recordings:
         )
 
     def only(self, chosen: Sequence[Record]) -> "Recordings":
-        """Copy of the recordings with other runs of the same rig."""
+        """Return a copy that contains the chosen runs of the same rig."""
         return replace(self, records=tuple(chosen))
 
 
 def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
-    """(segments, states) initial states from cubics through the readings; at rest after a release.
+    """Estimate (segments, states) initial states by cubics through the readings.
+
+    After a release, the rods are at rest.
 
     Returns:
         theta1, theta2, omega1, omega2, and theta0, omega0 of a moving arm, rad and rad/s
@@ -285,7 +294,10 @@ def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) ->
 
 
 def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
-    """(segments, 6) initial states with theta0 and omega0 of the arm last; a clamped arm rests at its mean angle."""
+    """Return (segments, 6) initial states; theta0 and omega0 of the arm are the last two components.
+
+    A clamped arm rests at its mean angle.
+    """
     states = _initial_states(record, slices, relative2)
     if record.setup.arm_moves:
         return states
@@ -294,7 +306,7 @@ def _with_arm(record: Record, slices: Sequence[slice], relative2: bool) -> Array
 
 
 def _near(record: Record, start: int, begin: float) -> Integers:
-    """Indices of the readings near an instant, between the breaks around it.
+    """Return the indices of the readings near an instant, between the breaks around it.
 
     If these readings are too few, the readings near the start of the segment are returned.
     """
@@ -307,7 +319,7 @@ def _near(record: Record, start: int, begin: float) -> Integers:
 
 
 def _between(breaks: Array, t: float) -> tuple[float, float]:
-    """Last break before and first break after an instant, s; infinite if there is none."""
+    """Return the last break before and first break after an instant, s; infinite if there is none."""
     after = int(np.searchsorted(breaks, t, side="right"))
     edges = [-np.inf, *breaks.tolist(), np.inf]
     return edges[after], edges[after + 1]

@@ -181,7 +181,7 @@ def screen(run: Run, rig: Rig) -> Screened:
 
 
 def with_arm(screened: Screened, rig: Rig) -> Screened:
-    """Screened run with the arm's encoder as a third axis."""
+    """Add the arm's encoder to a screened run, as a third axis."""
     swing = screened.run.swing
     theta0, noise = swing.theta[:, 0], arm_noise(screened.run, rig, still=False)
     still, shared = same_rounding(screened.run, swing.theta[:, :1], rig.radians_per_count[:1])
@@ -266,13 +266,13 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
 
 
 def _read_joints(run: Run, rig: Rig) -> Array:
-    """(n, 1 or 2) angles of the joints that have a rod, rad."""
+    """Return the (n, 1 or 2) angles of the joints that have a rod, rad."""
     joints = rig.encoders.joint_angles.of_rods(run.theta[:, 1:])
     return joints[:, :1] if run.setup.alone else joints
 
 
 def _without_joint2(screened: Screened) -> Screened:
-    """Screened swing of a single rod, for which encoder 2 has no readings."""
+    """Remove joint 2 from the screened swing of a single rod, because encoder 2 has no readings."""
     return replace(
         screened,
         keep=np.repeat(screened.keep[:, :1], 2, axis=1),
@@ -283,13 +283,13 @@ def _without_joint2(screened: Screened) -> Screened:
 
 
 def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], count: float) -> list[Finding]:
-    """Finding for each step of a reading; `count` is the size of a count, rad."""
+    """Create a finding for each step of a reading; `count` is the size of a count, rad."""
     sizes = [(float(t[i]), size, f"the reading steps by {size / count:+.1f} counts") for i, size in steps]
     return [Finding(MISSED_COUNTS.name, run, axis, at_s, evidence, step=size) for at_s, size, evidence in sizes]
 
 
 def _events(finding: Finding, instants: list[float]) -> list[Finding]:
-    """Finding for each instant, or one finding for all if there are many."""
+    """Create a finding for each instant; if there are many instants, create one finding for all of them."""
     if len(instants) > SCREEN.shown:
         return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]
@@ -313,7 +313,10 @@ def _gaps(name: str, t: Array, period: float) -> list[Finding]:
 
 
 def _count_size(run: Run, rig: Rig) -> Array:
-    """(2,) smallest change of a reading, rad; a coarse encoder with a finer counter changes by several counts."""
+    """Return the (2,) smallest change of a reading, rad.
+
+    A coarse encoder with a finer counter changes by several counts.
+    """
     if run.counts is None:
         return np.zeros(2)
     steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
@@ -321,7 +324,10 @@ def _count_size(run: Run, rig: Rig) -> Array:
 
 
 def _on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
-    """Whether the readings of each joint differ by whole counts; an interpolated or fused table contains no counts."""
+    """Return whether the readings of each joint differ by whole counts.
+
+    An interpolated or fused table contains no counts.
+    """
     if run.counts is not None:
         return np.ones(2, dtype=bool)
     turns = np.exp(2j * np.pi * joints / np.abs(rig.radians_per_count[1:]))
@@ -329,9 +335,10 @@ def _on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
 
 
 def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
-    """(2,) whether rounding errors are independent: the noise before rounding reaches a fifth of a count at rest.
+    """Return (2,) whether the rounding errors of each joint are independent.
 
-    Without readings at rest, independence is assumed, except for tables in which most readings equal the previous one.
+    They are independent if the noise before rounding reaches a fifth of a count at rest. Without readings at rest,
+    independence is assumed, except for tables in which most readings equal the previous one.
     """
     if run.counts is None:
         readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
@@ -344,7 +351,10 @@ def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
 
 
 def _changing(readings: Array, still: Flags) -> Flags:
-    """(m,) whether more than half of those readings (n, m) that leave their step differ from the previous reading."""
+    """Return (m,) whether most readings (n, m) differ from the previous reading.
+
+    Readings that stay on their step are not counted.
+    """
     changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
     moves = np.isfinite(changes).any(axis=0)
     return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)

@@ -35,7 +35,7 @@ class Shutter:
     """Delay k between lines per distance along their normal, s/m."""
 
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
-        """Readings converted to the instants of the line of the pivot.
+        """Convert readings to the instants of the line of the pivot.
 
         The positions p_i of the ends of the rods, at t_i + k n . p_i, are interpolated to t_i by cubic splines.
 
@@ -64,5 +64,5 @@ class Shutter:
 
 
 def _end(theta: Array, length: float) -> Array:
-    """(n, 2) position of the end of a rod relative to its joint, x to the right and y upwards, m."""
+    """Return the (n, 2) position of the end of a rod relative to its joint, x to the right and y upwards, m."""
     return length * np.column_stack([-np.sin(theta), np.cos(theta)])

@@ -45,7 +45,7 @@ TIME_SCALE = TimeScaleRules()
 
 
 def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
-    """Recordings with a finding for the first recording whose time stamps contradict gravity.
+    """Add a finding to the first recording whose time stamps contradict gravity.
 
     Args:
         recordings: the runs
@@ -66,7 +66,7 @@ def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
 
 
 def _contradiction(record: Record, rig: Rig, ratios: Array) -> str:
-    """Sentence on a contradiction between gravity and the stamps of a recording of one rod; empty if there is none."""
+    """Return a sentence if the time stamps of a recording of one rod contradict gravity; otherwise an empty text."""
     setup = record.run.setup
     swings = are_pieces([record.run.name]) or shows_a_period(record.run.swing.theta[:, 1:])
     if not (setup.alone and setup.free and swings) or record.encoder0_moves:

@@ -1,4 +1,4 @@
-"""Correlated errors of angles that were tracked in a video, if the recording contains no rest that shows these errors.
+"""Correlated errors of angles that were tracked in a video without a rest that shows these errors.
 
 A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
 errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model
@@ -57,12 +57,15 @@ TRACKING = TrackingNoiseSettings()
 
 
 def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> TrackingNoise | None:
-    """Most likely correlated errors; None if white noise is as likely, or if the noise is known by other means.
+    """Estimate correlated errors of the readings by maximum likelihood.
 
     Args:
         recordings: the runs
         problem: segments of the runs
         bare: bare model, fitted to the segments
+
+    Returns:
+        the noise; None if white noise is as likely, or if the noise is known by other means
     """
     records = recordings.records
     if recordings.tracking or not all(record.may_be_film and not record.noise_measured for record in records):
@@ -88,14 +91,17 @@ def tracking_noise(recordings: Recordings, problem: Problem, bare: Fit) -> Track
 
 
 def _rough_part(correlation: float) -> float:
-    """Standard deviation that sixth differences show for first-order autoregressive errors of unit variance."""
+    """Return the standard deviation of sixth differences of first-order autoregressive errors of unit variance."""
     unit = sixth(np.eye(ORDER + 1))[0]
     lags = np.arange(len(unit))
     return float(np.sqrt(unit @ np.power(correlation, np.abs(lags[:, None] - lags)) @ unit))
 
 
 def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
-    """(n,) instants of a window, s, and (2, n, windows) residuals relative to their noise; None for too few windows."""
+    """Return the (n,) instants of a window, s, and (2, n, windows) residuals divided by their noise.
+
+    The result is None if there are too few windows.
+    """
     residual = problem.by_sample(bare.linear.residual)
     interval = float(np.median(np.diff(problem.t)))
     n = min(int(np.quantile(np.diff(problem.segments.offsets), TRACKING.shorter)), TRACKING.most)
@@ -114,7 +120,11 @@ def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
 
 
 def _profile(t: Array, residual: Array, times: Array) -> tuple[Array, Array]:
-    """(correlations,) minimum of -2 log-likelihood over the smooth remainder, and error variance at the minimum."""
+    """Minimise -2 log-likelihood over the smooth error, for each correlation.
+
+    Returns:
+        (correlations,) minimum, and (correlations,) error variance at the minimum
+    """
     apart = np.abs(t[:, None] - t)
     lags = np.abs(np.subtract.outer(np.arange(len(t)), np.arange(len(t))))
     smooth = [v * np.exp(-0.5 * (apart / s) ** 2) for s in times for v in TRACKING.remainders]

@@ -16,7 +16,7 @@ each function."""
 
 
 def hats(x: Array, knots: Array) -> Array:
-    """(n, k) piecewise linear functions with their maxima at the knots; they sum to one."""
+    """Evaluate (n, k) piecewise linear functions that have their maxima at the knots and sum to one."""
     position = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
     lower = position.astype(int)
     weights = np.zeros((len(x), len(knots)))
@@ -26,7 +26,7 @@ def hats(x: Array, knots: Array) -> Array:
 
 
 def angle_hats(angle: Array) -> tuple[Array, Array]:
-    """(n, k) hat functions around the circle, and the angles of their knots."""
+    """Return the (n, k) hat functions around the circle, and the angles of their knots."""
     knots = np.linspace(-math.pi, math.pi, BINS + 1)
     weights = hats((angle + math.pi) % (2 * math.pi) - math.pi, knots)
     weights[:, 0] += weights[:, -1]
@@ -34,7 +34,7 @@ def angle_hats(angle: Array) -> tuple[Array, Array]:
 
 
 def speed_hats(speed: Array) -> tuple[Array, Array]:
-    """(n, k) hat functions over the speed, denser at low speed, and their knots."""
+    """Return the (n, k) hat functions over the speed, denser at low speed, and their knots."""
     top = max(float(np.quantile(np.abs(speed), 0.99)), 1e-3)
     roots = np.linspace(-1, 1, BINS)
     knots = np.sign(roots) * roots**2 * top
@@ -42,19 +42,19 @@ def speed_hats(speed: Array) -> tuple[Array, Array]:
 
 
 def time_hats(t: Array) -> tuple[Array, Array]:
-    """(n, k) hat functions between the release and the last instant, and the times of their knots."""
+    """Return the (n, k) hat functions between the release and the last instant, and the times of their knots."""
     knots = np.linspace(0, float(t.max()), BINS)
     return hats(t, knots), knots
 
 
 def load_hats(force: Array) -> tuple[Array, Array]:
-    """(n, k) hat functions over the range of frequent forces, and their knots."""
+    """Return the (n, k) hat functions over the range of frequent forces, and their knots."""
     knots = np.quantile(force, np.linspace(0.01, 0.99, BINS // 2))
     return hats(force, knots), knots
 
 
 def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
-    """(n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
+    """Return the (n,) force that a joint carries, N, from masses times accelerations of equation (1)."""
     motion = reference.motion.part(slice(None), axes=2)
     theta, omega, alpha = motion.theta, motion.omega, motion.alpha
     sin, cos = np.sin(theta), np.cos(theta)
@@ -75,18 +75,18 @@ def joint_force(problem: Problem, reference: Trajectory, joint: int) -> Array:
 
 
 def encoder_angle(problem: Problem, joint: int) -> Array:
-    """(samples,) reading of the encoder of a joint, measured from hanging, rad."""
+    """Return the (samples,) reading of the encoder of a joint, measured from hanging, rad."""
     turned = joint in (2, ARM) or (joint == 1 and problem.model.constants.relative2 == 1.0)
     return problem.measured[:, joint] - (0.0 if turned else math.pi)
 
 
 def encoder_speed(reference: Trajectory, joint: int) -> Array:
-    """(samples,) speed of a joint at the samples, rad/s."""
+    """Return the (samples,) speed of a joint at the samples, rad/s."""
     return np.interp(reference.at, np.arange(len(reference.motion.t)), reference.joint_speed[:, joint])
 
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:
-    """(segments, m, k) whitened change of the readings that torques (n, k) of a joint, N m, cause."""
+    """Return the (segments, m, k) whitened change of the readings that torques (n, k) of a joint, N m, cause."""
     zeros = np.zeros_like(torque)
     on = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
     torques = [*on, torque if joint in (2, ARM) else zeros][: problem.axes]
@@ -94,7 +94,13 @@ def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Ar
 
 
 def under_error(problem: Problem, joint: int, error: Array) -> Array:
-    """(segments, m, k) whitened change of the readings that encoder errors (samples, k) of a joint, rad, cause."""
+    """Return the (segments, m, k) whitened change of the readings by encoder errors of a joint.
+
+    Args:
+        problem: segments of the readings
+        joint: index of the joint
+        error: (samples, k) errors of its encoder, rad
+    """
     readings = np.zeros((len(error), problem.axes, error.shape[1]))
     readings[:, joint] = error
     return problem.whitened(readings)

@@ -75,7 +75,7 @@ class Discrepancy:
 
 @dataclass(frozen=True, slots=True)
 class _Hats:
-    """Free functions of one kind for one joint, by their values along the recordings."""
+    """Hat functions of one kind for one joint, and the changes of the readings that they cause."""
 
     joint: int
     torque: bool
@@ -104,7 +104,7 @@ def _hats(problem: Problem, reference: Trajectory) -> Iterator[_Hats]:
 
 
 def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
-    """Groups of hat functions, scaled so that the columns of each group have a mean squared norm of one."""
+    """Return the groups of hat functions; in each group, the mean squared norm of a column is one."""
     groups = []
     for hats in _hats(problem, reference):
         columns = fit.linear.projected(np.nan_to_num(hats.columns))
@@ -115,13 +115,16 @@ def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
 
 
 def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
-    """(segments, m, q) whitened change of the readings by each hat function, with a common scale per group."""
+    """Return the (segments, m, q) whitened change of the readings by each hat function.
+
+    The columns of a group have a common scale.
+    """
     groups = _scaled(problem, fit, trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
     return np.concatenate([np.zeros((*fit.linear.e.shape, 0)), *(hats.columns for hats in groups)], axis=2)
 
 
 def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
-    """Discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
+    """Return the discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
     linear = model.fit.linear
     if at_noise_floor(model) or not np.isfinite(linear.residual).all():
         return None

@@ -41,7 +41,7 @@ SIGNIFICANT = 3.0
 
 
 def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
-    """Residual maps of all locations, largest share first; empty if there is no gap."""
+    """Return the residual maps of all locations, largest share first; empty if there is no gap."""
     if bare.residuals.z < SIGNIFICANT:
         return ()
     reference = trajectory(problem, bare.fit.estimate, spacing=TRAJECTORY.coarse_s)
@@ -50,10 +50,12 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
 
 
 def _maps(problem: Problem) -> Iterator[tuple[int, "ResidualMap"]]:
-    """Maps that these recordings allow, each with the index of its joint (0, 1 and 2 for joints 1, 2 and 0).
+    """Yield the maps that these recordings allow, each with the index of its joint (0, 1 and 2 for joints 1, 2 and 0).
 
-    Three kinds of maps are omitted: friction of an arm's joint by load, because the load is unknown; all maps of
-    joint 2, if no outer rod rotates in it; and torques of a prescribed joint 1, because they do not move it.
+    Three kinds of maps are omitted. The load on an arm's joint is unknown, so friction of this joint by load is
+    omitted. If
+    no outer rod rotates in joint 2, all its maps are omitted. Torques do not move a prescribed joint 1, so they are
+    omitted.
     """
     setups = problem.segments.setups
     of_torques = [residual_map for residual_map in MAPS if residual_map.kind != "error"]
@@ -67,7 +69,7 @@ def _maps(problem: Problem) -> Iterator[tuple[int, "ResidualMap"]]:
 
 
 def where_sentence(places: tuple[Where, ...]) -> str:
-    """Sentence on the location of the gap."""
+    """Return the sentence on the location of the gap."""
     if not places:
         return "There is no gap to locate."
     best = places[0]
@@ -125,7 +127,7 @@ def _error_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Col
 
 @dataclass(frozen=True, slots=True)
 class ResidualMap:
-    """Kind of a residual map: what it contains, and the coordinate on which this depends."""
+    """Kind of a residual map: the mapped quantity, and the coordinate over which it is mapped."""
 
     kind: Literal["torque", "friction", "error"]
     """Torque or friction of a joint, or error of an encoder."""
@@ -145,7 +147,7 @@ MAPS: Sequence[ResidualMap] = (
 
 
 def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, joint: int, residual_map: ResidualMap) -> Where:
-    """Residual map of one kind for one joint, fitted with the ratios and initial states."""
+    """Fit the residual map of one kind for one joint, together with the ratios and the initial states."""
     columns, linear, fitted = residual_map.columns(problem, reference, joint), bare.fit.linear, len(bare.fit.free)
     projected = linear.projected(columns.readings)
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
@@ -168,7 +170,7 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, joint: int
 
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
-    """Text that describes a residual map."""
+    """Return the text that describes a residual map."""
     cause = {"torque": f"A torque in {site}", "friction": f"Friction of {site}", "error": f"An error of {site}"}[kind]
     dependence = "load or on the direction of motion alone" if coordinate == "load" else coordinate
     parts = [f"{cause} that depends on {dependence}"]
