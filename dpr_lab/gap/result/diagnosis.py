@@ -223,8 +223,8 @@ def load_diagnosis(path: Path) -> Diagnosis:
     """Read the output of `diagnose --json`, from its file or from the folder of `diagnose --out`.
 
     Raises:
-        RunError: the file is missing, is not JSON, is not a diagnosis, or contains effects that this version does not know.
-            If a value of a diagnosis is wrong, the message names its key.
+        RunError: the file is missing, is not JSON, is not a diagnosis, or contains effects that this version does not
+            know. If a value of a diagnosis is wrong, the message names its key.
     """
     try:
         path = diagnosis_file(path)
