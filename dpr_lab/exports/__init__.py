@@ -1,8 +1,8 @@
 """Export the corrected model to other programs.
 
-To add a format, write one file and add one row to `FORMATS`. `Effect.exported` describes an effect by elements that are
-common to simulators. Programs that can call functions receive the kernel of the effect instead. If a format supports
-neither way, the exported file lacks the effect, and the reason is listed.
+To add a format, write one file and add one row to `FORMATS`. `Effect.exported` describes an effect by elements that
+simulators have in common. Programs that can call functions receive the kernel of the effect instead. If a format
+supports neither representation, the exported file lacks the effect, and the reason is listed.
 """
 
 import json
@@ -22,7 +22,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """Export format: its files, and the effects that they can contain."""
+    """Export format: its program, its files, and the effects that the files can contain."""
 
     program: str
     """Name of the program."""
@@ -40,7 +40,7 @@ class ExportFormat:
     """Whether the format requires optional packages; `diagnose --out` does not write such a format."""
 
     def lost(self, model: AnyModel, rig: Rig) -> dict[str, str]:
-        """Effects of a model that the format cannot express, with the reason for each."""
+        """Return the effects of a model that the format cannot express, with the reason for each effect."""
         expressed = set(in_words(model, rig, self.words))
         expressed |= {name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in self.calls}
         return left_out(model, expressed, self.program)
@@ -48,14 +48,14 @@ class ExportFormat:
     def written(
         self, model: AnyModel, rig: Rig, lost: Mapping[str, str] | None = None, check: Mapping[str, Any] | None = None
     ) -> dict[str, str | bytes]:
-        """Generate the files of the export, as a mapping from file names to contents.
+        """Generate the files of the export; the result maps file names to contents.
 
-        If effects are lost, a JSON file with the reasons is included.
+        If effects are lost, a JSON file contains the reasons.
 
         Args:
             model: the model to write
             rig: the rig of the model
-            lost: omitted effects with the reasons; None: the effects of the model that the format cannot express
+            lost: omitted effects and the reasons; None: the effects of the model that the format cannot express
             check: loss of accuracy, for the JSON file
         """
         lost = self.lost(model, rig) if lost is None else lost

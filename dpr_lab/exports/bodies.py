@@ -1,4 +1,7 @@
-"""Convert the corrected model to rigid bodies on hinges, with elements that simulators have in common (`Words`)."""
+"""Convert the corrected model to rigid bodies on hinges.
+
+The effects are represented by elements that simulators have in common (`Words`).
+"""
 
 import json
 from collections.abc import Collection, Mapping
@@ -20,7 +23,7 @@ Effects = Mapping[str, Mapping[str, float]]
 
 
 def words_of(effects: Effects) -> dict[str, Words]:
-    """Map each effect that simulator elements represent completely to these elements."""
+    """Map each effect to simulator elements; omit effects that these elements do not represent completely."""
     expressed = {}
     for name, values in effects.items():
         effect = EFFECTS.get(name)
@@ -31,7 +34,7 @@ def words_of(effects: Effects) -> dict[str, Words]:
 
 
 def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Words]:
-    """Map each effect of a model that a program with the elements `known` can express to its elements."""
+    """Map each effect of a model to its elements if a program with the elements `known` can express the effect."""
     expressed = {name: words for name, words in words_of(model.effects).items() if known.issuperset(words)}
     # In a simulator, tilted gravity acts in all directions; this effect acts only in the plane of the rods.
     if isinstance(model, MovingArmModel):
@@ -40,7 +43,7 @@ def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Word
 
 
 def left_out(model: AnyModel, expressed: Collection[str], program: str) -> dict[str, str]:
-    """Effects of a model that the program cannot express, with the reason for each."""
+    """Return the effects of a model that a program cannot express, with the reason for each effect."""
     return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in expressed}
 
 
@@ -60,10 +63,10 @@ def _reason(name: str, values: Mapping[str, float], program: str) -> str:
 
 
 def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
-    """Construct rigid bodies that obey equation (1) of docs/theory.md, with the effects that a format can express.
+    """Construct rigid bodies that move according to equation (1) of docs/theory.md.
 
-    The motion depends only on the base parameters. The bodies have the masses of the model, at the scale of its base
-    parameters.
+    The bodies include the effects that a format can express. The motion depends only on the base parameters. The bodies
+    have the masses of the model, at the scale of its base parameters.
 
     Raises:
         ConfigError: no rigid bodies can represent the model with a moving arm.
@@ -96,7 +99,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
 
 
 def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
-    """Comments of a description: scale, omitted effects, and torque of the arm's drive."""
+    """Compose comments on an exported model: its scale, the omitted effects, and the torque of the arm's drive."""
     omitted = [f"omitted effects: {json.dumps(dict(lost), ensure_ascii=False)}"] if lost else []
     arm = made.arm
     drive = [f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}"] if arm is not None and arm.input else []
@@ -104,7 +107,10 @@ def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
 
 
 def arm_of(model: Model, rig: Rig) -> Arm | None:
-    """Compliant arm of an effect; None if there is none, or if the arm is lighter than the rods at its tip."""
+    """Return the compliant arm that an effect describes.
+
+    The result is None if there is no such effect, or if the arm is lighter than the rods at its tip.
+    """
     params = effect_params(known_effects(model.effects))
     held = arm_model(rig_constants(rig), HELD_ARM, params.tolist(), active_effects(params))
     z = {name: parameter.value for name, parameter in model.parameters.items()}

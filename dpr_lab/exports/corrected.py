@@ -1,10 +1,10 @@
-"""Build the corrected model of a diagnosis: the identified rods with the named effects.
+"""Build the corrected model of a diagnosis, which contains the identified rods and the named effects.
 
-Amplitudes z whose intervals contain zero are set to zero. For example, a spring with an insignificant cubic term
-becomes a linear spring, which every format with springs can represent. The other values x are then replaced by their
-conditional means in the joint normal distribution, x - C_xz C_zz^-1 z. If all amplitudes of a named effect are
-insignificant, they are kept. Effects that are fitted to every rig of this kind are omitted if they are neither
-significant nor named.
+An amplitude is insignificant if its interval contains zero. Insignificant amplitudes z are set to zero. For example, a
+spring with an insignificant cubic term becomes a linear spring, which every format with springs can represent. The
+other values x are then replaced by their conditional means x - C_xz C_zz^-1 z in the joint normal distribution, where C
+is the covariance. If all amplitudes of a named effect are insignificant, they are kept. Effects that are fitted to
+every rig of this kind are omitted if they are neither significant nor named.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -42,7 +42,7 @@ AXES = {"joint1": "theta1", "joint2": "theta2"}
 
 
 def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Build the corrected model of a diagnosis, as `diagnose --out` writes it and `compare` reads it.
+    """Build the corrected model of a diagnosis; `diagnose --out` writes this model, and `compare` reads it.
 
     Args:
         diagnosis: ratios, covariance and effects
@@ -58,7 +58,10 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
 
 
 def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
-    """Build the corrected model for a clamped or prescribed arm; the arguments are those of `corrected_model`."""
+    """Build the corrected model for a clamped or prescribed arm.
+
+    The arguments are those of `corrected_model`.
+    """
     unknown, effects = significant_values(diagnosis)
     values = unknown[: len(RATIOS)]
     covariance = np.array(diagnosis.ratio_covariance)
@@ -118,7 +121,7 @@ def _fit_summary(diagnosis: Diagnosis) -> FitSummary:
 
 
 def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> dict[str, EstimatedValue]:
-    """e1/a and c1/a of the inner rod alone, with their intervals from the diagnosis."""
+    """Return e1/a and c1/a of the inner rod alone, with the intervals of the diagnosis."""
     alone = ratios_alone(five, diagnosis.p_over_b or 0.0, rig.g / rig.L1)
     ends = {name: diagnosis.determined[name].interval90 for name in alone if name in diagnosis.determined}
     return {
@@ -128,7 +131,7 @@ def _alone(diagnosis: Diagnosis, five: Sequence[EstimatedValue], rig: Rig) -> di
 
 
 def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str, float]]]:
-    """Ratios, b and p/b (7,), and the effects, without insignificant amplitudes."""
+    """Return ratios, b and p/b (7,), and the effects without insignificant amplitudes."""
     unknown = diagnosis.unknowns
     fitted = dict(zip(UNKNOWN_RATIOS, unknown.tolist(), strict=True)) | {
         f"{name}.{key}": value
@@ -145,12 +148,15 @@ def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str,
 
 
 def _posterior(diagnosis: Diagnosis) -> PosteriorComponent | None:
-    """Component of the posterior with the effects of the corrected model; None if there is no such component."""
+    """Return the component of the posterior that has the effects of the corrected model; None if there is none."""
     return next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
 
 
 def _insignificant_effects(diagnosis: Diagnosis, fitted: Mapping[str, float]) -> set[str]:
-    """Effects that are fitted to every rig of this kind, are not named, and have intervals that all contain zero."""
+    """Find effects that are omitted from the corrected model.
+
+    These effects are fitted to every rig of this kind, are not named, and have intervals that all contain zero.
+    """
     posterior = _posterior(diagnosis)
     if posterior is None or has_moving_arm(diagnosis):
         return set()
@@ -167,7 +173,10 @@ def _insignificant_effects(diagnosis: Diagnosis, fitted: Mapping[str, float]) ->
 def _without_insignificant(
     diagnosis: Diagnosis, fitted: Mapping[str, float], absent: Collection[str] = ()
 ) -> dict[str, float]:
-    """Values of ratios and of effects (`effect.parameter`), without insignificant amplitudes and absent effects."""
+    """Return values of ratios and of effects (`effect.parameter`) without insignificant amplitudes.
+
+    The amplitudes of the effects `absent` are also set to zero.
+    """
     zero = [f"{effect.name}.{key}" for effect in diagnosis.effects for key in _insignificant(effect)]
     zero += [f"{name}.{p.name}" for name in absent for p in EFFECTS[name].amplitudes]
     posterior, values = _posterior(diagnosis), dict(fitted)
@@ -181,7 +190,10 @@ def _without_insignificant(
 
 
 def _insignificant(effect: NamedEffect) -> set[str]:
-    """Amplitudes of an effect whose intervals contain zero; empty if all intervals of the effect contain zero."""
+    """Return the amplitudes of an effect whose intervals contain zero.
+
+    The result is empty if all intervals of the effect contain zero.
+    """
     amplitudes = {p.name for p in EFFECTS[effect.name].amplitudes} & set(effect.parameters)
     chance = {
         key for key in amplitudes if effect.parameters[key].interval90[0] <= 0 <= effect.parameters[key].interval90[1]

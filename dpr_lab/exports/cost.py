@@ -1,4 +1,7 @@
-"""Loss of accuracy of an export: its replay errors relative to those of the corrected model and of the bare model."""
+"""Measure the loss of accuracy of an export.
+
+The replay errors of the export are compared with those of the corrected model and of the bare model.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +21,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ReplayRule:
-    """Settings and limits of the replay of an export."""
+    """Settings and limits for replaying an export."""
 
     most: int = 3
     """Maximum number of replayed releases; small, because a program may run in real time."""
@@ -63,8 +66,8 @@ class Yardstick:
     def held_against(self, model: AnyModel) -> tuple[AnyModel, tuple[Replay, ...]]:
         """Choose the model to write, and simulate the recordings with it.
 
-        The bare model is chosen if the refitted model is worse over the whole swing. This is possible because the
-        model was refitted over segments of half a second only.
+        The bare model is chosen if the refitted model `model` is worse over the whole swing. The refitted model can be
+        worse, because it was refitted only to segments of half a second.
         """
         if model is self.model:
             return model, self.own
@@ -78,7 +81,7 @@ class Yardstick:
 
         Args:
             swings: simulations by dpr-lab
-            squares: mean square error of each swing in the program, rad^2; default: those of dpr-lab
+            squares: mean square error of each swing in the program, rad^2; default: the errors in dpr-lab
         """
         squares = [swing.lab for swing in swings] if squares is None else squares
         floor = np.array([float(np.nanmean(swing.noise_rad**2)) for swing in swings])
@@ -90,9 +93,9 @@ class Yardstick:
 
 
 def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
-    """Replay runs with a corrected model, and with the same model without effects.
+    """Replay runs with a corrected model, and with the same rods without effects.
 
-    A model without effects is its own reference.
+    A corrected model without effects is also the bare model.
 
     Args:
         model: the corrected model

@@ -1,8 +1,8 @@
 """Export the corrected model as a functional mock-up unit (FMU) for co-simulation, FMI 3.0 or 2.0.
 
-Inputs are the joint torques, or the input of the drive of a moving arm. Outputs are angles, speeds and encoder
-readings. The unit contains the exported Python module, so it requires a Python installation with numpy. Sources: FMI
-3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica Association, 2022).
+The inputs of the unit are the joint torques, or the input of the drive of a moving arm. The outputs are angles, speeds
+and encoder readings. The unit contains the exported Python module, so that it requires a Python installation with
+numpy. Sources: FMI 3.0 specification, sec. 4, and 2.0.4, sec. 4 (Modelica Association, 2022).
 """
 
 import importlib.util
@@ -108,7 +108,7 @@ class {name}(Fmi3Slave):
 
 @dataclass(frozen=True, slots=True)
 class UnitPorts:
-    """Inputs and states of a unit, and the name of the simulating class in the Python module."""
+    """Inputs and states of a unit, and the name of the class that simulates the unit in the Python module."""
 
     name: str
     kind: str
@@ -139,12 +139,14 @@ ARM_PORTS = UnitPorts(
 
 
 def ports_of(model: Model | MovingArmModel) -> UnitPorts:
-    """Inputs and states of the unit of a model."""
+    """Return the inputs and states of the unit of a model."""
     return ARM_PORTS if isinstance(model, MovingArmModel) else PORTS
 
 
 def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes:
-    """Build the FMU of a model for FMI version `standard`, `3.0` or `2.0`, and return the content of the file.
+    """Build the FMU of a model, and return the content of the file.
+
+    `standard` is the version of FMI, `3.0` or `2.0`.
 
     Raises:
         ConfigError: the required package is not installed.
@@ -175,7 +177,7 @@ def fmu(model: Model | MovingArmModel, rig: Rig, standard: str = "3.0") -> bytes
 
 
 def _in_words_of(slave: str, standard: str) -> str:
-    """Source of the slave class for another version of the standard.
+    """Convert the source of the slave class to a version of the standard.
 
     The builder finds the class by the literal name of its base class.
     """

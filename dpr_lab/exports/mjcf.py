@@ -1,8 +1,9 @@
-"""Export the corrected model as MJCF for MuJoCo; a passive-force callback (`mjcb_passive`) adds further effects.
+"""Export the corrected model as MJCF for MuJoCo.
 
-MuJoCo represents Coulomb friction by a constraint of finite stiffness, and integrates presliding to first order. With
-these effects, its motion converges to that of dpr-lab as the time step decreases. Without them, both agree to the
-accuracy of the integrator.
+A passive-force callback (`mjcb_passive`) adds effects that MJCF cannot express. MuJoCo represents Coulomb friction by a
+constraint of finite stiffness, and integrates presliding to first order. With these two effects, the motion in MuJoCo
+converges to the motion in dpr-lab as the time step decreases. Without these effects, both motions agree to the accuracy
+of the integrator.
 """
 
 import math
@@ -156,7 +157,7 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """File on whose joints a module of passive forces acts; by default the file of `mjcf`."""
+    """File with the joints on which a module of passive forces acts; by default the file of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")
@@ -169,10 +170,11 @@ class EngineFile:
 
 
 def mjcf(model: AnyModel, rig: Rig) -> str:
-    """Write the corrected model as MJCF: two hinges with 0 = upright, joint 2 relative to the inner rod.
+    """Write the corrected model as MJCF with two hinges.
 
-    A free or driven arm has a third hinge and a motor, whose control is the input in its own unit. Effects without an
-    MJCF element are listed in the custom text `left_out`, and act in the passive force (`passive`).
+    The angles of the hinges are 0 with the rods upright; joint 2 is relative to the inner rod. A free or driven arm has
+    a third hinge and a motor. The control of the motor is the input in its own unit. Effects without an MJCF element
+    are listed in the custom text `left_out`. They act in the passive force (`passive`).
 
     Raises:
         ConfigError: no rigid bodies can represent the model with a moving arm.
@@ -197,7 +199,9 @@ def mjcf(model: AnyModel, rig: Rig) -> str:
 def passive(
     model: AnyModel, rig: Rig, expressed: Collection[str] | None = None, engine_file: EngineFile | None = None
 ) -> str:
-    """Generate a Python module with the passive forces of effects that a file cannot contain, and encoder readings.
+    """Generate a Python module with passive forces and encoder readings.
+
+    The passive forces represent the effects that a file cannot contain.
 
     Args:
         model: the corrected model
@@ -229,9 +233,9 @@ def passive(
 
 
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
-    """Coulomb friction (3,) at rest of the arm and of both hanging joints, N m.
+    """Return the Coulomb friction (3,) at rest of the arm and of both hanging joints, N m.
 
-    It is the smaller value of both directions.
+    Each value is the smaller of the values in both directions.
     """
     constants = rig_constants(rig)
     params = effect_params(known_effects(effects))
@@ -248,7 +252,7 @@ def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
 
 
 def _passive_parts(link: Link) -> list[tuple[str, tuple[float, ...]]]:
-    """Cogging and presliding of a joint as attributes of motors without a winding, with their numbers."""
+    """Return cogging and presliding of a joint as attributes of motors without a winding, and their numbers."""
     words = link.body.words
     waves = [("cogging", (size, N, phase - N * link.hanging)) for size, N, phase in words.get("cogging", ())]
     if "presliding" not in words:

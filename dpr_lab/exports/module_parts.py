@@ -1,6 +1,7 @@
-"""Parts of exported Python modules: functions of dpr-lab with the chosen effects, and a class that simulates.
+"""Assemble exported Python modules from functions of dpr-lab with the chosen effects and a class that simulates.
 
-Text from a file, such as the name of a rig, enters the source only as a Python literal, so that it is never executed.
+Text from a file, for example the name of a rig, enters the source only as a Python literal. Such text is therefore
+never executed.
 """
 
 import ast
@@ -179,7 +180,7 @@ def readings_at(x0, t, run, max_step, start, kind, torques):
 
 
 def simulated_rig(base: BaseParameters, constants: RigConstants, arm: ArmModel, effects: Collection[str]) -> RigModel:
-    """Model of the rig for an exported module.
+    """Return the model of the rig for an exported module.
 
     The vector of effect parameters is empty, because the functions of a module read the parameters by name.
     """
@@ -196,7 +197,7 @@ def assembled(
     rewritten: Mapping[str, Rewrite],
     mode: int,
 ) -> str:
-    """Assemble the source of a module: head, required functions of dpr-lab, simulation class, and tail."""
+    """Assemble the source of a module from head, required functions of dpr-lab, simulation class, and tail."""
     chosen: dict[str, Rewrite] = {name: partial(of_effects, effects=effects) for name in FOLDED}
     chosen |= {"effect_torques": partial(_driven, effects=effects)}
     functions = sources(FOLDED | _USED | dict(more), chosen | dict(rewritten))
@@ -207,7 +208,7 @@ def assembled(
 
 
 def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Effects of a file that the library contains, with the parameters that the library knows."""
+    """Select the effects of a file that the library contains, with the parameters that the library knows."""
     return {
         name: {p.name: values[p.name] for p in EFFECTS[name].parameters if p.name in values}
         for name, values in effects.items()
@@ -216,19 +217,22 @@ def known_effects(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[
 
 
 def parameter_lines(effects: Iterable[str]) -> Iterable[str]:
-    """One line of source for each parameter, with the name that the functions use."""
+    """Yield one line of source for each parameter, with the name that the functions use."""
     for name in effects:
         for p in EFFECTS[name].parameters:
             yield f"{name}_{p.name} = EFFECTS[{name!r}].get({p.name!r}, {p.default!r})"
 
 
 def of_effects(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Definition of a function that evaluates all effects, reduced to the given effects."""
+    """Reduce the definition of a function that evaluates all effects to the given effects."""
     return _Chosen(effects).visit(node)
 
 
 def _driven(node: ast.FunctionDef, effects: Collection[str]) -> ast.FunctionDef:
-    """Definition of `effect_torques` with the given effects and the known torques of joints 1 and 2 in `params`."""
+    """Reduce the definition of `effect_torques` to the given effects, and add the known torques.
+
+    `params` of the changed function contains the known torques of joints 1 and 2.
+    """
     node = of_effects(node, effects)
     (more,) = ast.parse("torque1, torque2 = torque1 + (params[0] - params[1]), torque2 + params[1]").body
     node.body.insert(-1, more)
@@ -254,7 +258,7 @@ class _Chosen(ast.NodeTransformer):
 
 
 def _index_of(node: ast.expr, array: str) -> int | None:
-    """Index in `array[index]`; None for other indices."""
+    """Return the index in `array[index]`; None for other expressions."""
     if not isinstance(node, ast.Subscript) or not isinstance(node.slice, ast.Constant):
         return None
     index, of_array = node.slice.value, isinstance(node.value, ast.Name) and node.value.id == array

@@ -25,7 +25,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class ReplaySettings:
-    """Settings of the replay of recordings."""
+    """Settings for replaying recordings."""
 
     length_s: float = 10.0
     """Maximum duration of a replay, s. A replay ends earlier at the predictability horizon."""
@@ -40,7 +40,7 @@ REPLAY = ReplaySettings()
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """A recording with its fitted initial state, to be replayed in a program."""
+    """A recording and its fitted initial state, which are replayed in a program."""
 
     run: str
     t: Array
@@ -62,16 +62,16 @@ class Replay:
 
     @property
     def lab(self) -> float:
-        """Mean square error of dpr-lab's simulation, rad^2."""
+        """Mean square error of the simulation by dpr-lab, rad^2."""
         return self.error(self.simulated)
 
     def driven(self, t: float, state: object) -> list[float]:
-        """Torques of joints 1 and 2, N m, or input of the arm, in the step that contains the time t."""
+        """Return the torques of joints 1 and 2, N m, or the input of the arm, in the step that contains the time t."""
         step = int((t - self.start) / REPLAY.step_s + 1e-6)  # a program may use shorter steps
         return self.torques[min(step, len(self.torques) - 1)].tolist()
 
     def error(self, theta: Array) -> float:
-        """Mean square error of a simulation, rad^2."""
+        """Compute the mean square error of simulated angles, rad^2."""
         away = (self.measured - theta)[np.isfinite(self.measured)]
         return float(np.mean(away**2))
 
@@ -83,26 +83,29 @@ including the arm, rad."""
 
 
 def in_python(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in the generated Python module, which is executed in this process."""
+    """Return a function that replays recordings in the generated Python module.
+
+    The module is executed in this process.
+    """
     readings = runpy.run_path(str(file))["readings"]
     return lambda replay: readings(replay.x0, replay.t, start=replay.start, torques=replay.driven)
 
 
 def in_mujoco(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in MuJoCo, with the generated callback of passive forces."""
+    """Return a function that replays recordings in MuJoCo with the generated callback of passive forces."""
     return _engine(file, {})
 
 
 def in_urdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in MuJoCo, which can read URDF."""
+    """Return a function that replays recordings in MuJoCo, which can read URDF."""
     file.with_name(CALLBACK).write_text(passive(model, rig), encoding="utf-8")
     return _engine(file, {"passive": None, "GRAVITY": model.rig.g})
 
 
 def in_sdf(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in MuJoCo with the numbers of the file.
+    """Return a function that replays recordings in MuJoCo with the numbers of the file.
 
-    Drake reads SDFormat but ignores Coulomb friction.
+    MuJoCo cannot read SDFormat. Drake reads SDFormat but ignores Coulomb friction.
     """
     expressed = in_words(model, rig, sdf.WORDS)
     held = model.model_copy(update={"effects": {name: model.effects[name] for name in expressed}})
@@ -138,7 +141,7 @@ os._exit(0)  # a unit that embeds Python is not unloaded cleanly from a Python p
 
 
 def in_fmu(file: Path, model: AnyModel, rig: Rig) -> Callable[[Replay], Array]:
-    """Replay in FMPy, in a separate process."""
+    """Return a function that replays recordings in FMPy, in a separate process."""
 
     def read(replay: Replay) -> Array:
         steps = replay.start + REPLAY.step_s * np.arange(len(replay.torques))

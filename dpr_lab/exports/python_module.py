@@ -1,6 +1,7 @@
-"""Export of the corrected model as a plain Python module that needs only numpy.
+"""Export the corrected model as a plain Python module that needs only numpy.
 
-It contains the functions by which dpr-lab itself simulates (`dpr_lab.exports.source`), reduced to the named effects.
+The module contains the functions with which dpr-lab itself simulates (`dpr_lab.exports.source`), reduced to the named
+effects.
 """
 
 from collections.abc import Mapping
@@ -75,7 +76,10 @@ def derivative(t, x, torques=(0.0, 0.0)):
 
 
 def python_module(model: Model | MovingArmModel, rig: Rig) -> str:
-    """Generate a module with the corrected model; it supports every effect of the library and needs only numpy."""
+    """Generate a Python module with the corrected model.
+
+    The module supports every effect of the library and needs only numpy.
+    """
     return module_text(model, rig)
 
 
@@ -85,7 +89,10 @@ def module_text(
     more: Mapping[str, Any] | None = None,
     rewritten: Mapping[str, Rewrite] | None = None,
 ) -> str:
-    """Source of the module, with additional functions of dpr-lab; arguments are those of `sources`."""
+    """Generate the source of the module, with additional functions of dpr-lab.
+
+    `more` and `rewritten` are the arguments of `sources`.
+    """
     if isinstance(model, MovingArmModel):
         return arm_module_text(model, rig, more or {}, rewritten or {})
     effects = {name: values for name, values in model.effects.items() if name in OF_FREE_SWINGS}

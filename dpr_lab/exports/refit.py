@@ -37,9 +37,9 @@ MOVING = ("torque", "load", "arm", "torque0", "drive0", "whole0", "input")
 
 
 def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig: Rig) -> dict[str, AnyModel]:
-    """Choose the model to write in each format, as a mapping from format names to models.
+    """Choose the model that is written in each format; the result maps format names to models.
 
-    It is the given model, or a simpler, refitted model if the format cannot express the given model.
+    The given model is chosen if the format can express it. Otherwise, a simpler model is refitted.
 
     Args:
         formats: names of `FORMATS`
@@ -63,7 +63,7 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
 
 
 def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Refit a model with only those effects on the rods that given simulator elements can express.
+    """Refit a model with only those effects on the rods that the given simulator elements can express.
 
     The model is returned unchanged if the elements can express all of its effects.
 
@@ -85,7 +85,7 @@ def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run],
 
 
 def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
-    """Effects of a model that the written, simpler model contains with all amplitudes."""
+    """Return the effects of a model that the written, simpler model contains with all amplitudes."""
     sizes = known_effects(model.effects)
     return {
         name
@@ -95,7 +95,7 @@ def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
 
 
 def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Array]]:
-    """Start values of the fits: ratios (7,) and effects (SIZE,), of the bare and of the corrected model.
+    """Return the initial values of the fits: ratios (7,) and effects (SIZE,) of the bare and the corrected model.
 
     Both use b of the corrected model, because free swings determine the sizes of effects only relative to b.
     """
@@ -107,9 +107,9 @@ def _starts(bare: Estimate, model: AnyModel, rig: Rig) -> list[tuple[Array, Arra
 
 
 def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, Array]], initial: Array) -> Estimate:
-    """Best of the fits from several start values.
+    """Fit from several initial values, and return the best estimate.
 
-    A poor start value can lead to a local minimum.
+    A poor initial value can lead to a local minimum.
     """
     fits = []
     for start, arm in starts:
@@ -125,7 +125,10 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
 
 
 def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Refit a model without effects to the same runs; arguments and errors are those of `fitted_for`."""
+    """Refit a model without effects to the same runs.
+
+    Arguments and errors are those of `fitted_for`.
+    """
     return _with(model, _bare_fit(model, runs, rig)[1], rig)
 
 
@@ -135,7 +138,7 @@ def moving(model: AnyModel) -> list[str]:
 
 
 def moving_losses(name: str, model: AnyModel, rig: Rig) -> frozenset[str]:
-    """Effects on the rods that a format cannot express."""
+    """Return the effects on the rods that a format cannot express."""
     return frozenset(FORMATS[name].lost(model, rig)) & frozenset(moving(model))
 
 
@@ -148,7 +151,7 @@ def _bare_fit(model: AnyModel, runs: Sequence[Run], rig: Rig) -> tuple[Problem, 
 
 
 def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> dict[str, dict[str, float]]:
-    """Effects of a model that are not lost, and the simpler effects that replace the lost effects."""
+    """Return the effects of a model that are not lost, and simpler effects that replace the lost effects."""
     known = {name: _without_zeros(name, values) for name, values in known_effects(model.effects).items()}
     remaining = {name: values for name, values in known.items() if name not in lost}
     reduced = {name: values for name in sorted(lost) if (values := _reduced(name, known[name], words))}
@@ -157,7 +160,7 @@ def _without(model: AnyModel, lost: frozenset[str], words: frozenset[str]) -> di
 
 
 def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Values of an effect without amplitudes of zero.
+    """Return the values of an effect without amplitudes of zero.
 
     In a further fit, such an amplitude could become a size that no element represents.
     """
@@ -166,9 +169,10 @@ def _without_zeros(name: str, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _reduced(name: str, values: Mapping[str, float], words: frozenset[str]) -> dict[str, float]:
-    """Values of an effect without some of its further amplitudes, so that the given elements express it; otherwise {}.
+    """Omit some amplitudes of an effect, so that the given elements can express it.
 
-    For example, a spring without its cubic term is a linear spring.
+    The first amplitude is kept. The result is empty if this is not possible. For example, a spring without its cubic
+    term is a linear spring.
     """
     further = [p.name for p in EFFECTS[name].amplitudes if p.name in values][1:]
     for count in range(1, len(further) + 1):
@@ -180,7 +184,7 @@ def _reduced(name: str, values: Mapping[str, float], words: frozenset[str]) -> d
 
 
 def _simpler(effect: Effect, words: frozenset[str]) -> set[str]:
-    """Names of simpler forms of an effect that the given elements can express."""
+    """Return the names of simpler forms of an effect that the given elements can express."""
     simpler: set[str] = set()
     for name in effect.nested:
         own_words = words_of({name: _typical(EFFECTS[name])}).get(name, {"": None})

@@ -20,7 +20,7 @@ from dpr_lab.run import Run
 
 
 def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Replay:
-    """Fit an initial state and simulate up to an instant, by default the predictability horizon."""
+    """Fit an initial state, and simulate a release up to an instant; by default up to the predictability horizon."""
     followed = follow(run, rig, model)
     first = float(followed.preprocessed.run.t[0])
     freely = free_run_from(followed, first)
@@ -56,7 +56,9 @@ def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Repla
 
 
 def replayed(name: str, model: AnyModel, rig: Rig, swings: Sequence[Replay]) -> list[Array]:
-    """Replay recordings in the program of a format; returns angles (n, 2) of the rods or (n, 3) of arm and rods, rad.
+    """Replay recordings in the program of a format.
+
+    The result contains, for each recording, the angles (n, 2) of the rods or (n, 3) of arm and rods, rad.
 
     Raises:
         ConfigError: the program is not installed.

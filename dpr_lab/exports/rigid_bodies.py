@@ -1,4 +1,4 @@
-"""Rigid bodies on hinges that represent the rig, independent of the export format."""
+"""Define rigid bodies on hinges that represent the rig in all export formats."""
 
 import math
 from collections.abc import Mapping
@@ -16,7 +16,10 @@ THIN = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Rod:
-    """A rod in its own frame, SI units: joint at the origin, z along the rod, rotation about y."""
+    """A rod in its own frame, SI units.
+
+    The joint is at the origin, z points along the rod, and the rod rotates about y.
+    """
 
     length: float
     mass: float
@@ -33,12 +36,12 @@ class Rod:
 
     @property
     def centre(self) -> Vector:
-        """Centre of mass, m."""
+        """Centre of mass in the frame of the rod, m."""
         return self.offset, 0.0, self.centroid
 
     @property
     def end(self) -> Vector:
-        """(3,) position of the next joint in the frame of the rod, m."""
+        """Position (3,) of the next joint in the frame of the rod, m."""
         return 0.0, 0.0, self.length
 
     @property
@@ -57,7 +60,7 @@ class Rod:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """An arm that turns about the vertical axis: compliant, free or driven; SI units."""
+    """An arm that turns about the vertical axis, SI units; the arm is compliant, free or driven."""
 
     length: float
     """Distance of the rods' plane from the axis of the arm, m."""
@@ -78,7 +81,7 @@ class Arm:
 
     @property
     def end(self) -> Vector:
-        """(3,) position of the inner rod's joint in the frame of the arm, m."""
+        """Position (3,) of the inner rod's joint in the frame of the arm, m."""
         return 0.0, -self.length, 0.0
 
     @property
@@ -89,7 +92,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A moving body, and the hinge on which it turns."""
+    """A moving body and the hinge on which it turns."""
 
     joint: int
     """Number of the joint: 0 for the arm, 1 and 2 for the rods."""
@@ -102,18 +105,18 @@ class Link:
 
     @property
     def axis(self) -> str:
-        """Axis of the hinge: the vertical for the arm."""
+        """Axis of the hinge in the frame of the parent: vertical for the arm, horizontal for the rods."""
         return "0 1 0" if self.joint else "0 0 1"
 
     @property
     def hanging(self) -> float:
-        """Angle of the hinge with the rods hanging, rad; 0 = upright, joint 2 relative to the inner rod."""
+        """Angle of the hinge when the rods hang, rad; 0 = upright, joint 2 relative to the inner rod."""
         return math.pi if self.joint == 1 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
-    """Bodies of the rig: rods, parts at joint 2, and arm, with gravity."""
+    """Bodies of the rig: rods, parts at joint 2, and arm; and gravity."""
 
     rods: tuple[Rod, ...]
     """The inner rod, and the outer rod if it is mounted."""
@@ -141,7 +144,7 @@ class Bodies:
 
 
 def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]:
-    """Elements of the effects of one joint (0, 1, or -1 for the arm).
+    """Return the elements of the effects of one joint (0, 1, or -1 for the arm).
 
     No two effects may use the same element.
     """
@@ -155,7 +158,9 @@ def words_of_joint(expressed: Mapping[str, Words], joint: int) -> dict[str, Any]
 def rod_about_joint(
     length: float, mass: float, moment: float, about_joint: float, damping: float, offset_mass: float, words: Words
 ) -> Rod:
-    """Construct a rod from its first moment and inertia about its joint (before an offset of the centre of mass).
+    """Construct a rod from its first moment and its inertia about the joint.
+
+    Moment and inertia are those before an offset of the centre of mass is added.
 
     Args:
         length: length of the rod, m

@@ -15,9 +15,10 @@ WORDS = frozenset({"friction", "stiffness", "rest_angle", "offset", "added_lengt
 
 
 def sdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
-    """Write SDFormat text: a world with gravity and one model with the links `arm` (if it moves), `inner`, `outer`.
+    """Generate SDFormat text: a world with gravity and one model.
 
-    All joint angles are 0 with the rods upright. The parts at joint 2 belong to the inner rod.
+    The links of the model are `arm` (if the arm moves), `inner` and `outer`. All joint angles are 0 with the rods
+    upright. The parts at joint 2 belong to the inner rod.
     """
     made = bodies(model, rig, in_words(model, rig, WORDS))
     inner, *outer = made.rods

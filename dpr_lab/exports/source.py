@@ -1,7 +1,7 @@
 """Extract the Python source of compiled functions with all dependencies, for programs without dpr-lab and Numba.
 
-The source is that of the functions that dpr-lab itself runs. Decorators and annotations are removed, and names are made
-unique. A division by zero gives the same result as in compiled code.
+The functions are those that dpr-lab itself runs. Decorators and annotations are removed, and names are made unique. A
+division by zero gives the same result as in compiled code.
 """
 
 import ast
@@ -21,11 +21,11 @@ Rewrite = Callable[[ast.FunctionDef], ast.FunctionDef]
 
 
 def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = None) -> str:
-    """Collect the definitions of the roots and of everything that they use, in an executable order.
+    """Collect the definitions of the roots and of everything that the roots use, in an executable order.
 
     Args:
-        roots: name in the source -> function (compiled or not), named tuple or number
-        rewritten: name of a root -> transformation of its definition, applied before its dependencies are resolved
+        roots: functions (compiled or not), named tuples or numbers, by their name in the source
+        rewritten: transformations of definitions, by the name of the root; they precede the search for dependencies
 
     Raises:
         TypeError: a root uses an object without a source, such as a closure or an array.
@@ -58,7 +58,10 @@ class _Writer:
         return name
 
     def _free_name(self, value: Any) -> str:
-        """Name of a function; if it is already used, with the name of its module as prefix."""
+        """Return the name of a function.
+
+        If this name is already used, the name of the module is added as a prefix.
+        """
         function = _plain(value)
         name, taken = function.__name__, set(self.names.values())
         return name if name not in taken else f"{function.__module__.rsplit('.', 1)[-1]}_{name}"
@@ -75,7 +78,7 @@ class _Writer:
         return ast.unparse(ast.fix_missing_locations(_Names(self, function).visit(node)))
 
     def expression(self, value: Any, name: str = "") -> ast.expr:
-        """Expression that refers to a value in the written source."""
+        """Return an expression that refers to a value in the written source."""
         if isinstance(value, types.FunctionType) or hasattr(value, "py_func") or _is_record(value):
             return ast.Name(self.write(value), ast.Load())
         if isinstance(value, tuple) and _is_record(type(value)):
@@ -128,5 +131,5 @@ def _identity(value: Any) -> Any:
 
 
 def _is_record(value: Any) -> bool:
-    """Whether a value is the class of a named tuple."""
+    """Check whether a value is the class of a named tuple."""
     return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")

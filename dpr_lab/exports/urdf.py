@@ -16,7 +16,7 @@ WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
 
 
 def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
-    """Write URDF text with the links `world`, `base`, `arm` (if it moves), `inner`, `encoder2` and `outer`.
+    """Generate URDF text with the links `world`, `base`, `arm` (if the arm moves), `inner`, `encoder2` and `outer`.
 
     All joint angles are 0 with the rods upright; joint 2 is relative to the inner rod.
     """

@@ -1,1 +1,1 @@
-"""Ensembles of models sampled from the posterior, and their predictive bands."""
+"""Sample ensembles of models from the posterior, and compute their predictive bands."""

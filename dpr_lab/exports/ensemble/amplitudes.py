@@ -1,11 +1,12 @@
-"""Swing amplitudes, and the share of a recording outside the amplitudes to which an ensemble was fitted.
+"""Compute swing amplitudes, and the share of a recording outside the amplitudes of the fitted recordings.
 
 The amplitude of a moving double pendulum is the angle alpha from the hanging position at which its straight rods have
 the same energy E at rest:
 
     E = (e1 + e2) (1 - cos alpha),    alpha = pi for more energy.
 
-At other amplitudes a friction law is extrapolated, with an unknown error.
+e1 and e2 are the gravity torques of the rods. At other amplitudes than the fitted ones, a friction law is extrapolated
+with an unknown error.
 """
 
 from collections.abc import Sequence
@@ -30,13 +31,16 @@ class FittedAmplitudes:
     high: float
 
     def beyond(self, amplitudes: Array, tolerance: float = 0.05) -> float:
-        """Share of the given amplitudes that lie outside the range by more than a relative tolerance."""
+        """Return the share of the given amplitudes that lie outside the range by more than a relative tolerance."""
         within = (amplitudes >= self.low * (1 - tolerance)) & (amplitudes <= self.high * (1 + tolerance))
         return float(np.mean(~within)) if len(within) else 0.0
 
 
 def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmplitudes | None:
-    """Range of the amplitudes in the recordings to which a model was fitted; None if there is no recording."""
+    """Return the range of the amplitudes in the recordings to which a model was fitted.
+
+    The result is None if there are no recordings.
+    """
     if not runs:
         return None
     fitted = np.concatenate([amplitudes(model, run, rig)[1] for run in runs])
@@ -44,7 +48,7 @@ def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmpl
 
 
 def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, run: Run, rig: Rig) -> float:
-    """Share of the compared part of a recording whose amplitudes are outside the fitted range."""
+    """Return the share of the compared part of a recording in which the amplitudes are outside the fitted range."""
     begins, angles = amplitudes(model, run, rig)
     return fitted.beyond(
         angles[(begins >= begins[0] + band.delay_s + BANDS.start_s - 1e-9) & (begins < band.horizon_s)]
@@ -52,7 +56,7 @@ def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, 
 
 
 def amplitudes(model: Model, run: Run, rig: Rig) -> tuple[Array, Array]:
-    """Start of each segment of a recording, s since the release, and the swing amplitude at the start, rad."""
+    """Return the start of each segment of a recording, s since the release, and the swing amplitude there, rad."""
     bare = follow(run, rig, model).bare
     problem, estimate = bare.problem, bare.fit.estimate
     upright = energies(problem, estimate.changed(initial=np.zeros((1, 4))))

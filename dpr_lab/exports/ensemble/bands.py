@@ -1,11 +1,11 @@
-"""Predictive bands of an ensemble of models for recordings, and the share of readings inside the bands.
+"""Compute the predictive bands of an ensemble of models for recordings, and the share of readings inside them.
 
-Each model starts from a random initial state, drawn from its distribution given the first readings. The model then runs
-freely; noise of the torque measurement is added to the known torques of driven joints, and encoder noise to the
-readings. The band at an instant lies between two quantiles over the models. Readings that were used for the initial
-states, and readings beyond the predictability horizon, are not compared. At the beginning, a hand may still move the
-rods. If the model follows the first half second much worse than later parts, the band therefore starts at the first
-half second that the model follows.
+Each model starts from a random initial state, which is drawn from its distribution given the first readings. The model
+then runs freely. Noise of the torque measurement is added to the known torques of driven joints. Noise of the encoders
+is added to the simulated readings. The band at an instant lies between two quantiles over the models. Readings are not
+compared if they were used for the initial states or are beyond the predictability horizon. At the beginning, a hand may
+still move the rods. The band therefore starts at the first half second that the model follows about as well as later
+parts.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class BandSettings:
-    """Settings of the predictive bands."""
+    """Settings of predictive bands."""
 
     level: float = 0.9
     """Share of the readings that a band should cover."""
@@ -52,7 +52,7 @@ BANDS = BandSettings()
 
 @dataclass(frozen=True, slots=True)
 class PredictiveBand:
-    """Predictive band for one recording."""
+    """Predictive band of an ensemble for one recording."""
 
     run: str
     horizon_s: float
@@ -76,7 +76,7 @@ class PredictiveBand:
 
     @property
     def covered(self) -> float:
-        """Share of the readings inside the band; nan if there are no readings."""
+        """Share of the compared readings that lie inside the band; nan if there are no readings."""
         inside = (self.measured >= self.low) & (self.measured <= self.high)
         return float(inside.sum()) / self.readings if self.readings else float("nan")
 
@@ -88,10 +88,10 @@ class PredictiveBand:
 
 
 def predictive_band(model: Model, members: Sequence[Model], run: Run, rig: Rig, seed: int) -> PredictiveBand:
-    """Predictive band of an ensemble for one recording.
+    """Compute the predictive band of an ensemble for one recording.
 
     Args:
-        model: the corrected model, for the horizon
+        model: the corrected model, which determines start and horizon
         members: the ensemble
         run: the recording
         rig: rig of the recording
@@ -126,7 +126,7 @@ def predictive_band(model: Model, members: Sequence[Model], run: Run, rig: Rig, 
 
 
 def _first_followed(followed: Followed) -> float:
-    """Start of the first segment that the model follows, s since the release.
+    """Return the start of the first segment that the model follows, s since the release.
 
     Raises:
         RunError: the model follows none of the first segments.
@@ -150,11 +150,11 @@ def _first_followed(followed: Followed) -> float:
 
 
 def quantiles_of(drawn: Array) -> tuple[Array, Array]:
-    """Lower and upper bound (n, joints) of the readings (models, n, joints); failed models are ignored.
+    """Compute the lower and the upper bound (n, joints) of the readings (models, n, joints).
 
-    The k-th smallest value of m models is the quantile k / (m + 1) of the distribution from which they are drawn (E. J.
-    Gumbel 1958, Statistics of Extremes). The usual rule interpolates between the smallest and the largest value; with
-    50 models the band would cover 86 % instead of 90 %.
+    Failed models are ignored. The k-th smallest value of m models is the quantile k / (m + 1) of the distribution from
+    which they are drawn (E. J. Gumbel 1958, Statistics of Extremes). The usual rule interpolates between the smallest
+    and the largest value. With 50 models, the band would then cover 86 % instead of 90 %.
     """
     tail = (1 - BANDS.level) / 2
     finite = np.where(np.isfinite(drawn), drawn, np.nan)
@@ -163,16 +163,16 @@ def quantiles_of(drawn: Array) -> tuple[Array, Array]:
 
 
 def level_of(models: int) -> float:
-    """Share of readings that a band of m models is expected to cover.
+    """Return the share of readings that a band of m models is expected to cover.
 
-    It is at most (m - 1) / (m + 1), the share between the smallest and the largest of m values: 67 % for five models,
-    90 % for 19.
+    The share between the smallest and the largest of m values is (m - 1) / (m + 1): 67 % for five models, 90 % for 19.
+    The band cannot cover more than this share.
     """
     return min(BANDS.level, (models - 1) / (models + 1))
 
 
 def fewest_models() -> int:
-    """Smallest number of models whose band can cover its nominal share of the readings."""
+    """Return the smallest number of models whose band can cover the nominal share of the readings."""
     return round((1 + BANDS.level) / (1 - BANDS.level))
 
 
@@ -183,7 +183,7 @@ def _with_torque_noise(run: Run, std_Nm: Array, rng: np.random.Generator) -> Run
 
 
 def _swing(followed: Followed, onward: Segments, rng: np.random.Generator) -> Array:
-    """Readings (n, 2) of one model in a free run from a random initial state, with noise, rad."""
+    """Simulate the readings (n, 2) of one model in a free run from a random initial state, with noise, rad."""
     problem = followed.fitted.problem
     started = drawn_starts(problem, followed.fitted.fit, rng)
     freely = replace(problem, segments=replace(onward, step=np.array([followed.step])))

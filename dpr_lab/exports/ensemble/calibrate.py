@@ -1,8 +1,8 @@
 """Calibrate the width of an ensemble of models on recordings.
 
-The errors of an incomplete model exceed the noise, so its bands are too narrow. The standard deviations of the
-posterior are multiplied by the smallest factor for which the predictive bands cover the required share of the readings
-of calibration runs.
+The errors of an incomplete model exceed the noise, so that the bands of the model are too narrow. The standard
+deviations of the posterior are multiplied by the smallest factor for which the predictive bands cover the required
+share of the readings of calibration runs.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ M = TypeVar("M")
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
-    """Settings of the search for the width factor."""
+    """Settings for searching the width factor."""
 
     factors: tuple[float, ...] = (2.0, 4.0, 8.0, 16.0)
     """Factors on the standard deviations, in the order in which they are tried if the factor 1 is too small."""
@@ -34,7 +34,7 @@ CALIBRATED = CalibrationSettings()
 
 @dataclass(frozen=True, slots=True)
 class EnsembleWidth:
-    """Result of a calibration: the factor, and the coverage of the bands with this factor."""
+    """Result of a calibration: the width factor, and the coverage of the bands with this factor."""
 
     factor: float
     """Factor on the standard deviations."""
@@ -45,10 +45,10 @@ class EnsembleWidth:
 def calibrated(
     drawn: Callable[[float, int], Sequence[M]], band: Callable[[Sequence[M], Run], PredictiveBand], runs: Sequence[Run]
 ) -> EnsembleWidth:
-    """Find the width factor.
+    """Find the smallest tried width factor for which the bands cover the required share of the readings.
 
     Args:
-        drawn: function that returns random models, for a given factor on the standard deviations and number of models
+        drawn: function that returns random models; its arguments are the factor and the number of models
         band: function that returns the band of models for a run
         runs: the calibration runs
 
@@ -84,7 +84,7 @@ def widened(components: Sequence[PosteriorComponent], factor: float) -> list[Pos
 
 
 def pooled(bands: Sequence[PredictiveBand]) -> float:
-    """Share of all readings that lie inside their bands; nan if there are no readings."""
+    """Return the share of all readings that lie inside their bands; nan if there are no readings."""
     counts = [band.readings for band in bands]
     covered = sum(band.covered * count for band, count in zip(bands, counts, strict=True) if count)
     return covered / sum(counts) if sum(counts) else float("nan")

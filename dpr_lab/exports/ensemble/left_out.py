@@ -1,17 +1,18 @@
 """Estimate the width of an ensemble by leave-one-out cross-validation over the fitted recordings.
 
-Models fitted to a recording predict it better than the next recording, so its residuals cannot show that the models are
-incomplete. For each recording r, models are therefore drawn about the values fitted without r
-(`PosteriorComponent.left_out`). Errors of models fitted to R - 1 of R recordings have R / (R - 1) times the variance of
-models fitted to all (the jackknife), so their covariance is increased by this factor. With m and w the middle and the
-half width of their 90 % band, y the readings, and z the normal quantile of the band,
+Models predict the recordings to which they were fitted better than further recordings. The residuals of the fitted
+recordings therefore cannot show that the models are incomplete. For each recording r, models are drawn around the
+values that are fitted without r (`PosteriorComponent.left_out`). The errors of models that are fitted to R - 1 of R
+recordings have R / (R - 1) times the variance of the errors of models that are fitted to all recordings (the
+jackknife). The covariance is therefore multiplied by this factor. m and w are the middle and the half width of the 90 %
+band of these models, y are the readings, and z is the normal quantile of the band. The quantity
 
-    s_r = mean (z (y - m) / w)^2,    v = median(s_r) / median(chi2_q / q)
+    v = median(s_r) / median(chi2_q / q),    s_r = mean (z (y - m) / w)^2
 
-is the ratio of the variance of the errors to the variance of the band. It is 1 if the posterior is correct. A recording
-has about q independent errors. The median is insensitive to a single recording that differs strongly from the others.
-If v exceeds 1 by no more than its random scatter, the posterior is kept. Otherwise the standard deviations are
-multiplied by
+is the ratio of the variance of the errors to the variance of the band. v is 1 if the posterior is correct. chi2_q has q
+degrees of freedom, because a recording has about q independent errors. The median is insensitive to a single recording
+that differs strongly from the others. If v exceeds 1 by no more than its random scatter, the posterior is kept.
+Otherwise the standard deviations are multiplied by
 
     t / z ((n + R v) / (n + R))^(1/2),    t = quantile of Student's distribution with n + R degrees of freedom.
 
@@ -41,7 +42,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class LeftOutSettings:
-    """Settings of the estimate of the width."""
+    """Settings for estimating the width of an ensemble."""
 
     members: int = 39
     """Number of models for each recording. The band lies between their second smallest and second largest values."""
@@ -87,12 +88,15 @@ def factor_without(
 
 
 def without(components: Sequence[PosteriorComponent], place: int) -> list[PosteriorComponent]:
-    """Return the posterior of the fit without one of R recordings, with its covariances multiplied by R / (R - 1)."""
+    """Return the posterior of the fit without one of R recordings.
+
+    Its covariances are multiplied by R / (R - 1).
+    """
     return [_without(component, place) for component in components]
 
 
 def widening(errors: Sequence[float]) -> float:
-    """Factor on the standard deviations, from the mean squared standardised error s of each recording."""
+    """Compute the factor on the standard deviations from the mean squared standardised error s of each recording."""
     if not errors:
         return 1.0
     variance = float(np.median(errors) * LEFT_OUT.independent / chdtri(LEFT_OUT.independent, 0.5))
@@ -123,7 +127,10 @@ def _without(component: PosteriorComponent, place: int) -> PosteriorComponent:
 
 
 def _squared_errors(band: PredictiveBand) -> float:
-    """Mean squared error in standard deviations of the band: s of a recording; nan if there are no readings."""
+    """Compute s of a recording: the mean squared error, in standard deviations of the band.
+
+    The result is nan if there are no readings.
+    """
     middle, half = (band.low + band.high) / 2, (band.high - band.low) / 2
     errors = (NORMAL_Q90 * (band.measured - middle) / half)[np.isfinite(band.measured)]
     return float(np.mean(errors**2)) if len(errors) else float("nan")

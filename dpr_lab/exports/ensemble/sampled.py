@@ -1,15 +1,15 @@
 """Sample corrected models from the posterior of parameters and causes, for domain randomisation.
 
-First a set of effects is drawn with its posterior probability, then the values of the parameters from their joint
-normal distribution for a further recording. The covariance is that of the fit plus the covariance between recordings
-(`dpr_lab.gap.conclusion.scatter`). The distribution is truncated: a draw is repeated if a quantity that must be
-positive is negative, or if the inertias are physically impossible. Negative values are not set to zero, because this
-would break the correlations. For example, a large Coulomb friction is drawn together with a negative viscous
-friction. With zero viscous friction instead, the total friction would be too large.
+First, a set of effects is drawn with its posterior probability. Then the values of the parameters are drawn from their
+joint normal distribution for a further recording. The covariance is that of the fit plus the covariance between
+recordings (`dpr_lab.gap.conclusion.scatter`). The distribution is truncated: a draw is repeated if a quantity that must
+be positive is negative, or if the inertias are physically impossible. Negative values are not set to zero, because this
+would break the correlations. For example, a large Coulomb friction is drawn together with a negative viscous friction.
+With zero viscous friction instead, the total friction would be too large.
 
 If the recordings determine the scale b, it is drawn together with the other values, because under a known torque tau
-the motion depends on tau / b. A free swing does not determine b. In this case b is drawn from a log-normal distribution
-with its interval, and all masses, inertias and torques are proportional to b.
+the motion depends on tau / b. A free swing does not determine b. In this case, b is drawn from a log-normal
+distribution that has the interval of b. All masses, inertias and torques are proportional to b.
 """
 
 from collections.abc import Mapping, Sequence
@@ -49,7 +49,9 @@ def sampled_models(model: Model, components: Sequence[PosteriorComponent], n: in
 def posterior_of(
     model: Model, diagnosis: Diagnosis | None, scatter: RatioScatter | None = None
 ) -> list[PosteriorComponent]:
-    """Return the posterior of a diagnosis; without a diagnosis, a posterior from the covariance of the ratios.
+    """Return the posterior of a diagnosis, or a posterior from the covariance of the ratios.
+
+    The latter is used for a model without a diagnosis.
 
     Args:
         model: the model
@@ -88,7 +90,7 @@ def posterior_of(
 
 
 def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
-    """Posterior of a diagnosis.
+    """Return the posterior of a diagnosis.
 
     Raises:
         RunError: the diagnosis was written by an older version, without a posterior.
@@ -99,9 +101,9 @@ def diagnosed_posterior(diagnosis: Diagnosis) -> list[PosteriorComponent]:
 
 
 def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries: int = 1000) -> dict[str, float]:
-    """Random values of the ratios and of the parameters (`effect.parameter`) of one set of effects.
+    """Draw values of the ratios and of the parameters (`effect.parameter`) of one set of effects.
 
-    A value that is negative in all draws is zero.
+    If no draw has only permitted signs, negative values are replaced by zero.
     """
     values = dict(component.ratios) | {
         f"{name}.{key}": value for name, parameters in component.effects.items() for key, value in parameters.items()
@@ -116,7 +118,7 @@ def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries:
 
 @cache
 def _positive() -> frozenset[str]:
-    """Names of the values that cannot be negative."""
+    """Return the names of the values that cannot be negative."""
     effects = (
         f"{name}.{p.name}" for name, effect in EFFECTS.items() for p in effect.parameters if p.sign == "positive"
     )
@@ -134,7 +136,7 @@ def _drawn(model: Model, component: PosteriorComponent, rng: np.random.Generator
 
 
 def square_root(covariance: Array) -> Array:
-    """Matrix square root of a covariance, which may be singular."""
+    """Compute a matrix square root of a covariance, which may be singular."""
     scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(np.float64).tiny))
     eigen, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     return scale[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
@@ -146,7 +148,7 @@ def signed(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _possible(values: Mapping[str, float]) -> bool:
-    """Whether rigid bodies with these ratios exist."""
+    """Check whether rigid bodies with these ratios exist."""
     a, d = values["a/b"], values["d/b"]
     return a > d * d and d > 0 and values["e1/b"] > 0
 
@@ -154,7 +156,7 @@ def _possible(values: Mapping[str, float]) -> bool:
 def scaled_effects(
     component: PosteriorComponent, values: Mapping[str, float], interval: tuple[float, float], rng: np.random.Generator
 ) -> tuple[float, dict[str, dict[str, float]]]:
-    """Draw the scale, and convert the drawn effects to it.
+    """Draw the scale, and convert the drawn effects to this scale.
 
     Args:
         component: the drawn set of effects

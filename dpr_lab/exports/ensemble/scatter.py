@@ -1,4 +1,4 @@
-"""Scatter of the identified ratios between recordings, which a model file does not contain."""
+"""Estimate the scatter of the identified ratios between recordings, which a model file does not contain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Draw random initial states of segments from their distribution given the readings and the model.
+"""Draw random initial states of segments from their distribution, given the readings and the model.
 
 Let V be the covariance of the encoder zeros of one recording. J_x and J_z are the weighted derivatives of the readings
 with respect to initial state and zeros. W is the weak prior of `dpr_lab.fitting.linearise`, and f the variance
@@ -6,11 +6,11 @@ inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). A draw is then
 
     z ~ N(0, V),    x = x0 - P^-1 J_x^T J_z z / f + n,    n ~ N(0, P^-1),    P = J_x^T J_x / f + W.
 
-f is computed for the model with effects, because the misfit of the same rods without effects contains no information
-about its initial states. The prior W is not divided by f. For a joint that dry friction stops at once, only the prior
-limits the initial speed. The readings of such a joint are not a linear function of the state. A draw that fits the
-readings worse than the tail of this distribution allows is therefore moved towards the fit. The zeros are fixed unless
-the encoders are zeroed before each recording (`rezeroed`).
+x0 is the fitted initial state. f is computed for the model with effects, because the misfit of the same rods without
+effects contains no information about the initial states. The prior W is not divided by f. If Coulomb friction stops a
+joint at once, only the prior limits the initial speed of this joint. The readings of such a joint are not a linear
+function of the state. A draw whose misfit exceeds a quantile of the linear problem is therefore moved towards the fit.
+The encoder zeros are fixed unless the encoders are zeroed before each recording (`rezeroed`).
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ from dpr_lab.gap.hypothesis.residuals import residual_statistics
 
 @dataclass(frozen=True, slots=True)
 class StartSettings:
-    """Settings of the random initial states."""
+    """Settings for drawing random initial states."""
 
     tail: float = 1e-3
     """Fraction of the draws that would exceed the largest accepted misfit if the problem were linear."""

@@ -1,4 +1,4 @@
-"""Write the corrected model into the user's own MJCF, URDF or SDFormat file.
+"""Write the numbers of the corrected model into the MJCF, URDF or SDFormat file of the user.
 
 Only numbers of the rods and the arm are changed.
 """
@@ -24,13 +24,13 @@ WORDS: dict[str, frozenset[str]] = {editor.name: editor.words for editor in (Mjc
 
 
 def into_file(model: AnyModel, rig: Rig, path: Path, joints: Sequence[str] = ()) -> PatchedModel:
-    """Write the numbers of the corrected model into the user's file, and return the changed file.
+    """Write the numbers of the corrected model into the content of the user's file, and return the changed content.
 
     The root element of the file determines its format.
 
     Args:
         model: the corrected or identified model
-        rig: rig of the model, as `dpr-lab rig from` wrote it from this file
+        rig: rig of the model, which `dpr-lab rig from` wrote from this file
         path: the file
         joints: names of the joints of inner rod, outer rod and optionally the arm; empty: detected
 

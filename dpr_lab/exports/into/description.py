@@ -33,11 +33,11 @@ class DescriptionEditor(ABC):
 
     @abstractmethod
     def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read`."""
+        """Read the model from the content `text` of the file, as `Editor.read` does."""
 
     @abstractmethod
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """(3,) coordinates of an element that has a position."""
+        """Return the coordinates (3,) of an element that has a position."""
 
     @abstractmethod
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
@@ -53,10 +53,10 @@ class DescriptionEditor(ABC):
 
     @abstractmethod
     def elbow_owner(self, joint: int, link: int) -> int:
-        """Index of the element whose position determines the position of the outer joint."""
+        """Return the index of the element whose position determines the position of the outer joint."""
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the first, as `Editor.move_joint`."""
+        """Shift the second joint relative to the first joint, as `Editor.move_joint` does."""
         joint = joints[1]
         owner = self.elbow_owner(self._element(edit, "joint", joint), self._link(edit, joint))
 
@@ -69,7 +69,7 @@ class DescriptionEditor(ABC):
         self._move(edit, owner, f"{element.tag} {element.attributes['name']}", anchor, shift)
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Change centre of mass and inertia of a body, as `Editor.set_body`."""
+        """Change centre of mass and inertia of a body, as `Editor.set_body` does."""
         if not change.moves and not change.scales:
             return
         inertial, label = edit.child(self._link(edit, joint), "inertial"), f"link {change.name}"
@@ -81,7 +81,7 @@ class DescriptionEditor(ABC):
             self._move(edit, inertial, label, lambda changed: _part(changed, joint).centroid, change.shift)
 
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
-        """Set the quantities of a joint that differ from the target, as `Editor.set_joint`."""
+        """Set the quantities of a joint that differ from the target, as `Editor.set_joint` does."""
         values = joint_values(part, target)
         texts = {self.joint_names[key]: numbers([v]) for key, (_, v) in values.items() if key in self.joint_names}
         if texts:
@@ -89,14 +89,17 @@ class DescriptionEditor(ABC):
             self.set_values(edit, self._element(edit, "joint", name), f"joint {name}", texts)
 
     def overriding(self) -> str:
-        """Compose the message for a file that does not have the written numbers, as `Editor.overriding`."""
+        """Compose the message for a changed file that does not contain the written numbers.
+
+        See `Editor.overriding`.
+        """
         return (
             f"{self.path}: the changed file does not contain the written numbers when it is read again: change the file"
             " by hand"
         )
 
     def _element(self, edit: XmlEdit, tag: str, name: str) -> int:
-        """Index of a joint or link.
+        """Return the index of a joint or link.
 
         Raises:
             ConfigError: the element is not in the file itself.
@@ -107,13 +110,16 @@ class DescriptionEditor(ABC):
         return index
 
     def _link(self, edit: XmlEdit, joint: str) -> int:
-        """Index of the link that a joint moves."""
+        """Return the index of the link that a joint moves."""
         return self._element(edit, "link", _part(self.read(edit.text()), joint).name)
 
     def _move(
         self, edit: XmlEdit, owner: int, label: str, measure: Callable[[SimulatorModel], Vector], shift: Vector
     ) -> None:
-        """Move an element so that a position derived from it shifts by a vector (3,) in the world frame, m."""
+        """Move an element so that a derived position shifts by a vector (3,) in the world frame, m.
+
+        `measure` returns this position for a changed model.
+        """
         place = self.place(edit, owner)
 
         def measured(point: Vector) -> Vector:

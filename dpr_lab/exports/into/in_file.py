@@ -1,4 +1,4 @@
-"""Compare the effects that the user's simulator file represents with those of a corrected model."""
+"""Compare the effects in the simulator file of the user with the effects of a corrected model."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ CHANGE = ChangeSettings()
 
 @dataclass(frozen=True, slots=True)
 class ModelCause:
-    """A number of the file that differs from the rig, in the terms of the file."""
+    """A number of the file that differs from the rig, described in the terms of the file."""
 
     joint: str
     """Name of the joint in the file."""
@@ -76,13 +76,19 @@ def _term(name: str) -> tuple[str, str, str, str] | None:
 
 
 def _joint(name: str) -> int:
-    """Joint at which an effect is listed: its own joint, or joint 1 if it has several."""
+    """Return the joint at which an effect is listed.
+
+    This is the joint of the effect, or the inner joint if the effect acts at several joints.
+    """
     joints = EFFECTS[name].joints
     return joints[0] if len(joints) == 1 else 0
 
 
 def in_file(chain: ModelChain, name: str) -> dict[str, float]:
-    """Amplitudes of an effect according to the attributes of its joint in the file; empty if there are none."""
+    """Return the amplitudes of an effect according to the attributes of its joint in the file.
+
+    The result is empty if no attribute represents the effect.
+    """
     term = _term(name)
     if term is None:
         return {}
@@ -96,10 +102,10 @@ def in_file(chain: ModelChain, name: str) -> dict[str, float]:
 def unseen(
     diagnosis: Diagnosis, chain: ModelChain, named: Collection[str], joints: Collection[int]
 ) -> dict[str, dict[str, float]]:
-    """Find effects in the file that the diagnosis does not name because they are too small.
+    """Find effects in the file that are too small to be named by the diagnosis.
 
     An effect is too small if its size in the file is below the minimum detectable size, or if the recordings cannot
-    detect it at any size. The changed file keeps the values of these effects. Only effects of the given joints are
+    detect it at any size. The changed file keeps the values of these effects. Only effects of the joints `joints` are
     returned.
     """
     undetectable = {}
@@ -113,12 +119,12 @@ def unseen(
 
 
 def _at(joints: Collection[int]) -> Iterator[str]:
-    """Names of the effects of some joints that an attribute of a joint can represent."""
+    """Yield the names of effects of the given joints that an attribute of a joint can represent."""
     return (name for name, effect in EFFECTS.items() if _term(name) and set(effect.joints) <= set(joints))
 
 
 def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
-    """Values of an effect; a value of the file replaces the estimate if it lies within the interval."""
+    """Return the values of an effect; a value of the file replaces the estimate if it lies within the interval."""
     sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
     for key, of_file in in_file(chain, name).items():
         half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0
@@ -128,7 +134,7 @@ def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[
 
 
 def scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, float]:
-    """Values of an effect after all torques are multiplied by a factor."""
+    """Return the values of an effect after all torques are multiplied by a factor."""
     powers = {p.name: p.scale_power for p in EFFECTS[name].parameters}
     return {key: value * factor ** powers.get(key, 0) for key, value in values.items()}
 
@@ -136,7 +142,10 @@ def scaled(name: str, values: Mapping[str, float], factor: float) -> dict[str, f
 def cause(
     chain: ModelChain, joint: int, quantity: str, before: float, after: float, unit: str, effect: str = ""
 ) -> ModelCause:
-    """Describe the difference of one number; the joint is 0 or 1 for the rods, -1 for the arm."""
+    """Describe the change of one number from `before` to `after`.
+
+    The joint is 0 or 1 for the rods, and -1 for the arm.
+    """
     return ModelCause(hinge(chain, joint).joint.name, quantity, float(before), float(after), unit, effect)
 
 
@@ -166,7 +175,7 @@ def felt(effects: Effects, file: Effects, error: Callable[[Effects], float]) -> 
     Args:
         effects: identified sizes by name
         file: sizes of the same effects in the file
-        error: function of a set of effects that returns the mean square error of the model with them
+        error: function that returns the mean square error of the model with given effects
     """
     for name in effects:
         without = {**effects, name: file[name]}
@@ -181,7 +190,7 @@ def ranked(
     """Compute the share of each changed number in the error, and sort by decreasing share.
 
     Args:
-        causes: numbers of each cause, and the mean square error if they keep their values of the file
+        causes: numbers of each cause, and the mean square error if these numbers keep their values of the file
         least: mean square error if all causes are corrected
         nothing: mean square error if no cause is corrected
     """

@@ -1,14 +1,14 @@
-"""Find the smallest set of changes after which a simulator's model moves like the corrected model.
+"""Find the smallest set of changes after which the model in a simulator file moves like the corrected model.
 
-A free swing determines only ratios of the base parameters. Unless recordings or measured values determine it, the
-common scale s of all masses, inertias and torques is therefore free. It is chosen such that as many base parameters of
-the file as possible are unchanged. Let u be the estimated base parameters at b = 1 and x those of the file. x_i is
-unchanged if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
+A free swing determines only ratios of the base parameters. The common scale s of all masses, inertias and torques is
+therefore free, unless recordings or measured values determine the scale. s is chosen such that as many base parameters
+of the file as possible are unchanged. u are the estimated base parameters at b = 1, and x are the base parameters of
+the file. x_i is unchanged if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
 
 If only known torques determine the scale, these torques were computed with the gears of the file. Multiplying all
 torques by s / b is then equivalent to dividing all masses, inertias and frictions by s / b. Each gear changes by the
-factor s / b (1 + x_j), where x_j is the error of the torque constant of joint j. The gears therefore count like base
-parameters, and s is one of x_i / u_i, b and b / (1 + x_j).
+factor s / b (1 + x_j), where x_j is the error of the torque constant of joint j. The gears therefore count as further
+numbers of the file, and s is one of x_i / u_i, b and b / (1 + x_j).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -49,7 +49,7 @@ BODY_TERMS = (("a", "e1"), ("b", "d"))
 
 @dataclass(frozen=True, slots=True)
 class LeastChange:
-    """Corrected model that keeps all compatible numbers of the file, with the changed numbers sorted by share."""
+    """Corrected model that keeps all compatible numbers of the file, and the changed numbers sorted by share."""
 
     model: AnyModel
     causes: tuple[ModelCause, ...]
@@ -63,7 +63,7 @@ def least_change(diagnosis: Diagnosis, model: Model, rig: Rig, chain: ModelChain
     Args:
         diagnosis: the diagnosis, for the intervals of its effects
         model: corrected model of the diagnosis
-        rig: rig file for the simulator's file
+        rig: rig that was made from the simulator file
         chain: the double pendulum of the file
         runs: the diagnosed runs, to rank the causes
     """
@@ -108,13 +108,13 @@ def ranked_change(
     effects: Effects,
     uncorrected: Sequence[tuple[list[ModelCause], Numbers]],
 ) -> LeastChange:
-    """Rank the changed numbers by the growth of the error if they stay uncorrected.
+    """Rank the changed numbers by the growth of the error that results if they stay uncorrected.
 
     Args:
         chain: rods and arm of the file
         model_with: function that returns the model with given numbers and effects
         error: function that returns the mean square error of a model over segments, rad^2
-        numbers: corrected numbers, and those of the file
+        numbers: corrected numbers, and numbers of the file
         effects: identified sizes of effects by name
         uncorrected: changed numbers of bodies and joints, each with the numbers in which they have their old values
     """
@@ -135,7 +135,7 @@ def ranked_change(
 
 
 def _base_of(chain: ModelChain, longer: float) -> Array:
-    """Base parameters (6,) of the file, with its rod longer by `longer`, m."""
+    """Return the base parameters (6,) of the file after its inner rod is extended by `longer`, m."""
     values, length = chain.parameters, (chain.rods[0].length or 0.0) + longer
     return base_parameters([values[name] for name in PARAMETERS], length, chain.gravity)
 
@@ -143,9 +143,9 @@ def _base_of(chain: ModelChain, longer: float) -> Array:
 def _gear_factors(
     effects: Mapping[str, Mapping[str, float]], diagnosis: Diagnosis, runs: Sequence[Run]
 ) -> dict[str, float]:
-    """Ratio of acting to known torque at the estimated b, by the name of the effect of each driven joint.
+    """Return the ratio of acting to known torque at the estimated b, for each driven joint.
 
-    Empty unless the torques determine the scale.
+    The keys are names of effects. The result is empty unless the torques determine the scale.
     """
     driven = [run.torques for run in runs if run.torques is not None]
     weighed = any(run.added_mass is not None for run in runs)
@@ -156,13 +156,16 @@ def _gear_factors(
 
 
 def _changed_gears(gears: Mapping[str, float], factor: float, diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
-    """Errors of the torque constants in the file, without negligible ones, if all masses change by a common factor."""
+    """Return the errors of the torque constants in the file if all masses change by a common factor.
+
+    Negligible errors are omitted.
+    """
     excess = {name: float(factor * gain - 1) for name, gain in gears.items()}
     return {name: {"excess": x} for name, x in excess.items() if abs(x) >= _same_gear(diagnosis)}
 
 
 def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gears: Array) -> Array:
-    """Base parameters (6,) at one scale: values of the file if compatible, otherwise estimates.
+    """Return the base parameters (6,) at one scale: values of the file if compatible, otherwise estimates.
 
     Args:
         of_file: (6,) base parameters of the file, without rotors
@@ -191,13 +194,17 @@ def _base(of_file: Array, rotor: Array, model: Model, diagnosis: Diagnosis, gear
 
 
 def _same_gear(diagnosis: Diagnosis) -> float:
-    """Relative difference up to which a gear counts as unchanged."""
+    """Return the relative difference up to which a gear counts as unchanged."""
     low, high = diagnosis.scale.interval90 if diagnosis.scale else (1.0, 1.0)
     return max(CHANGE.same, CHANGE.stds * float(np.log(high / low)) / (2 * NORMAL_Q90))
 
 
 def with_own_numbers(chain: ModelChain, base: Array, of_file: Array, longer: float) -> Array:
-    """Base parameters (6,) in which a centre of mass or inertia close to its value in the file keeps this value."""
+    """Adapt base parameters (6,) so that nearly unchanged numbers of a body are unchanged.
+
+    The centre of mass or the inertia of a body keeps its value of the file if the base parameters change it only
+    slightly.
+    """
     length, carried = (chain.rods[0].length or 0.0) + longer, sum(r.mass for r in chain.rods[1:]) + chain.elbow_mass
     changed = base.copy()
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
@@ -247,9 +254,9 @@ def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
 
 
 def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
-    """Differences between file and corrected model in centre of mass and inertia of a body, if its mass is kept.
+    """List the differences between file and corrected model in centre of mass and inertia of a body.
 
-    `longer` is the increase of the length of the inner rod, m.
+    The mass of the body is kept. `longer` is the increase of the length of the inner rod, m.
     """
     before, after = (_bodies(chain, values, longer)[number] for values in (of_file, base))
     names = (
@@ -264,7 +271,7 @@ def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longe
 
 
 def _bodies(chain: ModelChain, base: Array, longer: float) -> list[tuple[float, float]]:
-    """Centre of mass and inertia of each rod, from base parameters (6,)."""
+    """Compute centre of mass, m, and inertia, kg m^2, of each rod from base parameters (6,)."""
     inner, *outer = chain.rods
     a, b, d, e1 = base[:4]
     length, carried = (inner.length or 0.0) + longer, sum(rod.mass for rod in outer) + chain.elbow_mass

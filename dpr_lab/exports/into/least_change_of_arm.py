@@ -1,10 +1,10 @@
-"""Find the smallest set of changes in a simulator's model with a moving arm.
+"""Find the smallest set of changes in a simulator file with a moving arm.
 
 `least_change` does the same for a clamped arm. All inertias, frictions and gravity torques, and the torque per input of
-the drive, are determined only up to a common factor s. Let u be the estimated `SWING_PARAMETERS` divided by the scale,
-and x those of the file. x_i is unchanged if |s u_i / x_i - 1| is within its tolerance; s is chosen among the values x_i
-/ u_i. If the torque per input is unchanged, s is the scale that known torques determine. If most other parameters are
-unchanged instead, the gear of the motor changes.
+the drive, are determined only up to a common factor s. u are the estimated `SWING_PARAMETERS`, divided by the scale,
+and x are the `SWING_PARAMETERS` of the file. x_i is unchanged if |s u_i / x_i - 1| is within its tolerance; s is chosen
+among the values x_i / u_i. If the torque per input is unchanged, s is the scale that known torques determine. If most
+other parameters are unchanged instead, the gear of the motor changes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -43,7 +43,7 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True)
 class RankSettings:
-    """Settings of the simulation that ranks the causes."""
+    """Settings of the simulations that rank the causes."""
 
     segment_s: float = 0.5
     """Length of segments, s."""
@@ -62,7 +62,7 @@ def least_change_of_arm(
     Args:
         diagnosis: the diagnosis, for the intervals of its effects
         model: corrected model of the diagnosis
-        rig: rig file for the simulator's file
+        rig: rig that was made from the simulator file
         chain: rods and arm of the file
         runs: the diagnosed runs, to rank the causes
     """
@@ -80,9 +80,9 @@ def least_change_of_arm(
 
 
 def _of_file(chain: ModelChain, arm: ChainArm, rig: Rig, model: MovingArmModel) -> dict[str, float]:
-    """`SWING_PARAMETERS` of the file.
+    """Return the `SWING_PARAMETERS` of the file.
 
-    Spring and dry friction of the arm are not included, because they are effects.
+    Spring and Coulomb friction of the arm are not included, because they are effects.
     """
     numbers = {name: 0.0 for name in PARAMETERS} | chain.parameters
     values = base_parameters([numbers[name] for name in PARAMETERS], chain.rods[0].length or 1.0, chain.gravity)
@@ -99,7 +99,7 @@ def _carried(chain: ModelChain) -> float:
 
 
 def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[str, float]:
-    """`SWING_PARAMETERS` at one scale: values of the file if compatible, otherwise estimates."""
+    """Return the `SWING_PARAMETERS` at one scale: values of the file if compatible, otherwise estimates."""
     u: dict[str, float] = dict(zip(SWING_PARAMETERS, model.swing, strict=True))
     tolerance = _tolerances(model)
     floor = CHANGE.idle * np.sqrt(of_file["a"] * of_file["e1"])  # for a file without damping
@@ -125,7 +125,7 @@ def _values(of_file: Values, model: MovingArmModel, chain: ModelChain) -> dict[s
 
 
 def _tolerances(model: MovingArmModel) -> dict[str, float]:
-    """Relative difference up to which a number of the file is kept, for each determined parameter."""
+    """Return the relative difference up to which a number of the file is kept, for each determined parameter."""
     scale = model.absolute[model.scale]
     tolerances = {model.scale: CHANGE.same}
     if model.input and scale.fixed_by == "data":  # the scale over the known torque per input
@@ -139,7 +139,10 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
 def _changed(
     chain: ModelChain, arm: ChainArm, values: Values, of_file: Values
 ) -> Iterator[tuple[list[ModelCause], Values]]:
-    """Numbers that differ from the file because of one cause, and all values with the numbers of the file restored."""
+    """Yield the numbers that differ from the file, by cause.
+
+    Each cause is yielded with all values in which the numbers of this cause are those of the file.
+    """
     base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):
         if any(values[name] != of_file[name] for name in terms):
@@ -168,7 +171,10 @@ def _with(model: MovingArmModel, values: Values, effects: Effects) -> MovingArmM
 
 
 def _error(model: MovingArmModel, runs: Sequence[Run], rig: Rig) -> float:
-    """Mean square error over segments, rad^2."""
+    """Return the mean square error of a model over segments, rad^2.
+
+    A model that cannot follow a recording has the error `RANK.lost_rad`.
+    """
     try:
         followed = [follow_with_arm(run, rig, model, RANK.segment_s) for run in runs]
     except RunError:

@@ -18,7 +18,7 @@ ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
 
 
 class MjcfEditor:
-    """Editor of MJCF files (`Editor`); frames are those of the last content that was read."""
+    """Editor of MJCF files (`Editor`); its frames are those of the last content that was read."""
 
     name = "MJCF"
     words = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
@@ -29,12 +29,12 @@ class MjcfEditor:
         self.path = path
 
     def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read`."""
+        """Read the model from the content `text` of the file, as `Editor.read` does."""
         self._compiled = compile_mjcf(self.path, text)
         return self._compiled.simulator_model()
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the first, as `Editor.move_joint`.
+        """Shift the second joint relative to the first joint, as `Editor.move_joint` does.
 
         Raises:
             ConfigError: the second body is not a child of the first.
@@ -47,7 +47,7 @@ class MjcfEditor:
         edit.set(moved, f"body {frame.name}", pos=numbers(place))
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Change centre of mass and inertia of a body, as `Editor.set_body`."""
+        """Change centre of mass and inertia of a body, as `Editor.set_body` does."""
         if not change.moves and not change.scales:
             return
         frame, (_, body) = self._compiled.body(joint), self._tags(edit, joint)
@@ -71,7 +71,7 @@ class MjcfEditor:
             edit.set(inertial, f"{label}, inertial", **{form: numbers(change.factor * values)})
 
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
-        """Set the quantities of a joint, including the gear of its motor, that differ from the target."""
+        """Set the quantities of a joint and the gear of its motor if they differ from the target."""
         turn = math.degrees(1.0) if self._compiled.degrees else 1.0
         changed = {
             ATTRIBUTES.get(name, name): numbers([turn * after if name == "rest" else after])
@@ -81,7 +81,7 @@ class MjcfEditor:
         self._set_gear(edit, part, target.gear)
 
     def overriding(self) -> str:
-        """Compose a message that names the settings of the file that override the written numbers, with a remedy."""
+        """Compose a message that names the settings of the file that override the written numbers, and a remedy."""
         root, switches = with_includes(self.path), {flag for flags in SWITCHES.values() for flag in flags}
         off = [
             f'<flag {name}="disable">'
@@ -105,7 +105,7 @@ class MjcfEditor:
         return f"{self.path}: a default class or compiler option overrides the changed numbers: {remedy}"
 
     def _tags(self, edit: XmlEdit, name: str) -> tuple[int, int]:
-        """Indices of a joint and of its body.
+        """Return the indices of a joint and of the body of this joint.
 
         Raises:
             ConfigError: the joint has no name, or is not in the file itself.
@@ -122,7 +122,7 @@ class MjcfEditor:
         return index, edit.tags[index].parent
 
     def _set_gear(self, edit: XmlEdit, part: ChainRod | ChainArm, gear: float | None) -> None:
-        """Set the gear of the motor of a joint; the other five numbers of the attribute remain.
+        """Set the gear of the motor of a joint; the other five numbers of the attribute are kept.
 
         Raises:
             ConfigError: the motor is not in the file itself.

@@ -1,4 +1,4 @@
-"""Write the corrected model into a simulator's file: the steps that all formats share.
+"""Write the corrected model into a simulator file: the steps that all formats share.
 
 `dpr_lab.exports.into.target` lists the changed quantities. An `Editor` reads and writes the numbers of one format.
 """
@@ -36,7 +36,7 @@ from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
 
 
 class Editor(Protocol):
-    """Interface of the editors of simulator files: functions that read and write the numbers of one format."""
+    """Interface of the editors of simulator files; an editor reads and writes the numbers of one format."""
 
     name: str
     """Name of the format."""
@@ -52,11 +52,11 @@ class Editor(Protocol):
         ...
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint relative to the part of the first by a vector (3,) in the world frame, m."""
+        """Shift the second joint relative to the first joint by a vector (3,) in the world frame, m."""
         ...
 
     def set_body(self, edit: XmlEdit, joint: str, change: BodyChange) -> None:
-        """Move the centre of mass of the body of a joint and scale its inertia."""
+        """Move the centre of mass of the body of a joint, and scale the inertia of this body."""
         ...
 
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
@@ -69,13 +69,13 @@ class Editor(Protocol):
 
 
 def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str]) -> PatchedModel:
-    """Write the numbers of the corrected model into the user's file, and return the changed file.
+    """Write the numbers of the corrected model into the content of the user's file, and return the changed content.
 
     Args:
         model: the corrected or identified model
-        rig: rig of the model, as `dpr-lab rig from` wrote it from this file
-        editor: the file
-        joints: joints of the rods and of an arm, as for `double_pendulum`; empty: detected
+        rig: rig of the model, which `dpr-lab rig from` wrote from this file
+        editor: editor of the file
+        joints: names of the joints of the rods and of an arm, as for `double_pendulum`; empty: detected
 
     Raises:
         ConfigError: the file cannot be read or changed; its L1, g or L0 differs from that of the rig; a rod has a rotor
@@ -122,7 +122,10 @@ def changed_file(model: AnyModel, rig: Rig, editor: Editor, joints: Sequence[str
 
 
 def _read(editor: Editor, text: bytes, joints: Sequence[str], gravity: float) -> tuple[SimulatorModel, ModelChain]:
-    """Model of a file, and its double pendulum; `gravity`, m/s^2, is used if the format does not contain it."""
+    """Read the model of a file, and find its double pendulum.
+
+    `gravity`, m/s^2, is used if the format does not contain gravity.
+    """
     read = editor.read(text)
     try:
         return read, double_pendulum(read, joints, gravity if read.gravity is None else None)
@@ -131,9 +134,10 @@ def _read(editor: Editor, text: bytes, joints: Sequence[str], gravity: float) ->
 
 
 def _moves(chain: ModelChain, longer: float, of_arm: ArmTarget | None) -> list[tuple[tuple[str, str], Vector]]:
-    """Joints to move: names of a joint and of the next one, and the shift of the latter, m, in the world frame.
+    """List the joints that must be shifted.
 
-    The inner rod becomes longer by `longer`, m, and the arm gets its target length.
+    Each entry contains the names of a joint and of the next joint, and the shift of the next joint in the world frame,
+    m. The inner rod becomes longer by `longer`, m, and the arm gets its target length.
     """
     moves = list[tuple[tuple[str, str], Vector]]()
     if longer:

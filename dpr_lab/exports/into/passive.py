@@ -1,9 +1,9 @@
-"""Passive forces in MuJoCo for the effects that the user's MJCF or URDF file cannot contain.
+"""Generate passive forces in MuJoCo for the effects that the MJCF or URDF file of the user cannot contain.
 
-The module of passive forces is that of `export --to mjcf` (`dpr_lab.exports.mjcf`), applied to the joints of the user's
-file. It adds torques, so it does not contain effects that change inertias, or compliant arms. The engine holds joints
-at rest: the joints of the file receive the Coulomb friction of the added effects, and the module subtracts this
-friction while a joint moves.
+The module of passive forces is that of `export --to mjcf` (`dpr_lab.exports.mjcf`). Here it acts on the joints of the
+user's file. The module only adds torques. It therefore contains neither effects that change inertias nor compliant
+arms. MuJoCo holds joints at rest by the Coulomb friction in the file. The joints of the file therefore receive the
+Coulomb friction of the added effects, and the module subtracts this friction while a joint moves.
 """
 
 import math
@@ -39,7 +39,7 @@ class PassiveForces:
 def passive_forces(
     model: Model, rig: Rig, expressed: Collection[str], chain: ModelChain, file: str, gravity: float | None = None
 ) -> PassiveForces:
-    """Generate the module of passive forces for the effects of a model that a file does not contain.
+    """Generate the module of passive forces for those effects of a model that a file does not contain.
 
     Args:
         model: the corrected model
@@ -47,7 +47,7 @@ def passive_forces(
         expressed: effects that the file contains
         chain: the double pendulum of the file
         file: name of the file
-        gravity: gravity for a file that contains none, m/s^2
+        gravity: gravity for a file that contains no gravity, m/s^2
     """
     known = {name: values for name, values in known_effects(model.effects).items() if name not in expressed}
     added = {n: v for n, v in known.items() if EFFECTS[n].stage in STAGES and not _adds_inertia(n, v, model, rig)}
@@ -62,7 +62,7 @@ def passive_forces(
 
 
 def _adds_inertia(name: str, values: Mapping[str, float], model: Model, rig: Rig) -> bool:
-    """Whether an effect contributes to the mass matrix."""
+    """Check whether an effect contributes to the mass matrix."""
     params = effect_params({name: values})
     base = {key: model.base[key].value for key in ("a", "b", "d", "e1", "c1", "c2")}
     known = BaseParameters(e2=base["d"] * model.rig.g / model.rig.L1, **base)

@@ -1,9 +1,9 @@
 """Replay recordings in MuJoCo with the numbers of the user's file.
 
-An MJCF file that has no joints other than those of the rods is simulated directly, with its own integrator and a time
-step of at most 0.5 ms, so that integration errors are negligible. For all other files, equivalent bodies are simulated
-that have the numbers of the file, with all further joints fixed at zero. One reason is that MuJoCo cannot read
-SDFormat.
+An MJCF file that has no joints other than those of the rods and of a moving arm is simulated directly with its own
+integrator. The time step is at most 0.5 ms, so that integration errors are negligible. For all other files, equivalent
+bodies with the numbers of the file are simulated. All further joints are fixed at zero. One reason is that MuJoCo
+cannot read SDFormat.
 
 Recordings of a moving arm are replayed in segments of 1 s. The recorded input of the drive acts as a torque on the arm.
 """
@@ -38,9 +38,10 @@ from dpr_lab.simulator_models.mjcf import compile_mjcf
 
 @dataclass(frozen=True, slots=True)
 class FileReplay:
-    """Rms errors of the replays of one recording, over both rods up to the predictability horizon, rad.
+    """Rms errors of the replays of one recording, up to the predictability horizon, rad.
 
-    For a moving arm, the errors are taken over arm and rods, in segments of 1 s with fitted initial states.
+    The errors are taken over both rods. For a moving arm, they are taken over arm and rods, in segments of 1 s with
+    fitted initial states.
     """
 
     run: str
@@ -95,14 +96,14 @@ def replay_files(
 
 
 def _rms(swings: Sequence[Replay], simulated: Sequence[Array]) -> float:
-    """Root mean square error over all segments of a recording, rad."""
+    """Compute the root mean square error over all segments of a recording, rad."""
     squares = [swing.error(angles) for swing, angles in zip(swings, simulated, strict=True)]
     return float(np.average(squares, weights=[np.isfinite(swing.measured).sum() for swing in swings]) ** 0.5)
 
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """A file loaded in MuJoCo."""
+    """A file that is loaded in MuJoCo."""
 
     model: Any
     joints: tuple[str, ...]
@@ -117,7 +118,7 @@ class Simulation:
 
     @classmethod
     def of(cls, path: Path, text: bytes | None, joints: Sequence[str], g: float, moving: bool = False) -> "Simulation":
-        """Load the user's file or its changed text.
+        """Load the user's file, or its changed text.
 
         Raises:
             ConfigError: MuJoCo is not installed, or the file cannot be read.
@@ -144,9 +145,9 @@ class Simulation:
         )
 
     def angles(self, swing: Replay, gain: Array | float = 1.0) -> Array:
-        """Angles of the rods (n, 2), or of arm and rods (n, 3), at the instants of a replay, rad.
+        """Simulate the angles of the rods (n, 2), or of arm and rods (n, 3), at the instants of a replay, rad.
 
-        `gain` multiplies the known torques. For a moving arm it is the torque per input of the drive.
+        `gain` multiplies the known torques. For a moving arm, `gain` is the torque per input of the drive.
         """
         mujoco = import_module("mujoco")
         data = mujoco.MjData(self.model)

@@ -27,11 +27,11 @@ class SdfEditor(DescriptionEditor):
     }
 
     def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read`."""
+        """Read the model from the content `text` of the file, as `Editor.read` does."""
         return read_sdf(self.path, text)
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """(3,) coordinates of an element that has a position, m."""
+        """Return the coordinates (3,) of an element that has a position, m."""
         return np.array(_pose(edit, owner)[:3], dtype=np.float64)
 
     def set_place(self, edit: XmlEdit, owner: int, label: str, place: Vector) -> None:
@@ -46,7 +46,7 @@ class SdfEditor(DescriptionEditor):
     def scale_inertia(self, edit: XmlEdit, inertial: int, label: str, factor: float) -> None:
         """Multiply the inertia of an element by a factor.
 
-        Without an inertia in the file, the default of the format is multiplied: 1 kg m^2 about each axis.
+        If the file contains no inertia, the default of the format is multiplied: 1 kg m^2 about each axis.
         """
         inertia = edit.child(inertial, "inertia")
         if inertia is None:
@@ -82,12 +82,12 @@ class SdfEditor(DescriptionEditor):
             edit.insert_texts(dynamics, f"{label}, dynamics", **missing)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """Index of the outer link, whose frame contains the position of the outer joint."""
+        """Return the index of the outer link; the frame of this link contains the position of the outer joint."""
         return link
 
 
 def _pose(edit: XmlEdit, owner: int) -> list[str]:
-    """Position and rotation of an element as texts of the file."""
+    """Return position and rotation of an element as texts of the file."""
     pose = edit.child(owner, "pose")
     values = edit.tags[pose].text.split() if pose is not None else []
     return values or ["0", "0", "0", "0", "0", "0"]

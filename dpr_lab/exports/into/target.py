@@ -1,4 +1,4 @@
-"""Compute the target values of rods and arm in the user's file, and the changes of bodies that achieve them.
+"""Compute the target values of rods and arm in the user's file, and the required changes of bodies.
 
 A swing determines inertias, first moments and friction of the rods, but not their masses. The masses of the file are
 therefore kept. Centre of mass, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
@@ -47,7 +47,7 @@ PATCH = PatchSettings()
 
 @dataclass(frozen=True, slots=True)
 class RodTarget:
-    """Target values of a rod in the changed file, SI units."""
+    """Target values of a rod in the changed file, in SI units."""
 
     centroid: float
     """Distance of the centre of mass from the joint along the rod, m."""
@@ -63,7 +63,7 @@ class RodTarget:
 
 @dataclass(frozen=True, slots=True)
 class ArmTarget:
-    """Target values of the arm in the changed file, SI units."""
+    """Target values of the arm in the changed file, in SI units."""
 
     length: float
     """Distance of the rods' plane from the axis of the arm, m."""
@@ -77,7 +77,7 @@ class ArmTarget:
 
 @dataclass(frozen=True, slots=True)
 class PatchedModel:
-    """The changed file, with the effects that it lacks."""
+    """The changed file and the effects that it lacks."""
 
     text: bytes
     changes: tuple[ChangedAttribute, ...]
@@ -87,7 +87,7 @@ class PatchedModel:
     """Effects that are not in the file but in the module of passive forces."""
 
     def diff(self, original: Path, name: str) -> str:
-        """Unified diff of the original file and this one, which the diff calls `name`."""
+        """Return a unified diff of the original file and the changed file, which the diff calls `name`."""
         contents = original.read_bytes(), self.text
         before, after = (content.decode("utf-8").splitlines(keepends=True) for content in contents)
         return "".join(unified_diff(before, after, str(original), name, n=1))
@@ -117,10 +117,12 @@ class BodyChange:
 
 
 def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
-    """Check that a file has the L1, m, and g, m/s^2, of a rig; the length of a single rod is not compared.
+    """Check that a file has the L1, m, and the g, m/s^2, of a rig.
+
+    The length of a single rod is not compared.
 
     Raises:
-        ConfigError: the rods or g differ.
+        ConfigError: L1 or g differs.
     """
     length = chain.rods[0].length if len(chain.rods) == 2 else L1
     for name, in_file, wanted in (("L1", length, L1), ("g", chain.gravity, g)):
@@ -132,7 +134,7 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
 
 
 def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> ChainArm | None:
-    """Arm of the file if the arm of the model moves; None if only the rods are changed.
+    """Return the arm of the file if the arm of the model moves; None if only the rods are changed.
 
     Raises:
         ConfigError: the arm of the model moves, but the file has no arm, another number of rods, or another L0; or the
@@ -163,7 +165,9 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
 
 
 def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
-    """Compute target values of the rods that, with the masses of the file, give the moments of the corrected model.
+    """Compute target values of the rods with which the file has the moments of the corrected model.
+
+    The masses are those of the file.
 
     Args:
         chain: the rods of the file
@@ -186,7 +190,9 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
 
 
 def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
-    """Compute target values of the arm that, with the masses of the file, give the inertia of the corrected model.
+    """Compute target values of the arm with which the file has the inertia of the corrected model.
+
+    The masses are those of the file.
 
     Args:
         chain: the rods of the file
@@ -207,7 +213,7 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path:
     """Compute the change of the arm's body after which the whole arm has the target inertia.
 
     Raises:
-        ConfigError: no positive inertia gives the target.
+        ConfigError: no positive inertia of the body leads to the target.
     """
     part = next(part for part in read.parts if part.joint is not None and part.joint.name == in_file.joint.name)
     axis = in_file.joint.axis
@@ -229,7 +235,7 @@ def body_change(
     Other bodies of the rod are not moved.
 
     Raises:
-        ConfigError: the body has no mass, or no positive inertia gives the target.
+        ConfigError: the body has no mass, or no positive inertia of the body leads to the target.
     """
     rod = chain.rods[number]
     part = next(part for part in read.parts if part.joint is not None and part.joint.name == rod.joint.name)
@@ -254,7 +260,10 @@ def body_change(
 
 
 def joint_values(part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> dict[str, tuple[float, float]]:
-    """Quantities of a joint that differ from the target, each with its values in the file and in the target, SI."""
+    """Return the quantities of a joint that differ from the target.
+
+    Each quantity has two values, SI: the value in the file and the value in the target.
+    """
     joint, words = part.joint, target.words
     values = {
         "damping": (joint.damping, target.damping),
@@ -279,15 +288,15 @@ def refuse_overridden(
     reason: str,
     of_arm: ArmTarget | None = None,
 ) -> None:
-    """Check that the changed file, read again, has the target values.
+    """Check that the changed file has the target values when it is read again.
 
     Args:
         chain: rods and arm of the changed file
-        targets: target values of its rods
+        targets: target values of the rods
         length: length of the inner rod, m
         words: elements of effects that the format supports
         reason: error message for a difference
-        of_arm: target values of its arm, if it moves
+        of_arm: target values of the arm, if the arm moves
 
     Raises:
         ConfigError: other settings of the file override the numbers.
@@ -311,7 +320,8 @@ def refuse_overridden(
 def numbers(values: Vector | Sequence[float]) -> str:
     """Format the numbers of a vector for a file.
 
-    Numbers that are negligible relative to the largest one, such as rounding errors of a rotation, are written as zero.
+    Numbers that are negligible relative to the largest number are written as zero. Examples are rounding errors of a
+    rotation.
     """
     exact = np.asarray(values, dtype=np.float64)
     rounded = np.where(np.abs(exact) < PATCH.rounding * np.max(np.abs(exact)), 0.0, exact)

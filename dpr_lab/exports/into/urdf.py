@@ -23,11 +23,11 @@ class UrdfEditor(DescriptionEditor):
     joint_names = {"damping": "damping", "friction": "friction"}  # noqa: RUF012
 
     def read(self, text: bytes) -> SimulatorModel:
-        """Read the model from the content `text` of the file, as `Editor.read`."""
+        """Read the model from the content `text` of the file, as `Editor.read` does."""
         return read_urdf(self.path, text)
 
     def place(self, edit: XmlEdit, owner: int) -> Vector:
-        """(3,) coordinates of an element that has a position, m."""
+        """Return the coordinates (3,) of an element that has a position, m."""
         origin = edit.child(owner, "origin")
         text = "" if origin is None else edit.tags[origin].attributes.get("xyz", "")
         return np.array((text or "0 0 0").split(), dtype=np.float64)
@@ -57,5 +57,5 @@ class UrdfEditor(DescriptionEditor):
             edit.set(dynamics, f"{label}, dynamics", **values)
 
     def elbow_owner(self, joint: int, link: int) -> int:
-        """Index of the outer joint, whose element contains its position."""
+        """Return the index of the outer joint; the element of this joint contains its position."""
         return joint

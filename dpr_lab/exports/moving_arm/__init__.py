@@ -1,1 +1,1 @@
-"""Export of a model with a free or driven arm to other programs."""
+"""Export a model with a free or driven arm to other programs."""

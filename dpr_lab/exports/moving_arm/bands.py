@@ -1,8 +1,8 @@
-"""Predictive bands of an ensemble of models with a moving arm.
+"""Compute predictive bands of an ensemble of models with a moving arm.
 
-The bands are computed as for a clamped arm (`dpr_lab.exports.ensemble.bands`), but in windows, because an arm with rods
-soon moves chaotically. In each window every model starts from a random initial state, drawn from its distribution given
-the first readings of the window. The later readings are compared.
+The bands are computed as for a clamped arm (`dpr_lab.exports.ensemble.bands`), but in windows. An arm with rods soon
+moves chaotically. In each window, every model starts from a random initial state, which is drawn from its distribution
+given the first readings of the window. The later readings are compared.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ArmBandSettings:
-    """Settings of the predictive bands, in addition to those for a clamped arm."""
+    """Settings of the predictive bands that are used in addition to those for a clamped arm."""
 
     window_s: float = 1.5
     """Duration of a window, s."""
@@ -37,7 +37,7 @@ ARM_BANDS = ArmBandSettings()
 
 
 def predictive_arm_band(members: Sequence[MovingArmModel], run: Run, rig: Rig, seed: int) -> PredictiveBand:
-    """Predictive band of an ensemble for one recording.
+    """Compute the predictive band of an ensemble for one recording.
 
     Args:
         members: the ensemble
@@ -76,7 +76,7 @@ def _readings(
     compared: Flags,
     rng: np.random.Generator,
 ) -> Array:
-    """Readings (n, 3) of one model from random initial states, without noise, rad."""
+    """Simulate the readings (n, 3) of one model from random initial states, without noise, rad."""
     problem = replace(started, model=RodsWithEffects(engine_constants(member, rig)))
     unknown, params = engine_values(member, rig)
     followed = fit(problem, Estimate.of(unknown, params, initial), (), iterations=ARM_REPLAY.iterations)

@@ -1,8 +1,9 @@
 """Convert the identified rig with a moving arm to rigid bodies on hinges.
 
-A swing depends only on the base parameters, so the masses can be chosen near those of the rig file. With S = d / L1,
-the first moment of the outer rod, any m2 > S^2 / b gives l2 = S / m2 and J2 = b - S^2 / m2. The same holds for the
-inner rod. The inertia of the arm alone is A - (m1 + m2) L0^2.
+A swing depends only on the base parameters. The masses can therefore be chosen near those of the rig file. S = d / L1
+is the first moment of the outer rod. For any mass m2 > S^2 / b, the distance of the centre of mass is l2 = S / m2, and
+the inertia is J2 = b - S^2 / m2 > 0. The inner rod is treated in the same way. The inertia of the arm alone is A - (m1
++ m2) L0^2.
 """
 
 from collections.abc import Mapping
@@ -16,12 +17,12 @@ from dpr_lab.rig import Rig
 
 
 def arm_bodies(model: MovingArmModel, rig: Rig, expressed: Mapping[str, Words], margin: float = 1.05) -> Bodies:
-    """Bodies that move like the model, with the effects that a format expresses.
+    """Construct rigid bodies that move like the model, with the effects that a format can express.
 
     Args:
         model: the model
         rig: rig of the model
-        expressed: effect -> its elements
+        expressed: simulator elements of each effect
         margin: minimum mass of a rod, relative to the smallest mass that its first moment and inertia allow
 
     Raises:

@@ -24,7 +24,7 @@ from dpr_lab.version import __version__
 
 
 def has_moving_arm(diagnosis: Diagnosis) -> bool:
-    """Whether the arm in the diagnosed recordings was free, or driven by a torque, current or voltage."""
+    """Check whether the arm in the diagnosed recordings was free, or driven by a torque, current or voltage."""
     return FREE_ARM.name in diagnosis.model_effects
 
 
@@ -35,7 +35,7 @@ def corrected_arm_model(
     runs: Sequence[Run],
     rig: Rig,
 ) -> MovingArmModel:
-    """Build the corrected model in the form of `model.json`, with its effects in the table `effects`.
+    """Build the corrected model of `model.json`, which contains its effects in the table `effects`.
 
     Args:
         diagnosis: ratios with their intervals
@@ -83,14 +83,17 @@ def corrected_arm_model(
 
 
 def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig: Rig) -> MovingArmModel:
-    """Replace the values of a model by unknowns (7,) of the fitting engine and effects (SIZE,)."""
+    """Replace the values of a model by unknowns (7,) of the fitting engine and by effect parameters (SIZE,)."""
     swing, inertia = swing_of(unknown, params, model.mounted, bool(model.input), rig)
     changed = with_swing(model, swing, inertia)
     return changed.model_copy(update={"effects": _named(named_params(params))})
 
 
 def with_swing(model: MovingArmModel, swing: Sequence[float], inertia: float) -> MovingArmModel:
-    """Replace the `SWING_PARAMETERS` (12,) of a model, divided by the scale, and the scale, kg m^2."""
+    """Replace the `SWING_PARAMETERS` and the scale of a model.
+
+    `swing` contains the `SWING_PARAMETERS` (12,) divided by the scale, and `inertia` is the scale, kg m^2.
+    """
     assumed = model.absolute[model.scale]
     absolute = dict(model.absolute) | {model.scale: assumed.model_copy(update={"value": inertia})}
     ratios = _with_values(model.ratios, swing, model.input, model.scale)
@@ -114,12 +117,12 @@ def _mounted(rig: Rig) -> Literal["both", "inner"]:
 
 
 def _joint(name: str) -> str:
-    """Name of a joint in other models with a moving arm, for example `joint 0` for `joint0`."""
+    """Return the name of a joint that models with a moving arm use, for example `joint 0` for `joint0`."""
     return name.replace("joint", "joint ")
 
 
 def _named(effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """Effects without the arm itself and without events, because an event happened only once."""
+    """Return the effects without the arm itself and without events, because an event happened only once."""
     return {name: dict(values) for name, values in effects.items() if name not in OF_ARM and not EFFECTS[name].event}
 
 
@@ -129,9 +132,9 @@ def _estimated(interval: Interval) -> EstimatedValue:
 
 
 def _absolute(ratios: dict[str, EstimatedValue], scale: Scale, kind: str) -> dict[str, EstimatedValue]:
-    """Absolute values of the determined ratios and of the scale.
+    """Compute absolute values of the determined ratios and of the scale.
 
-    Their standard deviations include that of a known scale.
+    Their standard deviations include the standard deviation of a known scale.
     """
     low, high = scale.interval90 if scale.known else (scale.b, scale.b)
     of_scale = (high - low) / (2 * NORMAL_Q90 * scale.b)

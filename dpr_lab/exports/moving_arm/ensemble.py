@@ -1,9 +1,9 @@
-"""Models with a moving arm, sampled from the posterior of a diagnosis or the covariance of an identification.
+"""Sample models with a moving arm from the posterior of a diagnosis or from the covariance of an identification.
 
-As for a clamped arm (`dpr_lab.exports.ensemble.sampled`), impossible values drawn from a posterior are drawn again. A
-negative friction drawn from a covariance is set to zero. If torque or current determine the scale, the gain of the
-drive is known, and the scale is drawn together with the other values. An error of a measured kt changes this scale, but
-not the swing. Otherwise the scale is drawn log-normally within its interval.
+Impossible values from a posterior are drawn again, as for a clamped arm (`dpr_lab.exports.ensemble.sampled`). A
+negative friction from a covariance is set to zero. If a torque or current determines the scale, the gain of the drive
+is known. The scale is then drawn together with the other values. An error of a measured kt changes this scale, but not
+the swing. In all other cases, the scale is drawn from a log-normal distribution with the interval of the scale.
 """
 
 from collections.abc import Sequence
@@ -34,12 +34,12 @@ def sampled_arm_models(
     """Draw models with a moving arm from a posterior.
 
     Args:
-        model: the model, of `identify` or of a diagnosis
+        model: a model of `identify` or of a diagnosis
         components: the posterior of the diagnosis; empty: the covariance of the model is used
         rig: rig of the model
         n: number of models
         seed: seed of the random numbers
-        tries: maximum number of draws per model until bodies with its values exist
+        tries: maximum number of draws per model to find values for which rigid bodies exist
 
     Raises:
         RunError: almost no random model is physically possible.
@@ -68,7 +68,10 @@ def widened_model(model: MovingArmModel, factor: float) -> MovingArmModel:
 
 
 def _possible(model: MovingArmModel, rig: Rig) -> bool:
-    """Whether rigid bodies can have the values of a model; always True if the arm's inertia is not determined."""
+    """Check whether rigid bodies can have the values of a model.
+
+    The result is always True if the inertia of the arm is not determined.
+    """
     if "A" not in {name.split("/")[0] for name in model.ratios}:
         return True
     try:
@@ -98,7 +101,7 @@ def _of_covariance(model: MovingArmModel, rng: np.random.Generator) -> MovingArm
 def _of_posterior(
     model: MovingArmModel, components: Sequence[PosteriorComponent], rig: Rig, rng: np.random.Generator
 ) -> MovingArmModel:
-    """Draw a model from a posterior: first a set of effects, then their values."""
+    """Draw a model from a posterior: first a set of effects, then the values of ratios and effects."""
     weights = np.array([component.probability for component in components])
     component = components[int(rng.choice(len(components), p=weights / weights.sum()))]
     drawn = drawn_values(component, rng)

@@ -1,4 +1,4 @@
-"""Export a rig with a moving arm as a Python module that contains functions of dpr-lab and depends only on numpy."""
+"""Export a rig with a moving arm as a Python module that contains functions of dpr-lab and needs only numpy."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -145,7 +145,10 @@ def step(x, u, h):
 
 
 def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], rewritten: Mapping[str, Rewrite]) -> str:
-    """Source of the module, with additional functions of dpr-lab; arguments are those of `sources`."""
+    """Generate the source of the module, with additional functions of dpr-lab.
+
+    `more` and `rewritten` are the arguments of `sources`.
+    """
     model = model.with_arm_effects()
     sizes, outer = model.sizes, model.mounted == "both"
     effects = {name: values for name, values in model.effects.items() if EFFECTS[name].stage != "drive"}

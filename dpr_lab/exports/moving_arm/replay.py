@@ -1,4 +1,4 @@
-"""Simulate a recording with a moving-arm model, in segments with fitted initial states, for replays in programs."""
+"""Simulate a recording with a moving-arm model in segments with fitted initial states, for replays in programs."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -24,7 +24,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class ArmReplaySettings:
-    """Settings of the replay by segments."""
+    """Settings of a replay by segments."""
 
     segment_s: float = 1.0
     """Duration of a segment, s. Each segment starts from its own fitted state, because an arm with two rods soon moves
@@ -40,7 +40,7 @@ ARM_REPLAY = ArmReplaySettings()
 
 @dataclass(frozen=True, slots=True)
 class FollowedSegments:
-    """Run and simulation of a model, in segments with fitted initial states."""
+    """A run and its simulation by a model, in segments with fitted initial states."""
 
     run: str
     t: Array
@@ -58,9 +58,9 @@ class FollowedSegments:
 
 
 def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> tuple[Problem, Array]:
-    """Fitting problem of a run in segments with the constants of a model, and initial states (segments, 6).
+    """Set up the fitting problem of a run in segments, with the constants of a model.
 
-    The initial states are estimated from the readings.
+    The result contains the problem and the initial states (segments, 6), which are estimated from the readings.
 
     Raises:
         RunError: the mode of the arm differs between run and model.
@@ -77,7 +77,7 @@ def run_problem(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> 
 
 
 def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float) -> FollowedSegments:
-    """Simulate a run by segments; only the initial states are fitted.
+    """Simulate a run with a model by segments; only the initial states are fitted.
 
     Raises:
         RunError: the mode of the arm differs between run and model, or the model cannot follow the readings.
@@ -102,7 +102,10 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
 
 
 def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
-    """Cut a recording into segments with fitted initial states; raises the errors of `follow_with_arm`."""
+    """Cut a recording into segments with fitted initial states.
+
+    The errors are those of `follow_with_arm`.
+    """
     followed = follow_with_arm(run, rig, model, ARM_REPLAY.segment_s)
     to_rods = rig.encoders.joint_angles.to_rods
     swings = []
@@ -119,7 +122,7 @@ def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
 
 
 def _inputs(run: Run, rig: Rig, steps: Array) -> Array:
-    """(m - 1, 1) mean input of the arm's drive in each step."""
+    """Return the mean input (m - 1, 1) of the arm's drive in each step."""
     drives = record(run, rig).setup.torques
     if drives is None or drives.on_arm is None:
         return np.zeros((len(steps) - 1, 1))
