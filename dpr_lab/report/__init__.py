@@ -1,1 +1,1 @@
-"""Reports: tables, figures and HTML pages of identifications, diagnoses, drift and blind trials."""
+"""Create reports: tables, figures and HTML pages of identifications, diagnoses, drift and blind trials."""

@@ -1,4 +1,4 @@
-"""Results as pandas data frames."""
+"""Convert results to pandas data frames."""
 
 from functools import singledispatch
 from typing import TYPE_CHECKING, Any
@@ -26,8 +26,8 @@ def to_dataframe(
 ) -> "pandas.DataFrame":
     """Convert a result to a data frame in SI units.
 
-    The rows are samples of a run or a comparison, quantities of a model, or effect parameters of a diagnosis. The index
-    of samples is the time since the release, s.
+    The rows are the samples of a run or comparison, the quantities of a model, or the effect parameters of a diagnosis.
+    Samples are indexed by the time since the release, s.
 
     Raises:
         DprError: pandas is not installed.
@@ -44,7 +44,7 @@ def to_dataframe(
 
 @singledispatch
 def _columns(result: object) -> tuple[Any, str]:
-    """Columns or records, and the name of the index column."""
+    """Return columns or records of a result, and the name of the index column."""
     raise TypeError(f"cannot convert {type(result).__name__}: expected a Run, a model, a comparison or a Diagnosis")
 
 

@@ -1,4 +1,4 @@
-"""Formatting of numbers with as many digits as their uncertainty supports."""
+"""Format numbers with as many digits as their uncertainty supports."""
 
 import math
 import re
@@ -15,7 +15,7 @@ _POWER = re.compile(r"\^(\d)(?!\.?\d)")
 def plus_minus(value: float, std: float | None) -> str:
     """Format a value with two significant digits of its standard deviation.
 
-    Without a standard deviation, the value has three significant digits.
+    A value without a standard deviation has three significant digits.
     """
     if std is None:
         return f"{value:.3g}"
@@ -25,7 +25,7 @@ def plus_minus(value: float, std: float | None) -> str:
 
 
 def interval(low: float, high: float, value: float, std: float) -> str:
-    """Format the interval of a value with the number of decimals that `plus_minus` gives the value."""
+    """Format the interval of a value with the number of decimals that `plus_minus` uses for the value."""
     if std == 0:
         return f"{low:.4g} to {high:.4g}"
     return _scaled("{} to {}", (low, high), value, std)
@@ -53,7 +53,7 @@ def with_unit(text: str, unit: str) -> str:
 def three(number: float) -> str:
     """Format a number with three significant digits.
 
-    Integers up to a million are written in full. A number that is not finite is a dash.
+    Integers up to a million are written in full. A number that is not finite is written as a dash.
     """
     if not math.isfinite(number):
         return NONE
@@ -61,7 +61,7 @@ def three(number: float) -> str:
 
 
 def pair(numbers: Iterable[float]) -> str:
-    """Format the numbers of both rods, inner first."""
+    """Format the numbers of both rods, inner rod first."""
     return ", ".join(three(number) for number in numbers)
 
 

@@ -1,4 +1,4 @@
-"""Report of drift between groups of runs: verdict, tables, control charts and HTML page."""
+"""Create the report of drift between groups of runs: verdict, tables, control charts and HTML page."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -34,7 +34,7 @@ BASES = {
 
 
 def sentence(drift: Drift) -> str:
-    """Verdict on the drift as a sentence."""
+    """Compose the verdict on the drift as a sentence."""
     counts = f"{sum(drift.runs_of)} runs in {len(drift.groups)} groups"
     if not drift.moved:
         return f"No significant change between {listed(drift.groups)} ({counts})."
@@ -48,7 +48,7 @@ def sentence(drift: Drift) -> str:
 
 
 def between(parameter: ParameterChange) -> str:
-    """Phrase that names the groups that differ, for example `between 2026-11-16 and 2026-11-17`."""
+    """Compose a phrase that names the groups that differ, for example `between 2026-11-16 and 2026-11-17`."""
     return f"between {parameter.between[0]} and {parameter.between[1]}"
 
 
@@ -61,12 +61,12 @@ def relative(parameter: ParameterChange, change: float) -> str:
 
 
 def _has_size(parameter: ParameterChange) -> bool:
-    """Whether the mean of the first group exceeds the scatter of a run and a tenth of the change."""
+    """Check whether the mean of the first group exceeds the scatter of a run and a tenth of the change."""
     return abs(parameter.first) > max(parameter.scatter, 0.1 * abs(parameter.change))
 
 
 def rows(drift: Drift) -> list[list[str]]:
-    """One row per parameter, in the columns `COLUMNS`."""
+    """Return one row for each parameter, in the columns `COLUMNS`."""
     return [
         [
             parameter.name,
@@ -82,7 +82,7 @@ def rows(drift: Drift) -> list[list[str]]:
 
 
 def group_rows(drift: Drift) -> list[list[str]]:
-    """One row per parameter and later group, in the columns `GROUP_COLUMNS`."""
+    """Return one row for each pair of a parameter and a later group, in the columns `GROUP_COLUMNS`."""
     return [
         [
             parameter.name,
@@ -96,7 +96,10 @@ def group_rows(drift: Drift) -> list[list[str]]:
 
 
 def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
-    """Sentences on the basis of the intervals and, if the scale is not identified, on the ratios."""
+    """Compose sentences on the basis of the intervals.
+
+    If the scale is not identified, the sentences also explain the ratios.
+    """
     ends = ("/b", "*b", "/a", "*a")
     scaled = [name for parameter in drift.parameters if "." in (name := parameter.name) and name.endswith(ends)]
     inertia = scaled[0][-1] if scaled else ""
@@ -173,5 +176,5 @@ def _range(parameter: ParameterChange, interval: tuple[float, float]) -> str:
 
 
 def _last(group: Sequence[int], number: int) -> int:
-    """Index of the last run in the groups 0 to `number`."""
+    """Return the index of the last run in the groups 0 to `number`."""
     return max(k for k, g in enumerate(group) if g <= number)

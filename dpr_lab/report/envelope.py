@@ -1,4 +1,4 @@
-"""Reduction of curves for drawing: extremes of long records, gaps, and axis range."""
+"""Reduce curves for drawing: find extremes of long records, gaps, and the range of the axis."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,12 @@ def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> 
 
     Args:
         t: (n,) increasing instants, s
-        y: (n,) values; NaN where a value is missing
+        y: (n,) values; missing values are NaN
         points: approximate maximum number of points
         gap_steps: minimum interval between samples that is drawn as a gap, in median sample steps
 
     Returns:
-        Instants and values to draw. They equal the input if n <= `points` and no sample is missing.
+        Instants and values to draw. They equal the input if n <= `points` and there are no gaps.
     """
     points_kept = _extremes(y, points)
     breaks = _gaps(t, gap_steps)
@@ -46,7 +46,7 @@ def _extremes(y: Array, points: int) -> NDArray[np.intp]:
 
 
 def _gaps(t: Array, gap_steps: float) -> NDArray[np.intp]:
-    """Indices of the last sample before each gap."""
+    """Return the indices of the last sample before each gap."""
     if len(t) < 3:
         return np.empty(0, dtype=np.intp)
     steps = np.diff(t)
@@ -54,13 +54,15 @@ def _gaps(t: Array, gap_steps: float) -> NDArray[np.intp]:
 
 
 def signal_scale(value: Array, half_width: Array) -> tuple[tuple[float, float], bool]:
-    """Axis range for a curve with intervals of typical width, and whether larger intervals are clipped.
+    """Compute the axis range for a curve with intervals of typical width.
 
-    The curve itself takes at least a quarter of the range.
+    The result also states whether larger intervals are clipped.
+
+    The curve itself covers at least a quarter of the range.
 
     Args:
         value: (n,) the curve
-        half_width: (n,) half width of its interval, which grows where few samples were recorded
+        half_width: (n,) half width of the interval of the curve; it is large where few samples were recorded
     """
     finite = np.isfinite(value) & np.isfinite(half_width)
     value, half_width = value[finite], half_width[finite]

@@ -1,6 +1,6 @@
-"""Figures of an identification: response, error with the noise floor, evolution of the search.
+"""Draw the figures of an identification: response, error with the noise floor, evolution of the search.
 
-They correspond to figures 2 to 4 of the publication (docs/theory.md).
+The figures correspond to figures 2 to 4 of the publication (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _EVOLUTION = {
 def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
     """Limit the y axis to a curve with intervals of typical width.
 
-    A panel in which larger intervals are clipped is marked.
+    If larger intervals are clipped, the panel is marked.
     """
     scale, clipped = signal_scale(values, half_widths)
     axes.set_ylim(*scale)
@@ -62,7 +62,7 @@ def clip_to_signal(axes: Axes, values: Array, half_widths: Array) -> None:
 def run_figure(run: Run) -> Figure:
     """Draw measured angles against the time since the release.
 
-    For a moving arm, the angle of the arm and the input of its drive are included.
+    For a moving arm, the angle of the arm and the input of its drive are drawn as well.
     """
     further = [("arm (rad)", run.theta[:, 0])] if run.arm_mode != "clamped" else []
     further += [("input of the arm (SI)", run.arm_input)] if run.arm_input is not None else []
@@ -88,10 +88,11 @@ def run_figure(run: Run) -> Figure:
 
 
 def response_figure(comparisons: Compared) -> Figure:
-    """Draw measured and simulated angles of both rods, one row per run (figure 2 of the publication).
+    """Draw measured and simulated angles of both rods with one row per run (figure 2 of the publication).
 
     The free run is a strong line up to the predictability horizon and a faint line beyond it. The axis range is that of
-    the measurement, so a diverging free run leaves the panel. With a moving arm, there is one row per run and joint.
+    the measured angles, so that a diverging free run leaves the panel. With a moving arm, there is one row for each
+    pair of a run and a joint.
     """
     arms, comparisons = _by_kind(comparisons)
     if arms:
@@ -114,8 +115,9 @@ def response_figure(comparisons: Compared) -> Figure:
 def error_figure(comparisons: Compared) -> Figure:
     """Draw errors and residuals of each run with the noise floor, mrad (figure 3 of the publication).
 
-    Left: error of the free run up to the horizon. Right: residual of segments with fitted initial states. The inner rod
-    is above the outer rod. With a moving arm, the residual of each run and joint is shown.
+    The left panels show the error of the free run up to the horizon. The right panels show the residual of segments
+    with fitted initial states. The panels of the inner rod are above those of the outer rod. With a moving arm, the
+    residual of each run and joint is drawn.
     """
     arms, comparisons = _by_kind(comparisons)
     if arms:
@@ -139,7 +141,7 @@ def _by_kind(comparisons: Compared) -> tuple[list[ArmComparison], list[Compariso
 
 
 def _panels(runs: Sequence[ArmComparison]) -> tuple[Figure, list[tuple[Any, ArmComparison, int]]]:
-    """A figure with one panel for each run and each joint with readings."""
+    """Create a figure with one panel for each pair of a run and a joint that has readings."""
     rows = [(run, joint) for run in runs for joint, name in enumerate(JOINTS_READ) if name in run.rms_rad]
     figure = new_figure(0.6 + 1.5 * len(rows))
     panels = figure.subplots(len(rows), squeeze=False)[:, 0]
@@ -175,10 +177,10 @@ def _arm_errors(runs: Sequence[ArmComparison]) -> Figure:
 
 
 def evolution_figure(model: Model | MovingArmModel) -> Figure:
-    """Draw the evolution of the search: cost and fitness against generations (figure 4 of the publication).
+    """Draw cost and fitness of the search against the generations (figure 4 of the publication).
 
     Raises:
-        DprError: the model has a moving arm; its fit starts from the rig file, so there is no search.
+        DprError: the model has a moving arm; its fit starts from the rig file, without a search.
     """
     if isinstance(model, MovingArmModel):
         raise DprError("a model of a moving arm has no search to plot: its fit starts from the rig file")
@@ -221,7 +223,7 @@ def save_figures(model: Model, comparisons: Sequence[Comparison], out_dir: Path)
 
 
 def save_each(figures: Mapping[str, Figure], out_dir: Path) -> dict[str, Path]:
-    """Write figures as PNG files and return their paths by name.
+    """Write figures as PNG files, and return their paths by name.
 
     Raises:
         DprError: the folder or a file cannot be written.
@@ -276,7 +278,7 @@ def _draw_response(axes: Axes, comparison: Comparison, axis: int) -> None:
 
 
 def _draw_errors(panels: NDArray[np.object_], comparison: Comparison) -> None:
-    """Draw the (2, 2) panels of one run."""
+    """Draw the error panels (2, 2) of one run."""
     near = comparison.t <= comparison.horizon_s
     _title(panels[0, 0], comparison)
     for axis, (left, right) in enumerate(panels):
@@ -310,7 +312,10 @@ def _title(axes: Axes, comparison: Comparison) -> None:
 
 
 def _one_line(name: str, longest: int = 70) -> str:
-    """Clean a name from a file for a title: no line breaks, no lone surrogates, at most `longest` characters."""
+    """Clean a name from a file for a title.
+
+    The result has no line breaks, no lone surrogates, and at most `longest` characters.
+    """
     line = " ".join(name.encode("utf-8", "replace").decode().split())
     return line if len(line) <= longest else f"{line[: longest - 1]}…"
 
@@ -338,7 +343,7 @@ def _symmetric_range(axes: Axes, values: Array) -> None:
 
 
 def _angle_range(axes: Axes, values: Array) -> None:
-    """Set an axis range for `values`, rad, with ticks at multiples of π/2 if they span more than π."""
+    """Set an axis range for `values`, rad; if the values span more than π, ticks are at multiples of π/2."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return

@@ -1,4 +1,4 @@
-"""Results as JSON files."""
+"""Write results as JSON files."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The HTML report of an identification: one file with embedded figures."""
+"""Write the HTML report of an identification: one file with embedded figures."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -53,7 +53,7 @@ def write_report(
 
     Args:
         model: the identification
-        comparisons: runs simulated with the model; may be empty
+        comparisons: runs that are simulated with the model; may be empty
         out_dir: folder of the report, created if it does not exist
         figures: figures to embed, from `save_figures`; None: they are drawn into `out_dir`
 

@@ -1,4 +1,4 @@
-"""Tables of an identification and a comparison with a moving arm."""
+"""Create the tables of an identification and a comparison with a moving arm."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt g
 
 
 def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
-    """Sentence on the residuals and the segments."""
+    """Compose a sentence on the residuals and the segments."""
     scale = angles.small_per_rad
     rms = ", ".join(
         f"{name} {scale * value:.3g} {angles.small} (noise {scale * model.fit.noise_rad[name]:.2g})"
@@ -33,7 +33,7 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
 
 
 def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
-    """One row for each ratio that the recordings determine."""
+    """Return one row for each ratio that the recordings determine."""
     return [
         [name, plus_minus(estimate.value, estimate.std), interval(*estimate.interval90, estimate.value, estimate.std)]
         for name, estimate in model.ratios.items()
@@ -41,7 +41,7 @@ def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
 
 
 def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
-    """One row for each absolute value."""
+    """Return one row for each absolute value."""
     fixed = {"data": "the recordings and measured values", "bound": "the scale of the rig file"}
     return [
         [name, plus_minus(estimate.value, estimate.std), UNITS.get(name, ""), fixed[estimate.fixed_by]]
@@ -50,7 +50,7 @@ def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
 
 
 def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
-    """One row per run and joint, from the result of `compare_moving_arm`."""
+    """Return one row for each pair of a run and a joint, from the result of `compare_moving_arm`."""
     return [
         [
             run["run"],

@@ -1,6 +1,6 @@
-"""Results as JSON.
+"""Format results as JSON.
 
-A result must contain only finite numbers. Any other number is a bug; it is written as null, with a warning.
+A result must contain only finite numbers. Any other number is a bug. Such a number is written as null, with a warning.
 """
 
 import json
@@ -11,13 +11,13 @@ from typing import Any
 
 
 class NotFinite(RuntimeWarning):
-    """A result contains a number that is not finite."""
+    """Warning that a result contains a number that is not finite."""
 
 
 def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], indent: int | None = 1) -> str:
-    """Format a JSON object or a list of objects, on one line if `indent` is None.
+    """Format an object or a list of objects as JSON, on one line if `indent` is None.
 
-    Warns `NotFinite` with the key of each number that is not finite.
+    A warning `NotFinite` names the key of each number that is not finite.
     """
     return json.dumps(_finite(result, "result"), indent=indent, default=str, allow_nan=False)
 

@@ -58,7 +58,7 @@ def save_diagnosis(
         runs: the diagnosed runs, without held-out runs
         rig: the rig
         out: the folder
-        on_loss: called with a sentence that states the effects that a format cannot represent, and the resulting error
+        on_loss: function that is called with a sentence on the effects that a format cannot represent
         acceptance: results of limits, for the section of the report on limits
 
     Raises:
@@ -78,8 +78,8 @@ def save_exports(
 ) -> dict[str, str]:
     """Write the corrected model for other programs.
 
-    A format that cannot represent an effect gets a simpler, refitted model that is not worse than the bare model.
-    Arguments and errors are those of `save_diagnosis`.
+    If a format cannot represent an effect, a simpler model is refitted and written. This model is not worse than the
+    bare model. Arguments and errors are those of `save_diagnosis`.
     """
     formats = [name for name, form in FORMATS.items() if not form.optional]
     models = fitted_for(formats, corrected, runs, rig)
@@ -119,7 +119,7 @@ def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Call
 
 
 def check_of(replayed: Replayed, bare_rad: float) -> dict[str, float]:
-    """Errors of an export and of the bare model, as stored with the export."""
+    """Return the errors of an export and of the bare model, which are stored with the export."""
     return {"off_rad": replayed.off_rad, "closed": replayed.closed, "bare_rad": bare_rad}
 
 
@@ -131,7 +131,7 @@ def write_export(
     lost: Mapping[str, str],
     check: Mapping[str, Any] | None = None,
 ) -> str:
-    """Write a model for another program and return the path of its main file.
+    """Write a model for another program, and return the path of its main file.
 
     Arguments are those of `ExportFormat.written`.
 

@@ -1,4 +1,4 @@
-"""Style of the figures.
+"""Define the style of the figures.
 
 Lines differ in width and dash as well as in colour, for screen and print.
 """
@@ -51,5 +51,8 @@ _SETTINGS: dict[str, Any] = {
 
 
 def house_style() -> AbstractContextManager[None]:
-    """Context with the defaults of Matplotlib and the style of this module. The user's matplotlibrc has no effect."""
+    """Return a context with the defaults of Matplotlib and the style of this module.
+
+    The matplotlibrc of the user has no effect.
+    """
     return style.context(["default", _SETTINGS])

@@ -1,4 +1,4 @@
-"""Tables of an identification: values with uncertainty and origin, runs by pose and time."""
+"""Create the tables of an identification: values with uncertainty and origin, runs by pose and time."""
 
 import math
 from collections.abc import Sequence
@@ -101,9 +101,10 @@ SMALL_EFFECTS = "Only the rms was compared: dpr-lab diagnose also finds effects 
 
 
 def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: AngleUnit = RADIANS) -> str:
-    """One or two sentences on whether the residual of the fitted and held-out runs is at the noise floor.
+    """State in one or two sentences whether the residual of the fitted and held-out runs is at the noise floor.
 
-    Only rms values are compared. An effect whose residual is smaller than the noise needs the tests of `dpr_lab.gap`.
+    Only rms values are compared. The tests of `dpr_lab.gap` also detect an effect whose residual is smaller than the
+    noise.
     """
     if model.failures:
         return f"Not reliable: {'; '.join(model.failures).rstrip('.')}."
@@ -127,7 +128,7 @@ def summary(model: "Model", comparisons: "Sequence[Comparison]" = (), angles: An
 
 
 def ratio_title(model: "Model") -> str:
-    """Title of the table of `ratio_rows`."""
+    """Return the title of the table of `ratio_rows`."""
     if model.fitted:
         return "Ratios to the inertia a of the rod"
     if all(ratio.fixed_by == "data" for ratio in model.ratios.values()):
@@ -136,7 +137,7 @@ def ratio_title(model: "Model") -> str:
 
 
 def ratio_rows(model: "Model") -> list[list[str]]:
-    """One row per ratio that the recordings determine, in the columns `RATIO_COLUMNS`."""
+    """Return one row for each ratio that the recordings determine, in the columns `RATIO_COLUMNS`."""
     return [
         [
             name,
@@ -150,7 +151,7 @@ def ratio_rows(model: "Model") -> list[list[str]]:
 
 
 def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
-    """Limits of the rig that a plan tests, in the columns `LIMIT_FORECAST_COLUMNS`."""
+    """Return one row for each limit that a plan tests, in the columns `LIMIT_FORECAST_COLUMNS`."""
     return [
         (
             limit.quantity,
@@ -163,14 +164,15 @@ def limit_forecast_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def _too_slow(limit: "LimitForecast") -> str:
-    """Note if the joint does not reach the speed of a friction limit; otherwise empty."""
+    """Return a note if the joint does not reach the speed of a friction limit; otherwise an empty text."""
     return "" if limit.reached_rad_per_s is None else f": the joint reaches {limit.reached_rad_per_s:.3g} rad/s"
 
 
 def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, ...]]:
-    """Standard deviation of each ratio now and after a planned release, in the columns `RATIO_STD_COLUMNS`.
+    """Return the standard deviation of each ratio now and after a planned release.
 
-    Before any recording, the rig file bounds only the ratios of the rods. The ratios of arm and drive are unknown.
+    The columns are `RATIO_STD_COLUMNS`. Before any recording, the rig file bounds only the ratios of the rods. The
+    ratios of arm and drive are unknown.
     """
     return [
         (
@@ -184,14 +186,17 @@ def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, .
 
 
 def _undetermined(model: "Model") -> str:
-    """Sentence on the ratios that the recordings do not determine; empty if they determine all."""
+    """Compose a sentence on the ratios that the recordings do not determine; empty if they determine all ratios."""
     names = [name for name, ratio in model.ratios.items() if ratio.fixed_by != "data"]
     names += ["the ratios of the outer rod, which is not mounted"] if model.fitted else []
     return f" Not determined by these recordings: {', '.join(names)}." if names else ""
 
 
 def ratio_note(model: "Model") -> str:
-    """Sentences on the meaning of the ratios, and on standard deviations that exceed those of `identifiability`."""
+    """Compose sentences on the meaning of the ratios.
+
+    They also explain standard deviations that clearly exceed those of `identifiability`.
+    """
     noise_and_misfit = math.sqrt(max(1.0, model.fit.chi2_per_dof))
     inflation = [
         ratio.std / (noise_and_misfit * bound)
@@ -209,7 +214,10 @@ def ratio_note(model: "Model") -> str:
 
 
 def base_rows(model: "Model") -> list[list[str]]:
-    """Rows of the six base parameters, in the columns `BASE_COLUMNS`; empty if the runs do not identify the scale."""
+    """Return one row for each of the six base parameters, in the columns `BASE_COLUMNS`.
+
+    The list is empty if the runs do not identify the scale.
+    """
     if model.base["b"].fixed_by != "data":
         return []
     return [
@@ -219,7 +227,10 @@ def base_rows(model: "Model") -> list[list[str]]:
 
 
 def parameter_rows(model: "Model") -> list[list[str]]:
-    """Rows of the nine physical parameters with their sources, in the columns `PARAMETER_COLUMNS`."""
+    """Return one row for each physical parameter with its source, in the columns `PARAMETER_COLUMNS`.
+
+    Parameters of an outer rod that is not mounted are omitted.
+    """
     rows: list[list[str]] = []
     for name, parameter in model.parameters.items():
         if model.fitted and name in OF_OUTER_ROD:
@@ -231,7 +242,10 @@ def parameter_rows(model: "Model") -> list[list[str]]:
 
 
 def interval_words(parameter: "ParameterValue") -> str:
-    """90 % interval of a parameter, with the decimals that its standard deviation or its half width supports."""
+    """Format the 90 % interval of a parameter.
+
+    The decimals are those that the standard deviation supports; without one, those that the half width supports.
+    """
     if parameter.interval90 is None:
         return NONE
     low, high = parameter.interval90
@@ -239,12 +253,12 @@ def interval_words(parameter: "ParameterValue") -> str:
 
 
 def parameter_note(model: "Model") -> str:
-    """Sentences on the origin of the nine values, and on the assumed value of b if only ratios are identified."""
+    """Compose sentences on the origin of the parameter values and on the scale of absolute sizes."""
     return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 
 def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RADIANS) -> list[list[str]]:
-    """One row per compared run, in the columns `COMPARISON_COLUMNS`."""
+    """Return one row for each compared run, in the columns `COMPARISON_COLUMNS`."""
     return [
         [
             compared_name(comparison),
@@ -263,7 +277,7 @@ def comparison_rows(comparisons: "Sequence[Comparison]", angles: AngleUnit = RAD
 
 
 def run_rows(model: "Model") -> list[list[str]]:
-    """One row per fitted run, in the columns `RUN_COLUMNS`."""
+    """Return one row for each fitted run, in the columns `RUN_COLUMNS`."""
     return [
         [
             run.file,
@@ -279,12 +293,12 @@ def run_rows(model: "Model") -> list[list[str]]:
 
 
 def _zeros(fitted: Sequence[float]) -> str:
-    """Fitted zero offsets of encoders that are zeroed before each run, as text; empty without them."""
+    """Format the fitted zero offsets of encoders that are zeroed before each run; empty without offsets."""
     return f", zero offsets {' and '.join(f'{1e3 * zero:.3g}' for zero in fitted)} mrad" if fitted else ""
 
 
 def search_rows(model: "Model") -> list[list[str]]:
-    """Rows of `SEARCH_COLUMNS` with all settings that are needed to repeat a search, and its result."""
+    """Return all settings that are needed to repeat a search, and its result, in the columns `SEARCH_COLUMNS`."""
     from dpr_lab.identification.objectives import objective_words
     from dpr_lab.search import search_words
 
@@ -306,7 +320,7 @@ def search_rows(model: "Model") -> list[list[str]]:
 def local_time(utc: str) -> str:
     """Convert a UTC time to local time, for example `2026-11-21 11:15 CET`.
 
-    The time is in ISO 8601 or as in the name of a run file. Other text is returned unchanged.
+    The time has the format of ISO 8601 or of the name of a run file. Other text is returned unchanged.
     """
     if len(utc) <= len("2026-11-21"):
         return utc
@@ -319,31 +333,34 @@ def local_time(utc: str) -> str:
 
 
 def recorded(run: Path) -> str:
-    """Time of recording from a file name `<utc>_<pose>_<uid8>`; empty for other names."""
+    """Return the time of recording from a file name `<utc>_<pose>_<uid8>`; empty for other names."""
     parts = run.stem.split("_")
     when = local_time(parts[0])
     return when if len(parts) > 2 and when != parts[0] else ""
 
 
 def run_pose(run: Path) -> str:
-    """Pose of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
+    """Return the pose of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
     return "_".join(run.stem.split("_")[1:-1]) if recorded(run) else run.stem
 
 
 def run_name(run: Path) -> str:
-    """Pose and time of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
+    """Return pose and time of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
     when = recorded(run)
     return f"{run_pose(run)} ({when})" if when else run.stem
 
 
 def compared_name(comparison: "Comparison") -> str:
-    """Label of a compared run: its name, preceded by its pose unless the name contains it."""
+    """Return the label of a compared run.
+
+    The label is the name of the run, preceded by the pose unless the name contains the pose.
+    """
     name = run_name(Path(f"{comparison.run}.mcap"))
     return f"{comparison.pose} {name}" if comparison.pose and name == comparison.run else name
 
 
 def to_the_end(comparison: "Comparison") -> bool:
-    """Whether the predictability horizon is at or after the end of the record."""
+    """Check whether the predictability horizon is at or after the end of the record."""
     return len(comparison.t) > 0 and comparison.horizon_s >= comparison.t[-1]
 
 
@@ -360,7 +377,9 @@ def _verdict(fitted: float, held_out: Sequence[float]) -> str:
 
 
 def _driven_by_noise(fitted: float, chi2_per_dof: float) -> bool:
-    """Whether noise of the known motion or torques explains a residual of `fitted` times the noise of the readings.
+    """Check whether noise of the known motion or torques explains the residual.
+
+    `fitted` is the ratio of the residual to the noise of the readings.
 
     Without such noise, the reduced chi-square is the mean of the squared ratios of both joints, and `fitted` is the
     larger ratio.
@@ -380,5 +399,5 @@ def _worst(rms: Sequence[float] | Array, noise: Sequence[float] | Array) -> floa
 
 
 def _noise_ratio(rms: Array, noise: Array) -> Array:
-    """Ratio of residual to noise floor of each axis; NaN where the noise floor is unknown."""
+    """Compute the ratio of residual to noise floor for each axis; NaN if the noise floor is unknown."""
     return np.divide(rms, noise, out=np.full(len(rms), np.nan), where=noise > 0)

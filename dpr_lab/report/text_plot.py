@@ -1,4 +1,4 @@
-"""Curves of braille characters, for terminals without graphics."""
+"""Draw curves of braille characters for terminals without graphics."""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""Descriptions of effects, such as `Coulomb friction, joint 2 [coulomb_joint2]`, and their sizes in practical units."""
+"""Describe effects, and format their sizes in practical units.
+
+A description is for example `Coulomb friction, joint 2 [coulomb_joint2]`.
+"""
 
 import re
 
@@ -26,12 +29,12 @@ _PLACE = re.compile(r"\b(joint|encoder)([012])\b")
 
 
 def named(name: str) -> str:
-    """Description and identifier of an effect; other text is returned unchanged."""
+    """Return the description and the identifier of an effect; other text is returned unchanged."""
     return f"{EFFECTS[name].words} [{name}]" if name in EFFECTS else name
 
 
 def in_words(text: str) -> str:
-    """Add its description to each effect identifier in a text, unless it has one already.
+    """Add a description to each effect identifier in a text, unless the identifier already has one.
 
     An identifier after `--without` is not changed, so that the option can be copied.
     """
@@ -44,13 +47,16 @@ def in_words(text: str) -> str:
 
 
 def parameter_words(effect: str, name: str) -> str:
-    """Description of a parameter, for example `extra at rest` for `extra_at_rest_Nm`."""
+    """Return the description of a parameter, for example `extra at rest` for `extra_at_rest_Nm`."""
     parameter = _parameter(effect, name)
     return name if parameter is None else parameter.words
 
 
 def negative_words(effect: str, name: str, value: float) -> str:
-    """Meaning of a negative value of a parameter; empty for other values, or if the sign needs no explanation."""
+    """Return the meaning of a negative value of a parameter.
+
+    The text is empty for other values, or if the sign needs no explanation.
+    """
     parameter = _parameter(effect, name)
     return parameter.negative if parameter is not None and value < 0 else ""
 

@@ -1,1 +1,1 @@
-"""Report of a diagnosis: tables, figures and HTML page."""
+"""Create the report of a diagnosis: tables, figures and HTML page."""

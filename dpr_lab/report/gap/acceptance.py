@@ -1,4 +1,4 @@
-"""Results of `dpr-lab accept` as tables and sentences, for the terminal and the report."""
+"""Format results of `dpr-lab accept` as tables and sentences, for the terminal and the report."""
 
 import math
 
@@ -14,13 +14,13 @@ RULE = (
 
 
 def answer_sentence(acceptance: Acceptance) -> str:
-    """Sentence with the overall result and the number of limits that pass."""
+    """Compose a sentence with the overall result and the number of limits that are met."""
     passed = sum(limit.answer == "pass" for limit in acceptance.limits)
     return f"{acceptance.answer}: {passed} of {len(acceptance.limits)} limits pass"
 
 
 def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
-    """One row per limit, in the columns `LIMIT_COLUMNS` and the order of the limits file."""
+    """Return one row for each limit, in the columns `LIMIT_COLUMNS` and in the order of the limits file."""
     return [
         (
             limit.quantity,
@@ -35,7 +35,10 @@ def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
 
 
 def deciding_sentence(acceptance: Acceptance) -> str:
-    """Introductory sentence for the releases that are expected to decide limits; empty if there are none."""
+    """Compose a sentence that introduces the releases with which a result on the open limits is expected.
+
+    The sentence is empty if there are none.
+    """
     if not acceptance.would_decide:
         return ""
     return f"These releases are expected to decide {listed(acceptance.would_decide)}:"

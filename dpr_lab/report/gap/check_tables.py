@@ -1,4 +1,4 @@
-"""Rows of the tables on recommended checks and their results."""
+"""Create the rows of the tables on recommended checks and their results."""
 
 from collections.abc import Sequence
 
@@ -23,11 +23,13 @@ EXPECTED_NOTE = (
 
 
 def how_to_record(diagnosis: Diagnosis, file: str) -> str:
-    """Command that records the result of a check, with the options for each kind of recommended check.
+    """Compose the command that records the result of a check.
+
+    The command contains the options for each kind of recommended check.
 
     Args:
         diagnosis: a diagnosis that recommends checks
-        file: its file
+        file: file of the diagnosis
     """
     first = {check.kind: check for check in reversed(diagnosis.checks) if check.kind in CHECK_KINDS}
     options = [f"{CHECK_KINDS[kind].form(first[kind])} ({kind})" for kind in CHECK_KINDS if kind in first]
@@ -35,7 +37,10 @@ def how_to_record(diagnosis: Diagnosis, file: str) -> str:
 
 
 def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
-    """Probabilities before and after a check in the columns `MOVED_COLUMNS`, the most probable cause first."""
+    """Return the probabilities before and after a check, the most probable cause first.
+
+    The columns are `MOVED_COLUMNS`.
+    """
     ranked = sorted(done.after, key=lambda name: -done.after[name])
     return [
         (
@@ -49,15 +54,15 @@ def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
 
 
 def informative(checks: Sequence[AdvisedCheck]) -> bool:
-    """Whether the expected information of any check is at least 0.05 bits.
+    """Check whether a check has an expected information of at least 0.05 bits.
 
-    This is the entropy of the probabilities 0.994 and 0.006.
+    This information is the entropy of the probabilities 0.994 and 0.006.
     """
     return any(check.expected_bits >= 0.05 for check in checks)
 
 
 def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows of the recommended checks, in the columns `CHECK_COLUMNS`."""
+    """Return one row for each recommended check, in the columns `CHECK_COLUMNS`."""
     return [
         (
             check.id,
@@ -72,7 +77,7 @@ def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _expected(check: AdvisedCheck) -> str:
-    """The expected result of a measurement with its interval."""
+    """Format the expected result of a measurement with its interval; a dash if there is no expected result."""
     if check.quantity is None or check.expected is None:
         return NONE
     ends = check.expected.value, *check.expected.interval90

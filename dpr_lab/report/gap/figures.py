@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: residual maps, gap reduction by effect, gap by segment length."""
+"""Draw the figures of a diagnosis: residual maps, gap reduction by effect, gap by segment length."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from dpr_lab.shown import percent
 
 
 def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
-    """Residual maps of the places with the largest share of the excess chi-square, with 90 % intervals."""
+    """Draw residual maps with 90 % intervals.
+
+    The maps belong to the locations that contribute most to the excess chi-square.
+    """
     with style.house_style():
         shown = [place for place in diagnosis.where[:most] if place.knots and not _flat(place)]
         if not shown:
@@ -34,7 +37,7 @@ def where_figure(diagnosis: Diagnosis, most: int = 4) -> Figure:
 
 
 def _flat(place: Where) -> bool:
-    """Whether a map is constant within its uncertainty."""
+    """Check whether a map is constant within its uncertainty."""
     _, values, reach = place_map(place)
     known = np.isfinite(values)
     return bool(known.any()) and float(np.ptp(values[known])) < 1e-2 * float(reach[known].min())
@@ -54,7 +57,7 @@ def _draw_place(axes: Axes, place: Where) -> None:
 
 
 def waterfall_figure(diagnosis: Diagnosis) -> Figure:
-    """Gap after each added effect, with the noise floor."""
+    """Draw the gap after each added effect, and the noise floor."""
     with style.house_style():
         names, gaps = zip(*((name.replace(" [", "\n["), gap) for name, gap in steps(diagnosis)), strict=True)
         heights = 1e3 * np.array(gaps)
@@ -71,7 +74,7 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def horizon_figure(diagnosis: Diagnosis) -> Figure:
-    """Gap of the bare and of the corrected model against the length of segments with fitted initial states."""
+    """Draw the gap of the bare and the corrected model against the length of segments with fitted initial states."""
     with style.house_style():
         lengths = [float(length) for length in diagnosis.gap.by_horizon]
         if not lengths:
@@ -100,7 +103,7 @@ def save_gap_figures(diagnosis: Diagnosis, out_dir: Path) -> dict[str, Path]:
     """Write the figures of a diagnosis as PNG.
 
     Returns:
-        path of each file by the name of its figure: where, waterfall or the figures of the evidence, gap_horizon
+        path of each file by the name of its figure: where, gap_horizon, and waterfall or the figures of the evidence
 
     Raises:
         DprError: the folder or a file cannot be written.

@@ -1,4 +1,4 @@
-"""HTML report of a diagnosis: verdict, gap budget and causes first, then the folded details."""
+"""Write the HTML report of a diagnosis: verdict, gap budget and causes first, then the folded details."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -57,7 +57,7 @@ def write_gap_report(
         title: heading of the page
         out_dir: folder of the page
         figures: figures by name, from `save_gap_figures`
-        acceptance: results of limits, shown first; None if no limits were tested
+        acceptance: results of limits, which are shown first; None if no limits were tested
 
     Raises:
         DprError: the page cannot be written.
@@ -90,7 +90,7 @@ def write_gap_report(
 
 
 def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
-    """Blocks below the verdict: budget of the gap, its reproducible part, and the causes."""
+    """Yield the blocks below the verdict: budget of the gap, its reproducible part, and the causes."""
     if bar := budget_bar(diagnosis):
         yield bar
     if bar := repeatability_bar(diagnosis):
@@ -103,7 +103,7 @@ def _lead(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
-    """Result of each limit, and the number of releases that are expected to decide the undecided limits."""
+    """Yield the result of each limit, and the releases with which a result on the open limits is expected."""
     yield f"{answer_sentence(acceptance)}."
     yield PageTable(LIMIT_COLUMNS, limit_rows(acceptance), RULE, "prose")
     if sentence := deciding_sentence(acceptance):
@@ -112,7 +112,7 @@ def _acceptance(acceptance: Acceptance) -> Iterator[Block]:
 
 
 def _actions(diagnosis: Diagnosis) -> Iterator[Block]:
-    """Remedies of the named effects, then checks and recordings for open questions."""
+    """Yield the remedies of the named effects, then checks and recordings for open questions."""
     if diagnosis.remedies:
         yield Items([in_words(text) for text in diagnosis.remedies])
         yield Heading("Next recordings and checks")
@@ -132,7 +132,7 @@ def _effects(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _checks(diagnosis: Diagnosis) -> Iterator[Block]:
-    """Probabilities before and after each check."""
+    """Yield the probabilities before and after each check."""
     for done in diagnosis.checks_done:
         yield f"{done.check.id}: {in_words(done.check.text)} {done.result}"
         yield PageTable(check_tables.MOVED_COLUMNS, check_tables.moved_rows(done), check_tables.MOVED_NOTE, "prose")

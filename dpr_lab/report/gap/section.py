@@ -1,4 +1,7 @@
-"""Sections of the report that show the evidence: sentences, a figure with a collapsible table, and equations."""
+"""Define report sections that show the evidence.
+
+A section contains sentences, a figure, folded tables and equations.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +17,7 @@ Rows = Sequence[Sequence[str]]
 
 @dataclass(frozen=True, slots=True)
 class PageSettings:
-    """Sizes of figures and tables of the evidence, and thresholds for its sentences."""
+    """Sizes of figures and tables of the evidence, and thresholds of the sentences."""
 
     most_runs: int = 4
     """Maximum number of runs in the figure of curves. The table of the budget contains all runs."""
@@ -37,7 +40,7 @@ PAGE = PageSettings()
 
 @dataclass(frozen=True, slots=True)
 class FoldedTable:
-    """Folded table with the values of a figure."""
+    """Folded table that contains the values of a figure."""
 
     title: str
     columns: tuple[str, ...]
@@ -48,9 +51,9 @@ class FoldedTable:
 
 @dataclass(frozen=True, slots=True)
 class EvidenceSection:
-    """Section on one topic of a diagnosis.
+    """Report section on one topic of a diagnosis.
 
-    All functions require a diagnosis with evidence.
+    All functions of a section require a diagnosis with evidence.
     """
 
     name: str
@@ -72,7 +75,7 @@ class EvidenceSection:
 
 
 def evidence_of(diagnosis: Diagnosis) -> Evidence:
-    """Evidence of a diagnosis.
+    """Return the evidence of a diagnosis.
 
     Raises:
         ValueError: the diagnosis was written by an older version, without evidence.
@@ -83,7 +86,7 @@ def evidence_of(diagnosis: Diagnosis) -> Evidence:
 
 
 def evidence_blocks(section: EvidenceSection, diagnosis: Diagnosis, drawn: Mapping[str, Picture]) -> list[Block | None]:
-    """Blocks of a section: sentences, figure, folded tables, equations.
+    """Return the blocks of a section: sentences, figure, folded tables, symbols.
 
     Args:
         section: the section

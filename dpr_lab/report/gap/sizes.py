@@ -1,4 +1,4 @@
-"""Sizes of named effects as text.
+"""Format the sizes of named effects.
 
 If only ratios are identified, the ratio to b precedes the absolute value.
 """
@@ -17,25 +17,29 @@ RUN = "run"
 
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
-    """Whether only ratios to b are identified, because only prior bounds determine the scale."""
+    """Check whether only ratios to b are identified, because only prior bounds determine the scale."""
     return diagnosis.scale is not None and not diagnosis.scale.known
 
 
 def assumed(diagnosis: Diagnosis) -> str:
-    """Assumption on the scale, for example `assuming b = 0.00534 kg m² (not measured)`; empty if the scale is known."""
+    """Return the assumption on the scale, for example `assuming b = 0.00534 kg m² (not measured)`.
+
+    The text is empty if the scale is known.
+    """
     return superscripts(diagnosis.scale.assumption) if diagnosis.scale and not diagnosis.scale.known else ""
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
-    """Sentence on the assumption behind all absolute sizes; empty in a diagnosis of an older version."""
+    """Return the sentence on the scale of all absolute sizes; empty in a diagnosis of an older version."""
     return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 
 def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RADIANS, *, brief: bool = False) -> str:
-    """Parameters of an effect with intervals, as one cell.
+    """Format the parameters of an effect and their intervals as the text of one table cell.
 
-    Ratios come first if only ratios are identified; parameters held at zero come last. If `brief`, amplitudes whose
-    interval contains zero are listed only by name, unless this applies to all amplitudes.
+    Ratios come first if only ratios are identified. Parameters that are held at zero come last. If `brief` is true,
+    amplitudes whose interval contains zero are listed only by name, unless the intervals of all amplitudes contain
+    zero.
     """
     parameters = {name: size for name, size in effect.parameters.items() if name != RUN}
     sizes = {name: size for name, size in parameters.items() if any((size.value, *size.interval90))}
@@ -66,7 +70,7 @@ def sizes_cell(diagnosis: Diagnosis, effect: NamedEffect, angles: AngleUnit = RA
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:
-    """True sizes of an effect at the b of the diagnosis, as one cell.
+    """Format the true sizes of an effect, at the b of the diagnosis, as the text of one table cell.
 
     Ratios come first if only ratios are identified.
     """
@@ -81,9 +85,9 @@ def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float
 
 
 def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], ratios: Mapping[str, str]) -> list[str]:
-    """Texts of ratios, of the corresponding sizes at the assumed b, and of the other sizes.
+    """Return the texts of ratios, then of the corresponding sizes at the assumed b, then of the remaining sizes.
 
-    Ratios are left out if the scale is known.
+    Ratios are omitted if the scale is known.
     """
     ratios = ratios if only_ratios(diagnosis) else {}
     labelled = {name: f"{parameter_words(effect, name)} {words}" for name, words in sizes.items()}
@@ -97,12 +101,12 @@ def _ratios_first(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, str], r
 
 
 def _inertia(diagnosis: Diagnosis) -> str:
-    """Symbol of the inertia to which the ratios refer: b, or a for an inner rod alone."""
+    """Return the symbol of the inertia to which the ratios refer: b, or a for an inner rod alone."""
     return diagnosis.scale.inertia if diagnosis.scale else "b"
 
 
 def _ratio(unit: str, inertia: str, ratio: float, *interval90: float) -> str:
-    """Text of a ratio, for example `/ b = 0.1472 1/s² (0.1467 to 0.1476)`, also without its interval."""
+    """Format a ratio, for example `/ b = 0.1472 1/s² (0.1467 to 0.1476)`; the interval is optional."""
     operator = f"{'·' if unit == 'm^2' else '/'} {inertia}"  # a size in 1/kg decreases as the scale increases
     shown = "" if unit == "1" else superscripts(unit)
     size = with_unit(with_interval(ratio, *interval90) if interval90 else three(ratio), shown)

@@ -1,4 +1,4 @@
-"""Summary of a diagnosis: gap budget, its reproducible part, and causes."""
+"""Summarise a diagnosis: gap budget, its reproducible part, and causes."""
 
 from itertools import pairwise
 
@@ -16,7 +16,7 @@ from dpr_lab.shown import listed, percent
 
 
 def basis_words(diagnosis: Diagnosis) -> str:
-    """Description of the data on which the gap reduction is measured."""
+    """Describe the data on which the gap reduction is measured."""
     if diagnosis.basis == "one release":
         return "cross-validation between the quarters of one run"
     if diagnosis.basis == "releases left out":
@@ -25,17 +25,17 @@ def basis_words(diagnosis: Diagnosis) -> str:
 
 
 def held_out_words(diagnosis: Diagnosis) -> str:
-    """Description of the held-out data: whole runs, or pieces of a single recording."""
+    """Describe the held-out data: whole runs, or pieces of a single recording."""
     pieces = are_pieces(diagnosis.gap.closed_held_out.held_out)
     return "held-out pieces of the recording" if pieces else "held-out runs"
 
 
 def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """The gap of the bare model, split into the reduction by each effect and the remainder.
+    """Split the gap of the bare model into the reduction by each effect and the remainder.
 
-    The part of an effect is the difference between the rms values, rad, without and with it, given the previous
-    effects. Each probable cause has its own part, and the terms of improbable causes share one part. The result is None
-    if there is no gap.
+    The effects are added one after another. The part of an effect is the difference, rad, between the rms residuals
+    before and after the effect is added. Each probable cause has its own part, and the terms of improbable causes share
+    one part. The result is None if there is no gap.
     """
     if diagnosis.evidence is not None and diagnosis.evidence.closing:
         gaps = [(step.effect or "", step.left_rad) for step in diagnosis.evidence.closing]
@@ -64,7 +64,7 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and share of each part of the mean squared residual; empty if there is no gap."""
+    """Return label and share of each part of the mean squared residual; empty if there is no gap."""
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -80,7 +80,7 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """Bar of the mean squared residual, split by reproducibility; None if there is no gap."""
+    """Return a bar that splits the mean squared residual by reproducibility, or None if there is no gap."""
     parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
     budget = diagnosis.gap.budget
     pieces = (budget is not None and budget.basis != "recordings") or are_pieces(diagnosis.gap.closed_held_out.held_out)
@@ -90,7 +90,10 @@ def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the explained share of the reproducible gap and on varying parameters; empty if there is no gap."""
+    """Compose sentences on the explained share of the reproducible gap and on varying parameters.
+
+    The list is empty if there is no gap.
+    """
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -109,7 +112,7 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
 
 
 def _varying(parameter: VaryingParameter) -> str:
-    """Sentence on the spread of a parameter, with its smallest and largest value and their 90 % intervals."""
+    """Describe the spread of a parameter by its smallest and its largest value with their 90 % intervals."""
 
     def size(*values: float) -> str:
         return size_words(parameter.effect, parameter.name, RADIANS, *values)
@@ -124,7 +127,10 @@ def _varying(parameter: VaryingParameter) -> str:
 
 
 def summary_note(diagnosis: Diagnosis) -> str:
-    """Sentence on effects of the corrected model that are improbable as causes; empty without such effects."""
+    """Compose a sentence on effects of the corrected model that are improbable as causes.
+
+    The text is empty without such effects.
+    """
     improbable = [named(effect.name) for effect in diagnosis.effects if effect.probability < PROBABLE]
     return (
         f"The corrected model also contains {listed(improbable)}, which improve the fit but are improbable as causes"

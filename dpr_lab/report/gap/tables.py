@@ -1,4 +1,4 @@
-"""Tables of a diagnosis as rows of text, with notes that explain their columns."""
+"""Create the tables of a diagnosis as rows of text, with notes that explain the columns."""
 
 import re
 from collections.abc import Iterator
@@ -83,14 +83,14 @@ _COORDINATES = {"time": "time since release (s)", "load": "joint force (N)"}
 
 
 def quantity(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Label with unit for the values of a residual map, and factor from SI units."""
+    """Return the axis label for the values of a residual map, and the factor that converts SI values."""
     if place.unit == "rad":
         return f"encoder error ({angles.small})", angles.small_per_rad
     return _QUANTITIES.get(place.unit, (place.unit, 1.0))
 
 
 def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
-    """Label with unit for the coordinate of a residual map, and factor from SI units."""
+    """Return the axis label for the coordinate of a residual map, and the factor that converts SI values."""
     unit = angles.symbol.strip()
     if place.coordinate in ("angle", "speed"):
         return f"joint {place.coordinate} ({unit}{'/s' if place.coordinate == 'speed' else ''})", angles.per_rad
@@ -98,12 +98,12 @@ def coordinate(place: Where, angles: AngleUnit = RADIANS) -> tuple[str, float]:
 
 
 def sentence(diagnosis: Diagnosis) -> str:
-    """Sentences of the verdict, without sizes."""
+    """Return the sentences of the verdict, without sizes."""
     return in_words(diagnosis.sentence)
 
 
 def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
-    """Named effects that are probable causes, by the description of their class."""
+    """Return the named effects that are probable causes, by the description of their class."""
     return {
         " or ".join(map(named, effect.members)): effect
         for effect in diagnosis.effects
@@ -112,7 +112,7 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
 
 
 def summary_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, *, brief: bool = False) -> list[tuple[str, ...]]:
-    """One row per probable cause, in the columns `SUMMARY_COLUMNS`; `brief` as in `sizes_cell`."""
+    """Return one row for each probable cause, in the columns `SUMMARY_COLUMNS`; `brief` is that of `sizes_cell`."""
     return [
         (words, sizes_cell(diagnosis, effect, angles, brief=brief), percent(effect.probability))
         for words, effect in causes(diagnosis).items()
@@ -120,7 +120,7 @@ def summary_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, *, brief: bo
 
 
 def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """One row per effect of the corrected model, in the columns `EFFECT_COLUMNS`."""
+    """Return one row for each effect of the corrected model, in the columns `EFFECT_COLUMNS`."""
     return [
         (
             named(effect.name),
@@ -134,13 +134,13 @@ def effect_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple
 
 
 def contribution_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """One row per effect of the corrected model, in the columns `CONTRIBUTION_COLUMNS`."""
+    """Return one row for each effect of the corrected model, in the columns `CONTRIBUTION_COLUMNS`."""
     return [(name, members, share) for name, members, _, share, _ in effect_rows(diagnosis)]
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A named effect with its alternatives; if none is named, the effect that fits best."""
+    """A named effect and its alternatives; if no effect is named, the effect that fits best."""
 
     name: str
     members: tuple[str, ...]
@@ -151,7 +151,9 @@ class _Candidate:
 
 
 def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBABLE) -> list[tuple[str, ...]]:
-    """Alternatives of each named effect in the columns `STANDING_COLUMNS`; the probabilities of an effect add up to 1.
+    """Return the alternatives of each named effect, in the columns `STANDING_COLUMNS`.
+
+    The probabilities of an effect and its alternatives add up to 1.
 
     Args:
         diagnosis: the diagnosis
@@ -188,7 +190,7 @@ def standing_rows(diagnosis: Diagnosis, most: int = 2, open_from: float = PROBAB
 
 
 def open_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows of `standing_rows` without improbable alternatives; empty if no alternative is probable."""
+    """Return the rows of `standing_rows` without improbable alternatives; empty if no alternative is probable."""
     probable = any(alternative.probability >= PROBABLE for alternative in diagnosis.rivals)
     return standing_rows(diagnosis, most=0) if probable else []
 
@@ -209,7 +211,7 @@ def _candidates(diagnosis: Diagnosis) -> Iterator[_Candidate]:
 
 
 def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative: RivalEffect) -> str:
-    """Next step that distinguishes two effects, or the reason why the recordings already do so."""
+    """Return the next step that distinguishes two effects, or the reason why the recordings already do so."""
     if step := _next_step(diagnosis, candidate.name, alternative.name):
         return step
     if alternative.probability >= ALTERNATIVE_WORDS.improbable or alternative.cosine < ALTERNATIVE_WORDS.same_shape:
@@ -220,7 +222,7 @@ def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative
 
 
 def _next_step(diagnosis: Diagnosis, *names: str) -> str:
-    """Number of the first next step that mentions all given effects; empty if there is no such step."""
+    """Return the number of the first next step that mentions all given effects; empty if there is no such step."""
     numbers = (i for i, text in enumerate(diagnosis.advice, 1) if {*names} <= {*re.findall(r"\w+", text)})
     return next((f"next step {i}" for i in numbers), "")
 
@@ -232,7 +234,7 @@ def _percent(probability: float) -> str:
 
 
 def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Rows with the gap and the cumulative explained share of the excess, from the bare to the full model."""
+    """Return rows with the gap and the cumulative explained share of the excess, from the bare to the full model."""
     gaps, explained = steps(diagnosis), diagnosis.gap.explained_share
     shares = [1 - (gap / gaps[0][1]) ** 2 if gaps[0][1] > 0 else 0.0 for _, gap in gaps[:-1]]
     shares += [explained] if len(gaps) > 1 else [0.0]
@@ -243,7 +245,7 @@ def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[s
 
 
 def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Label and gap, rad, of each model, from the bare model to the model with all effects."""
+    """Return label and gap, rad, of each model, from the bare model to the model with all effects."""
     return [
         ("bare model", per_reading(diagnosis.gap, "before_rad")),
         *(
@@ -254,18 +256,24 @@ def steps(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def per_reading(gap: Gap, of: str) -> float:
-    """Root mean square of `floor_rad`, `before_rad` or `after_rad` of a gap over the joints with readings, rad."""
+    """Return the root mean square of a quantity of the gap over the joints with readings, rad.
+
+    `of` is `floor_rad`, `before_rad` or `after_rad`.
+    """
     read = [size for joint, size in getattr(gap, of).items() if gap.floor_rad[joint] > 0.0]
     return float(np.linalg.norm(read)) / max(len(read), 1) ** 0.5
 
 
 def run_words(name: str, held_out: bool = False) -> str:
-    """Label of a run or of a part of it: pose, time of the recording, and a mark for held-out data."""
+    """Return the label of a run or of a part of a run.
+
+    The label contains the pose, the time of the recording, and a mark for held-out data.
+    """
     return run_name(Path(f"{whole(name)}.mcap")) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Recommended recordings and checks with their ids, and advice for an open verdict."""
+    """Return recommended recordings and checks with their identifiers, and advice for an open verdict."""
     partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
     if diagnosis.only_uncertain:
         partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
@@ -292,7 +300,10 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """Names of the checks in an advice, such as ` [check 1-47d7, expected information 0.98 bits]`; else empty."""
+    """Return the checks that belong to an advice, for example ` [check 1-47d7, expected information 0.98 bits]`.
+
+    The text is empty if there are none.
+    """
     checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
     ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
     most = max((check.expected_bits for check in checks), default=0.0)
@@ -300,7 +311,7 @@ def _check_words(diagnosis: Diagnosis, advice: str) -> str:
 
 
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
-    """Rows of the places with the largest share of the excess chi-square, in the columns `PLACE_COLUMNS`."""
+    """Return the locations that contribute most to the excess chi-square, in the columns `PLACE_COLUMNS`."""
     return [
         (in_words(place.site), place.coordinate, percent(place.share), in_words(place.sentence))
         for place in diagnosis.where[:count]
@@ -308,10 +319,10 @@ def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
 
 
 def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -> tuple[Array, Array, Array]:
-    """Knots of a residual map, its values, and the half widths of their 90 % intervals, in displayed units.
+    """Return the knots of a residual map, its values, and the half widths of their 90 % intervals.
 
-    At a knot outside the recorded range, value and half width are NaN. Such a knot is recognised by a standard
-    deviation above `unknown` times the largest value of the map.
+    The result is in displayed units. At a knot outside the recorded range, value and half width are NaN. The standard
+    deviation of such a knot exceeds `unknown` times the largest value of the map.
     """
     (_, factor), (_, knot_factor) = quantity(place, angles), coordinate(place, angles)
     knots, values, std = knot_factor * np.array(place.knots), np.array(place.values), np.array(place.std)
@@ -320,13 +331,13 @@ def place_map(place: Where, angles: AngleUnit = RADIANS, unknown: float = 1e3) -
 
 
 def horizon_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """The gap by segment length, in the columns `HORIZON_COLUMNS`."""
+    """Return the gap by segment length, in the columns `HORIZON_COLUMNS`."""
     by_length = diagnosis.gap.by_horizon.items()
     return [(length, *(three(1e3 * gaps[name]) for name in ("before", "after"))) for length, gaps in by_length]
 
 
 def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
-    """Rows of all knots of the maps with the largest share of the excess, in the columns `MAP_COLUMNS`."""
+    """Return the knots of the residual maps that contribute most to the excess, in the columns `MAP_COLUMNS`."""
     return [
         (in_words(place.site), coordinate(place)[0], three(knot), quantity(place)[0], three(value), three(half_width))
         for place in diagnosis.where[:count]
@@ -335,7 +346,7 @@ def map_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
 
 
 def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | None = None) -> list[tuple[str, ...]]:
-    """Gap reduction by run, in the columns `CLOSED_COLUMNS`; held-out runs are marked.
+    """Return the gap reduction by run, in the columns `CLOSED_COLUMNS`; held-out runs are marked.
 
     Args:
         diagnosis: the diagnosis
@@ -357,7 +368,7 @@ def closed_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, most: int | N
 
 
 def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Minimum detectable size of every effect on these recordings, in the columns `DETECTABLE_COLUMNS`."""
+    """Return the minimum detectable size of every effect in these recordings, in the columns `DETECTABLE_COLUMNS`."""
     return [
         (
             named(name),
@@ -371,7 +382,10 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
 
 
 def findings_sentence(diagnosis: Diagnosis) -> str:
-    """Numbers of sensor faults by kind, `Sensor faults: outlier (236), jitter (2).`; empty without faults."""
+    """Count the sensor faults by kind, for example `Sensor faults: outlier (236), jitter (2).`.
+
+    The text is empty without faults.
+    """
     counts: dict[str, int] = {}
     for finding in diagnosis.sensor_findings:
         fault = named(finding.name) if finding.name in EFFECTS else finding.name.replace("_", " ")
@@ -380,7 +394,10 @@ def findings_sentence(diagnosis: Diagnosis) -> str:
 
 
 def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
-    """Sensor faults, in the columns `FINDING_COLUMNS`; more than `most` similar faults of all runs share one row."""
+    """Return the sensor faults, in the columns `FINDING_COLUMNS`.
+
+    More than `most` similar faults share one row.
+    """
     similar: dict[tuple[str, ...], list[SensorFinding]] = {}
     for finding in diagnosis.sensor_findings:
         fault = (named(finding.name).replace("_", " "), in_words(finding.axis or NONE), finding.evidence)

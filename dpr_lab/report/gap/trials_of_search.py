@@ -1,4 +1,4 @@
-"""Table of the trials in the model search of a diagnosis."""
+"""Create the table of the trials in the model search of a diagnosis."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ TRIAL_NOTE = (
 
 
 def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """One row per trial of the model search, in the columns `TRIAL_COLUMNS`."""
+    """Return one row for each trial of the model search, in the columns `TRIAL_COLUMNS`."""
     return [
         (
             step.move,
@@ -31,7 +31,7 @@ def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _changed(before: Sequence[str], tried: Sequence[str]) -> str:
-    """Difference between two sets of effects, for example `+ Coulomb friction, joint 2`."""
+    """Describe the difference between two sets of effects, for example `+ Coulomb friction, joint 2`."""
     removed = [f"− {EFFECTS[name].words}" for name in before if name not in tried]
     added = [f"+ {EFFECTS[name].words}" for name in tried if name not in before]
     return "; ".join([*removed, *added]) or "same effects"

@@ -1,4 +1,4 @@
-"""Sentences and table rows on blind trials on plants that resemble this rig.
+"""Compose sentences and table rows on blind trials with plants that resemble this rig.
 
 This module does not import the libraries for figures.
 """
@@ -13,7 +13,7 @@ from dpr_lab.shown import percent
 
 
 def trust_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the results of the blind trials and their limits."""
+    """Compose sentences on the results of the blind trials and their limits."""
     trust = diagnosis.trust
     if trust is None or not trust.trials:
         if "joint0" in diagnosis.gap.before_rad:
@@ -46,7 +46,7 @@ def _refused(trials: Sequence[TrustTrial]) -> str:
 
 
 def trial_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """One row per trial."""
+    """Return one row for each trial."""
     trials = diagnosis.trust.trials if diagnosis.trust else []
     return [
         (

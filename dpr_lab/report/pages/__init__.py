@@ -1,1 +1,1 @@
-"""HTML pages: blocks, template, and explanations of terms."""
+"""Create HTML pages from blocks, a template, and explanations of terms."""

@@ -1,4 +1,4 @@
-"""Page of a comparison with a model whose arm moves: ratios, angles of arm and rods, and residuals."""
+"""Write the page of a comparison with a moving-arm model: ratios, angles of arm and rods, and residuals."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -27,11 +27,11 @@ FIGURES = {
 def write_arm_report(
     model: MovingArmModel, runs: Sequence[ArmComparison], compared: Mapping[str, Any], out_dir: Path
 ) -> Path:
-    """Write `report.html` with its figures and return its path.
+    """Write `report.html` with its figures, and return the path of the file.
 
     Args:
         model: the model
-        runs: runs simulated with it
+        runs: runs that are simulated with the model
         compared: errors of these runs, as JSON values
         out_dir: folder of the report
 

@@ -1,4 +1,4 @@
-"""HTML pages of text, tables and figures, rendered by one Jinja2 template.
+"""Create HTML pages of text, tables and figures, rendered by one Jinja2 template.
 
 A page is a single file: figures are embedded, and no other file is loaded.
 """
@@ -109,7 +109,7 @@ Block = Paragraph | Heading | Items | PageTable | Picture | Definitions | Formul
 class Section:
     """Section of a page.
 
-    Its blocks are folded under the heading unless the section is open.
+    The blocks of the section are folded under the heading unless the section is open.
     """
 
     title: str
@@ -167,7 +167,7 @@ def _environment() -> "Environment":
 
 
 def _with_code(text: str) -> Any:
-    """Escape a text; parts between backticks become code."""
+    """Escape a text, and convert parts between backticks to code."""
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(_printable(text)))))
@@ -183,7 +183,7 @@ def _printable(value: Any) -> Any:
 
 
 def write_page(page: str, path: Path) -> Path:
-    """Write a page and return its path.
+    """Write a page, and return the path of its file.
 
     Raises:
         DprError: the folder or the file cannot be written.

@@ -1,4 +1,4 @@
-"""Explanations of the terms in table headers, one line each.
+"""Explain the terms in table headers, each in one line.
 
 `docs/glossary.md` contains the full definitions.
 """

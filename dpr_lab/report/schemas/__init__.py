@@ -1,4 +1,4 @@
-"""JSON Schemas of the results."""
+"""Define the JSON Schemas of the results."""
 
 from dpr_lab.report.schemas.generate import schema
 from dpr_lab.report.schemas.printed import SCHEMAS

@@ -1,4 +1,7 @@
-"""Generation of the JSON Schemas (2020-12) of the results from their types, with fields, bounds and descriptions."""
+"""Generate the JSON Schemas (2020-12) of the results from their types.
+
+A schema contains the fields, their bounds and their descriptions.
+"""
 
 import ast
 import inspect
@@ -27,7 +30,7 @@ def schema(name: str) -> dict[str, Any]:
 
 
 class _WithTexts(GenerateJsonSchema):
-    """Generator that describes each property by the docstring of its field and refuses other keys."""
+    """Schema generator that describes each property by the docstring of its field and refuses other keys."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         return _described(super().model_schema(schema), schema["cls"])
@@ -47,7 +50,7 @@ def _described(made: dict[str, Any], cls: type) -> dict[str, Any]:
 
 
 def _texts(cls: type) -> dict[str, str]:
-    """Docstring in the source for each field of a class."""
+    """Return the docstring of each field of a class, as written in the source."""
     if not cls.__module__.startswith("dpr_lab."):
         return {}
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body

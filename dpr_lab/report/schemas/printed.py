@@ -1,4 +1,4 @@
-"""Types of the results that commands print as JSON."""
+"""Define the types of the results that commands print as JSON."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -116,7 +116,7 @@ class PrintedDrift(Drift):
 
 @dataclass(frozen=True, slots=True)
 class PublishedSchema:
-    """A published type with the version of its schema.
+    """A published type and the version of its schema.
 
     The version increases when a reader of the previous version would fail.
     """

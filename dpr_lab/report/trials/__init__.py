@@ -1,1 +1,1 @@
-"""Report of a campaign of blind trials: tables, figures and page."""
+"""Create the report of a campaign of blind trials: tables, figures and page."""

@@ -1,4 +1,4 @@
-"""Figures of blind trials: confusion matrix, reliability diagram, detection rate by size."""
+"""Draw the figures of blind trials: confusion matrix, reliability diagram, detection rate by size."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,9 +15,9 @@ Summary = Mapping[str, Any]
 
 
 def confusion_figure(summary: Summary) -> Figure:
-    """Confusion matrix.
+    """Draw the confusion matrix.
 
-    Rows are hidden effects. Columns are the first named effect, or the verdict if no effect is named.
+    Rows are hidden effects. Columns are the first named effects, or the verdicts of trials without a named effect.
     """
     with style.house_style():
         table: Mapping[str, Mapping[str, int]] = summary["confusion"]
@@ -40,7 +40,10 @@ def confusion_figure(summary: Summary) -> Figure:
 
 
 def reliability_figure(summary: Summary) -> Figure:
-    """Reliability diagram: observed frequency against stated probability, with the number of claims per point."""
+    """Draw the reliability diagram: observed frequency against stated probability.
+
+    Each point has the number of its claims.
+    """
     with style.house_style():
         rows = summary["reliability"]
         if not rows:
@@ -67,7 +70,7 @@ def reliability_figure(summary: Summary) -> Figure:
 
 
 def size_figure(summary: Summary) -> Figure:
-    """Detection rate of hidden effects against their size, relative to the minimum detectable size."""
+    """Draw the detection rate of hidden effects against their size, relative to the minimum detectable size."""
     with style.house_style():
         rows = summary["by_size"]
         if not rows:

@@ -1,4 +1,4 @@
-"""HTML report of blind trials: scores, confusion matrix, calibration and detection rates."""
+"""Write the HTML report of blind trials: scores, confusion matrix, calibration and detection rates."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

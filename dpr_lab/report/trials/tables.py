@@ -1,4 +1,4 @@
-"""Tables of blind trials as rows of text."""
+"""Create the tables of blind trials as rows of text."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -56,7 +56,7 @@ NUMBERS = {
 
 
 def score_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Every score that has trials, in the columns `SCORE_COLUMNS`."""
+    """Return every score that has trials, in the columns `SCORE_COLUMNS`."""
     shares = [
         (label, percent(summary[name]), _interval(summary["interval90"][name]), f"{summary['of'][name]} trials")
         for name, label in SHARES.items()
@@ -66,7 +66,7 @@ def score_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def kind_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row per kind of plant, in the columns `KIND_COLUMNS`."""
+    """Return one row for each kind of plant, in the columns `KIND_COLUMNS`."""
     shares = ("first", "exact", "false_alarms", "unexplained_recall")
     return [
         (row["kind"], row["level"], str(row["trials"]), *(percent(row[name]) for name in shares))
@@ -75,7 +75,7 @@ def kind_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def size_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row per range of sizes, in the columns `SIZE_COLUMNS`."""
+    """Return one row for each range of sizes, in the columns `SIZE_COLUMNS`."""
     return [
         (size_range(row), str(row["effects"]), *(percent(row[name]) for name in ("named", "first", "exact")))
         for row in summary["by_size"]
@@ -83,7 +83,7 @@ def size_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def effect_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row per hidden effect, in the columns `EFFECT_COLUMNS`."""
+    """Return one row for each hidden effect, in the columns `EFFECT_COLUMNS`."""
     shares, errors = ("named", "first", "exact"), ("size_error", "size_error_p90")
     return [
         (
@@ -98,7 +98,7 @@ def effect_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """Rows on the reliability of stated probabilities, in the columns `CLAIM_COLUMNS`."""
+    """Return rows on the reliability of stated probabilities, in the columns `CLAIM_COLUMNS`."""
     return [
         (
             f"{row['claims']:.0f}",
@@ -111,7 +111,7 @@ def claim_rows(summary: Summary) -> list[tuple[str, ...]]:
 
 
 def failed_rows(summary: Summary) -> list[tuple[str, ...]]:
-    """One row per trial with an incorrect result, in the columns `FAILED_COLUMNS`."""
+    """Return one row for each trial with an incorrect result, in the columns `FAILED_COLUMNS`."""
     return [
         (
             f"{row['kind']}:{row['level']}",

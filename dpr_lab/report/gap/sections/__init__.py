@@ -1,4 +1,4 @@
-"""Sections of the report with evidence, one file each, in the order of the page."""
+"""List the report sections that show the evidence, in page order; each section has its own file."""
 
 from dpr_lab.report.gap.section import EvidenceSection
 from dpr_lab.report.gap.sections.budget import BUDGET

@@ -1,4 +1,4 @@
-"""Prediction uncertainty: contributions of all inputs, and the error of the prediction."""
+"""Show the prediction uncertainty: the contributions of all inputs, and the error of the prediction."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +13,7 @@ from dpr_lab.shown import percent
 
 
 def budget_figure(diagnosis: Diagnosis) -> Figure:
-    """Bars of all contributions, their combination, and the error, for the bare and the corrected model."""
+    """Draw bars of all contributions, their combination, and the error, for the bare and the corrected model."""
     budget = evidence_of(diagnosis).budget
     bars = [(source.name, source.before_rad, source.after_rad) for source in budget.sources]
     bars += [
@@ -45,7 +45,7 @@ def budget_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def budget_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences that compare the error with the uncertainty of the inputs."""
+    """Compose sentences that compare the error with the uncertainty of the inputs."""
     budget = evidence_of(diagnosis).budget
     return [
         "A simulation can differ from a recording even if the model is correct, because initial state,"
@@ -69,7 +69,7 @@ def _judged(error: float, uncertainty: float) -> str:
 
 
 def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows of all contributions, their combination, and the error."""
+    """Return the rows of all contributions, their combination, and the error."""
     budget = evidence_of(diagnosis).budget
     rows = [
         (
@@ -91,7 +91,7 @@ def source_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def run_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with error and uncertainty of each free run."""
+    """Return rows with error and uncertainty of each free run."""
     return [
         (
             run_words(run.run, run.held_out),

@@ -1,4 +1,4 @@
-"""Gap reduction as effects are added one at a time, on the data that validate the verdict."""
+"""Show how the gap decreases as effects are added one at a time, on the data that validate the verdict."""
 
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ from dpr_lab.shown import percent
 
 
 def closing_figure(diagnosis: Diagnosis) -> Figure:
-    """Waterfall from the gap of the bare model to the remainder."""
+    """Draw a waterfall from the gap of the bare model to the remainder."""
     steps = evidence_of(diagnosis).closing
     with style.house_style():
         if len(steps) < 2:
@@ -50,7 +50,7 @@ def _bar(line: dict) -> dict:
 
 
 def closing_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the gap before and after correction, and on the data of the comparison."""
+    """Compose sentences on the gap before and after correction, and on the data of the comparison."""
     steps = evidence_of(diagnosis).closing
     if len(steps) < 2:
         return ["No effect is named, so the gap is not reduced."]
@@ -66,7 +66,7 @@ def closing_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def closing_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with the gap and its cumulative reduction, one per model."""
+    """Return one row for each model, with the gap and its cumulative reduction."""
     return [
         (
             f"+ {named(step.effect)}" if step.effect else "bare model",

@@ -1,4 +1,4 @@
-"""Measured and simulated angles of the bare and of the corrected model."""
+"""Show measured angles, and angles that the bare and the corrected model simulate."""
 
 from collections.abc import Sequence
 
@@ -23,14 +23,17 @@ Angles = dict[str, Array]
 
 
 def angles_of(curves: Curves) -> Angles:
-    """Angles of the mounted rods, and of an arm that moves."""
+    """Return the angles of the mounted rods and of a moving arm, by name."""
     models = np.stack([curves.measured_rad, curves.before_rad, curves.after_rad], axis=2)
     rods = {name: models[:, rod] for rod, name in enumerate(("inner rod", "outer rod")[: curves.rods])}
     return ({"arm": np.array(curves.arm_rad)} if curves.arm_rad else {}) | rods
 
 
 def curves_figure(diagnosis: Diagnosis) -> Figure:
-    """Angles of arm and rods for each recording; below them the errors of the simulations and the arm's input."""
+    """Draw the angles of arm and rods for each recording.
+
+    The errors of the simulations and the input of the arm are below the angles.
+    """
     shown = evidence_of(diagnosis).curves[: PAGE.most_runs]
     with style.house_style():
         if not shown:
@@ -59,7 +62,7 @@ def curves_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def _draw_part(rows: Sequence[Axes], curves: Curves, part: tuple[str, Array] | None) -> None:
-    """Draw angles and errors of one part, in one column."""
+    """Draw angles and errors of one part of the rig in one column."""
     if part is None:
         for axes in rows:
             axes.set_visible(False)
@@ -79,7 +82,7 @@ def _draw_part(rows: Sequence[Axes], curves: Curves, part: tuple[str, Array] | N
 
 
 def _draw_input(row: Sequence[Axes], curves: Curves) -> None:
-    """Draw the input of the arm below its angle."""
+    """Draw the input of the arm below the angle of the arm."""
     row[0].step(curves.t_s, curves.input, where="post", color="#555555", linewidth=1.1)
     row[0].set_ylabel(curves.input_name.replace(" (", "\n("))
     row[0].margins(x=0.01)
@@ -88,7 +91,7 @@ def _draw_input(row: Sequence[Axes], curves: Curves) -> None:
 
 
 def curves_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the errors of the free runs of the recording with the largest error."""
+    """Compose sentences on the errors of the free runs, for the recording with the largest error."""
     runs = evidence_of(diagnosis).budget.runs
     worst = max(runs, key=lambda run: run.error_before_rad, default=None)
     if worst is None:
@@ -101,7 +104,7 @@ def curves_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def curves_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with every fifth point of the curves."""
+    """Return rows with every fifth point of the curves."""
     return [
         (run_words(curves.run), f"{curves.t_s[k]:.2f}", part, *(f"{angle:.4f}" for angle in angles[k]))
         for curves in evidence_of(diagnosis).curves[: PAGE.most_runs]

@@ -1,4 +1,4 @@
-"""Domain of validity: angles, speeds and days for which the corrected model was fitted and validated."""
+"""Show the domain of validity: angles, speeds and days for which the corrected model was fitted and validated."""
 
 from collections.abc import Sequence
 
@@ -20,7 +20,10 @@ COLOURS = "cividis_r"
 
 
 def domain_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the time that each rod spent at each angle and speed, s. Cells reached by held-out runs are outlined."""
+    """Draw the time that each rod spent at each angle and speed, s.
+
+    Cells that held-out runs reach are outlined.
+    """
     maps = evidence_of(diagnosis).coverage
     with style.house_style():
         if not maps:
@@ -50,7 +53,7 @@ def _draw_map(axes: Axes, rod: str, occupancy: Occupancy, colours: LogNorm) -> N
 
 
 def domain_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the intended use and its limits."""
+    """Compose sentences on the intended use and its limits."""
     evidence = evidence_of(diagnosis)
     fitted, held_out = ([r for r in evidence.recordings if r.held_out is wanted] for wanted in (False, True))
     until = min((run.until_s for run in evidence.budget.runs), default=0.0)
@@ -89,7 +92,7 @@ def _days(days: list[str], count: int) -> str:
 
 
 def domain_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with speeds and durations for each range of angles."""
+    """Return rows with speeds and durations for each range of angles."""
     rows = []
     for rod, occupancy in evidence_of(diagnosis).coverage.items():
         edges, speeds = occupancy.angle_edges_rad, occupancy.speed_edges_rad_per_s

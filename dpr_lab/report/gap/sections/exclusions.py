@@ -1,4 +1,4 @@
-"""Excluded effects: effects that the recordings would have shown at the stated size."""
+"""Show excluded effects: the recordings would have shown these effects at the stated size."""
 
 from collections import defaultdict
 
@@ -11,7 +11,7 @@ from dpr_lab.shown import percent
 
 
 def exclusion_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the number of excluded effects and the limits of this statement."""
+    """Compose sentences on the number of excluded effects and on the limits of this statement."""
     excluded, not_excluded = _split(diagnosis)
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [
@@ -38,7 +38,7 @@ def exclusion_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows of the excluded effects, in the order of the library."""
+    """Return one row for each excluded effect, in the order of the library."""
     excluded, _ = _split(diagnosis)
     return [
         (
@@ -54,7 +54,7 @@ def exclusion_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _split(diagnosis: Diagnosis) -> tuple[dict[str, list[Exclusion]], list[str]]:
-    """Excluded effects with their amplitudes, and names of the other effects."""
+    """Return the excluded effects with their amplitudes, and the names of the effects that are not excluded."""
     by_effect: dict[str, list[Exclusion]] = defaultdict(list)
     for exclusion in evidence_of(diagnosis).exclusions:
         by_effect[exclusion.effect].append(exclusion)

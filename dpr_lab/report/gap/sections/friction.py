@@ -1,4 +1,4 @@
-"""Friction torque of each joint against its speed, with its 90 % interval."""
+"""Show the friction torque of each joint against its speed, with a 90 % interval."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,7 +17,7 @@ from dpr_lab.shown import listed
 
 
 def friction_figure(diagnosis: Diagnosis) -> Figure:
-    """Friction torque of each joint against its speed."""
+    """Draw the friction torque of each joint against its speed."""
     friction = evidence_of(diagnosis).friction
     with style.house_style():
         if not friction:
@@ -49,7 +49,7 @@ def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
 
 
 def friction_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on the torque of each joint at its smallest and its largest speed."""
+    """Compose sentences on the friction torque of each joint at its smallest and its largest speed."""
     sentences = []
     for joint, curve in evidence_of(diagnosis).friction.items():
         torque, std = _in_mNm(curve)
@@ -68,7 +68,7 @@ def friction_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def friction_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows for some speeds of each joint."""
+    """Return rows for some speeds of each joint."""
     rows = []
     for joint, curve in evidence_of(diagnosis).friction.items():
         points = list(zip(curve.speed_rad_per_s, *_in_mNm(curve), strict=True))
@@ -79,7 +79,7 @@ def friction_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _in_mNm(curve: JointFriction) -> tuple[list[float], list[float]]:
-    """Torques and their standard deviations, mN m."""
+    """Convert the torques and their standard deviations to mN m."""
     return [1e3 * torque for torque in curve.torque_Nm], [1e3 * std for std in curve.std_Nm]
 
 

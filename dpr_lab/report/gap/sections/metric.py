@@ -1,4 +1,4 @@
-"""Area validation metric of the angle distributions within the predictability horizon."""
+"""Show the area validation metric: a comparison of the angle distributions within the predictability horizon."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ RODS = ("inner rod", "outer rod")
 
 
 def metric_figure(diagnosis: Diagnosis) -> Figure:
-    """Differences of quantiles for the recording with the largest area metric of the bare model."""
+    """Draw differences of quantiles for the recording with the largest area metric of the bare model."""
     evidence = evidence_of(diagnosis)
     with style.house_style():
         if not evidence.curves:
@@ -52,7 +52,7 @@ def _draw_quantiles(axes: Axes, curves: Curves, column: int) -> None:
 
 
 def metric_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on mean area metrics and predictability horizons."""
+    """Compose sentences on the mean area metrics and on the predictability horizons."""
     runs = evidence_of(diagnosis).budget.runs
     if not runs:
         return ["No recording was simulated."]
@@ -77,7 +77,7 @@ def metric_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def metric_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with area metric and horizon of each free run."""
+    """Return rows with area metric and horizon of each free run."""
     return [
         (
             run_words(run.run, run.held_out),

@@ -1,4 +1,4 @@
-"""Provenance of a diagnosis: recordings, rig file, version and date."""
+"""Show the provenance of a diagnosis: recordings, rig file, version and date."""
 
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.digits import NONE
@@ -6,7 +6,7 @@ from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
 
 
 def provenance_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on date, version and rig."""
+    """Compose sentences on date, version and rig."""
     evidence = evidence_of(diagnosis)
     time = evidence.made_utc.replace("T", " ").removesuffix("+00:00")
     return [
@@ -18,7 +18,7 @@ def provenance_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def recording_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows of the recordings with their SHA-256."""
+    """Return one row for each recording, with its SHA-256."""
     return [
         (
             recording.name,

@@ -1,4 +1,4 @@
-"""Residual analysis: whiteness and normality of the residuals of both models."""
+"""Show the residual analysis: whiteness and normality of the residuals of both models."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ LINES = {"before": ("bare model", style.SIMULATED), "after": ("corrected model",
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
-    """Autocorrelation and normal quantile plot of the residuals, one row per joint."""
+    """Draw autocorrelation and normal quantile plot of the residuals, with one row per joint."""
     look = evidence_of(diagnosis).residuals
     with style.house_style():
         figure = new_figure(0.5 + 2.5 * len(look.joints))
@@ -63,7 +63,7 @@ def _band(look: ResidualLook) -> float:
 
 
 def residual_words(diagnosis: Diagnosis) -> list[str]:
-    """Sentences on first-lag autocorrelation and share of large residuals, by joint and model."""
+    """Compose sentences on the autocorrelation at lag 1 and the share of large residuals, by joint and model."""
     sentences = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
         first_lag = {name: (*whiteness.autocorrelation, 0.0, 0.0)[1] for name, whiteness in models.items()}
@@ -82,7 +82,7 @@ def residual_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with the autocorrelation at six lags and the share of large residuals, by joint and model."""
+    """Return the autocorrelation at six lags and the share of large residuals, by joint and model."""
     rows = []
     for joint, models in evidence_of(diagnosis).residuals.joints.items():
         for name, whiteness in models.items():
@@ -93,7 +93,7 @@ def residual_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def quantile_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Rows with every fifth point of the quantile plots, by joint."""
+    """Return rows with every fifth point of the quantile plots, by joint."""
     look = evidence_of(diagnosis).residuals
     return [
         (in_words(joint), three(look.normal[i]), *(three(models[name].quantiles[i]) for name in LINES))
