@@ -1,5 +1,6 @@
 """Create the report of drift between groups of runs: verdict, tables, control charts and HTML page."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +10,10 @@ from matplotlib.figure import Figure
 
 from dpr_lab.drift.changes import Drift, ParameterChange
 from dpr_lab.drift.estimates import Estimates
+from dpr_lab.dynamics.base import RATIO_UNITS
+from dpr_lab.effects import EFFECTS
 from dpr_lab.report import style
+from dpr_lab.report.digits import superscripts
 from dpr_lab.report.figures import new_figure, save_each
 from dpr_lab.report.pages.page import PageTable, Section, page_html, pictures, write_page
 from dpr_lab.shown import listed, percent
@@ -55,9 +59,22 @@ def between(parameter: ParameterChange) -> str:
 def relative(parameter: ParameterChange, change: float) -> str:
     """Format a change in per cent of the mean of the first group, or in SI units if this mean is about zero."""
     if not _has_size(parameter):
-        return f"{change:+.3g}"
+        return f"{change:+.3g} {unit_of(parameter.name)}".strip()
     per_cent = round(100 * change / abs(parameter.first), 6)  # equal data must not change by rounding errors
     return f"{per_cent:+.3g} %"
+
+
+def unit_of(name: str) -> str:
+    """SI unit of a parameter, such as `1/s²` for `coulomb_joint2.torque_Nm/b`; empty for a pure number."""
+    effect, _, amplitude = name.rpartition(".")
+    unit = RATIO_UNITS.get(name, "")
+    if name in "ab":
+        unit = "kg m^2"
+    elif effect in EFFECTS:
+        symbol, *ratio = re.split(r"[/*]", amplitude)
+        parameter = next(p for p in EFFECTS[effect].parameters if p.name == symbol)
+        unit = parameter.ratio_unit if ratio else parameter.unit
+    return "" if unit == "1" else superscripts(unit)
 
 
 def _has_size(parameter: ParameterChange) -> bool:
@@ -71,7 +88,7 @@ def rows(drift: Drift) -> list[list[str]]:
         [
             parameter.name,
             "yes" if parameter.moved else "no",
-            f"{parameter.first:.6g}",
+            f"{parameter.first:.6g} {unit_of(parameter.name)}".strip(),
             relative(parameter, parameter.change),
             _range(parameter, parameter.change_interval),
             " and ".join(parameter.between),
@@ -168,7 +185,7 @@ def _draw(axes: Axes, parameter: ParameterChange, values: np.ndarray, critical: 
     axes.axhspan(-limit, limit, **style.NOISE_BAND)
     axes.plot((values - parameter.first) * scale, marker="o", markersize=3, **style.EVOLUTION)
     axes.set_title(f"{parameter.name}{f': change {between(parameter)}' if parameter.moved else ''}")
-    axes.set_ylabel("change (%)" if _has_size(parameter) else "change")
+    axes.set_ylabel(f"change ({'%' if _has_size(parameter) else unit_of(parameter.name) or 1})")
 
 
 def _range(parameter: ParameterChange, interval: tuple[float, float]) -> str:

@@ -114,6 +114,21 @@ def sets(bare: Callable[..., Any], screened: Callable[..., Any], recorded: Calla
     return FittedSets(screened(runs), problem, library, base)
 
 
+def test_a_score_test_is_repeated_for_a_much_better_fit_of_its_set(
+    bare: Callable[..., Any], screened: Callable[..., Any], recorded: Callable[..., list[Run]]
+) -> None:
+    runs = recorded(TRUTHS["two effects"], duration=1.0)[:1]
+    problem, base = bare(runs)
+    ratios = base.fit.estimate.ratios.copy()
+    sets = FittedSets(screened(runs), problem, {"coulomb_joint2": EFFECTS["coulomb_joint2"]}, base)
+    for factor, repeated in ((1.02, True), (1 + 1e-9, False)):
+        start = base.fit.estimate.changed(ratios=factor * ratios)
+        worse = hypothesis(problem, (), fit(problem, start, base.fit.free, iterations=0))
+        fresh = replace(sets, _tests={})
+        assert fresh.test(worse).fit is worse.fit
+        assert (fresh.test(base).fit is base.fit) == repeated
+
+
 @pytest.mark.slow
 def test_one_score_needs_no_test_of_the_whole_library(sets: FittedSets) -> None:
     name = "coulomb_joint2"

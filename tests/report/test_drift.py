@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 from dpr_lab.drift.changes import Difference, Drift, ParameterChange
-from dpr_lab.report.drift import basis_sentence, group_rows, relative, rows, sentence
+from dpr_lab.report.drift import basis_sentence, group_rows, relative, rows, sentence, unit_of
 
 
 def moved(name: str = "c2/b", first: float = 0.2, change: float = 0.03) -> ParameterChange:
@@ -44,7 +44,22 @@ def test_groups_that_differ_in_all_parameters_are_named_once() -> None:
 
 
 def test_a_change_from_about_zero_is_absolute() -> None:
-    assert relative(moved(first=1e-5), 0.03) == "+0.03"
+    assert relative(moved(first=1e-5), 0.03) == "+0.03 1/s"
+
+
+def test_values_have_their_unit() -> None:
+    units = {
+        "a/b": "",
+        "e1/b": "1/s²",
+        "b": "kg m²",
+        "coulomb_joint2.torque_Nm": "N m",
+        "coulomb_joint2.torque_Nm/b": "1/s²",
+        "friction_drift_joint1.rate_Nm_per_rad/b": unit_of("friction_drift_joint1.rate_Nm_per_rad/a"),
+    }
+    assert {name: unit_of(name) for name in units} == units
+    (row,) = rows(drift(moved("coulomb_joint2.torque_Nm/b", first=1e-5)))
+    assert [row[2], row[3]] == ["1e-05 1/s²", "+0.03 1/s²"]
+    assert row[4].endswith(" 1/s²")
 
 
 def test_ratios_of_sizes_are_explained() -> None:

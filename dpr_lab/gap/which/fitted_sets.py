@@ -40,7 +40,7 @@ from dpr_lab.gap.hypothesis.hypothesis import (
 )
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest, score_test
 from dpr_lab.gap.hypothesis.steps import recorded
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, far_from_noise, substitute_curve
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.sizes import off_axis, rises, significantly_oversized
@@ -163,12 +163,17 @@ class FittedSets:
     def _tested(self, model: Hypothesis, effects: Set[str]) -> ScoreTest:
         """Score test of a set that contains at least the given effects.
 
-        A previous test that lacks some of them is repeated with all, for the same fit.
+        A previous test that lacks some of them is repeated with all, for the same fit. It is also repeated if the set
+        has a much better fit by now. A slightly better fit does not matter, because a test solves for the fitted
+        parameters, too.
         """
         test = self._tests.get(model.key)
-        if test is None or not effects <= test.tested:
+        chance = THRESHOLDS.chance * model.residuals.inflation
+        outdated = test is not None and test.fit.chi2 - model.fit.chi2 > chance
+        if test is None or outdated or not effects <= test.tested:
             self.on_progress(ScoreTestBegan(model.effects))
-            fitted, tested = (model.fit, effects) if test is None else (test.fit, effects | test.tested)
+            fitted = model.fit if test is None or outdated else test.fit
+            tested = effects if test is None else effects | test.tested
             library = [effect for name, effect in self.library.items() if name in tested]
             known = recorded(self.recordings.records, self.problem, fitted)
             self._tests[model.key] = test = score_test(self.problem, fitted, library, known)
