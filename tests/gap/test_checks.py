@@ -122,6 +122,14 @@ def test_runs_that_decide_nothing_are_refused(
         update(before, before.checks[0], CheckAnswer((Mock(spec=Run),), load_rig("paper")))
 
 
+def test_a_recording_of_another_rig_is_no_check() -> None:
+    before = open_between(made(), "com_offset_link1")
+    before = before.model_copy(update={"evidence": Evidence.model_construct(rig="bench")})
+    run = Mock(spec=Run, file=Path("x.mcap"))
+    with pytest.raises(RunError, match=r"x.mcap: is a run of rig paper, but the diagnosis is of rig bench: record"):
+        update(before, before.checks[0], CheckAnswer((run,), load_rig("paper")))
+
+
 def test_a_candidate_that_cannot_be_simulated_is_excluded_with_finite_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     residuals = Mock(inflation=1.0)
     fitted = {CLOCK: Mock(cost=10.0, residuals=residuals), "com_offset_link1": Mock(cost=np.inf, residuals=residuals)}

@@ -89,6 +89,11 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig
+    if diagnosis.evidence is not None and rig.name != diagnosis.evidence.rig:
+        raise RunError(
+            f"{answer.runs[0].file or answer.runs[0].name}: is a run of rig {rig.name}, but the diagnosis is of rig"
+            f" {diagnosis.evidence.rig}: record the release of the check with that rig"
+        )
     recordings = recordings_as_in(diagnosis, answer.runs, rig)
     recordings, problem, others_model = fit_bare_model(recordings, diagnosis.unknowns)
     others = {name: dict(values) for name, values in diagnosis.model_effects.items() if name != about}

@@ -202,6 +202,7 @@ diagnosed first.
         self.say(in_words(made.sentence))
         releases = self.query_one(DataTable)
         row = releases.cursor_row
+        releases.display = bool(made.releases)
         releases.clear(columns=True)
         releases.add_columns(*COLUMNS, *[FORECAST] * bool(made.forecast))
         for release in made.releases:

@@ -9,6 +9,7 @@ from rich.console import Console
 from textual.app import App
 from textual.widgets import DataTable, Input, Static
 
+from dpr_lab.planning.result import Plan
 from dpr_lab.rig import load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.storage.reader import load_run
@@ -65,6 +66,11 @@ async def test_a_first_plan_is_a_list_with_reasons_and_a_release_of_it_becomes_t
         releases = app.query_one(DataTable)
         assert releases.row_count == len(made["releases"]) == 3
         assert "P(decided)" not in [str(column.label) for column in releases.columns.values()]
+        whole = Plan.model_validate({name: value for name, value in made.items() if name != "files"})
+        step(app)._draw(whole.model_copy(update={"releases": []}))
+        assert not releases.display  # no header of an empty list
+        step(app)._draw(whole)
+        assert releases.display
         await pilot.press("down")
         second = made["releases"][1]
         assert f"reason: {second['reason']}" in text(app, "#details")
