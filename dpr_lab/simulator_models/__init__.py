@@ -1,7 +1,7 @@
-"""Read simulator models (MJCF, URDF, SDFormat) and find the double pendulum in them.
+"""Read simulator models (MJCF, URDF, SDFormat), and find the double pendulum in a model.
 
-Each reader converts a file to a `SimulatorModel`: parts, joints and gravity, with all joints at zero. `double_pendulum`
-finds the two rods in this model, and the arm if there is one.
+Each reader converts a file to a `SimulatorModel`, which contains parts, joints and gravity with all joints at zero.
+`double_pendulum` finds the two rods in this model, and the arm if there is one.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ def read_model(path: Path, text: bytes | None = None) -> SimulatorModel:
 
     Args:
         path: the file
-        text: content to read in place of the file; None: the content of the file
+        text: content that is read instead of the content of the file; None: the content of the file
 
     Raises:
         ConfigError: the file cannot be read, is none of these formats, or its library is not installed.

@@ -1,7 +1,8 @@
-"""Types for the rods of a model: an inner rod, an outer rod on it, and optionally an arm with a vertical axis.
+"""Define types for the rods of a model: an inner rod, an outer rod on it, and optionally an arm.
 
-The arm may carry only the inner rod. theta_i is the angle of rod i from upright about the axis of joint 1
-(docs/theory.md). The inner rod points from joint 1 to joint 2, the last rod from its joint to its centre of mass.
+The axis of the arm is vertical. The arm may carry only the inner rod. theta_i is the angle of rod i from upright, about
+the axis of joint 1 (docs/theory.md). The inner rod points from joint 1 to joint 2. The last rod points from its joint
+to its centre of mass.
 """
 
 import math
@@ -12,7 +13,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Vector
 
 @dataclass(frozen=True, slots=True)
 class ChainLimits:
-    """Tolerances for parallel axes and for parts fixed to the elbow, and default gravity."""
+    """Tolerances for parallel axes and for parts that are fixed to the elbow, and the default gravity."""
 
     gravity: float = 9.81
     """Gravity of a model that contains none, m/s^2."""
@@ -31,7 +32,7 @@ CHAIN = ChainLimits()
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
-    """Property of a joint of the model for which a rig file has no key."""
+    """Property of a joint of the model that no key of a rig file can contain."""
 
     joint: str
     quantity: str
@@ -44,7 +45,7 @@ class JointTerm:
 
 @dataclass(frozen=True, slots=True)
 class ChainRod:
-    """A rod and its joint, SI units."""
+    """A rod and its joint, in SI units."""
 
     joint: ModelJoint
     mass: float
@@ -68,7 +69,7 @@ class ChainRod:
 
 @dataclass(frozen=True, slots=True)
 class ChainArm:
-    """The arm, SI units."""
+    """The arm and its joint, in SI units."""
 
     joint: ModelJoint
     length: float
@@ -84,7 +85,7 @@ class ChainArm:
 
 @dataclass(frozen=True, slots=True)
 class ModelChain:
-    """The rods of a model, and its arm if it has one."""
+    """The rods of a model, and the arm if the model has one."""
 
     rods: tuple[ChainRod, ...]
     """Inner and outer rod. A model with an arm may have a single rod."""
@@ -102,7 +103,7 @@ class ModelChain:
 
     @property
     def parts(self) -> tuple[ChainRod | ChainArm, ...]:
-        """The rods, and the arm if there is one."""
+        """The rods, then the arm if there is one."""
         return (*self.rods, *((self.arm,) if self.arm else ()))
 
     @property

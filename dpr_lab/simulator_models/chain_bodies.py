@@ -18,7 +18,7 @@ def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
 
 
 def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
-    """Total mass, centre of mass, and inertia (3, 3) about the centre of mass of some parts.
+    """Compute the total mass, the centre of mass, and the inertia (3, 3) about the centre of mass of some parts.
 
     Raises:
         ConfigError: the parts have no mass.
@@ -37,7 +37,10 @@ def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
 
 
 def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJoint, plane: Vector) -> list[Part]:
-    """Parts of the inner rod whose centre of mass is on the axis of joint 2, except the body of the rod."""
+    """Return the parts of the inner rod whose centre of mass is on the axis of joint 2.
+
+    The body of the rod itself is omitted.
+    """
     length = float(np.linalg.norm(plane @ (next_joint.anchor - joint.anchor)))
     if not length > 1e-6:
         raise ConfigError(f"the axes of {joint.name!r} and {next_joint.name!r} coincide: L1 would be zero")
@@ -48,7 +51,7 @@ def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJo
 def inner_rod(
     parts: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
 ) -> tuple[ChainRod, float]:
-    """Build the inner rod, and compute its angle when its joint is at zero, rad."""
+    """Build the inner rod, and compute the angle of this rod when its joint is at zero, rad."""
     joint, next_joint = joints
     towards = plane @ (next_joint.anchor - joint.anchor)
     length = float(np.linalg.norm(towards))
@@ -80,7 +83,7 @@ def last_rod(
         plane: (2, 3) unit vectors of the plane of the swing, upwards first
         e: (3,) axis of the rods
         name: name of the rod, for messages
-        inner: angle of the part that carries the rod with all joints at zero, rad; pi: hanging
+        inner: angle of the part that carries the rod when all joints are at zero, rad; pi: hanging
     """
     mass, centroid, inertia = sum_of(parts)
     towards = plane @ (centroid - joint.anchor)
@@ -96,7 +99,7 @@ def last_rod(
 
 
 def _wrapped(angle: float) -> float:
-    """Angle in (-pi, pi], rad."""
+    """Wrap an angle to (-pi, pi], rad."""
     return -((-angle + math.pi) % (2 * math.pi) - math.pi)
 
 
@@ -108,7 +111,7 @@ def arm_of(
     e: Vector,
     notes: list[str],
 ) -> ChainArm:
-    """Build the arm with the rods at its end.
+    """Build the arm, which carries the rods at its end.
 
     Args:
         joints: joint of the arm, and joint of the inner rod

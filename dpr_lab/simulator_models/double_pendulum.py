@@ -1,4 +1,7 @@
-"""Find the double pendulum, or the single rod on an arm, in a model, and note parts that a rig file cannot contain."""
+"""Find the double pendulum, or the single rod on an arm, in a model.
+
+Notes describe the parts that a rig file cannot contain.
+"""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +17,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Part, SimulatorModel, Vect
 
 
 def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: float | None = None) -> ModelChain:
-    """Find the rods and the arm of a model, with their values.
+    """Find the rods and the arm of a model, and compute their values.
 
     Args:
         model: the model
@@ -78,7 +81,7 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
 def _two_rods(
     groups: Sequence[list[Part]], joints: Sequence[ModelJoint], plane: Vector, e: Vector
 ) -> tuple[tuple[ChainRod, ChainRod], float]:
-    """Inner and outer rod, and the mass of the parts on the axis between them."""
+    """Build inner and outer rod, and compute the mass of the parts on the axis between the rods."""
     inner, outer = joints[:2]
     at_elbow = parts_at_elbow(groups[0], inner, outer, plane)
     inner_parts = [part for part in groups[0] if part not in at_elbow]
@@ -123,7 +126,7 @@ def _spring_rest(joint: ModelJoint) -> JointTerm:
 
 
 def _driven(model: SimulatorModel, joints: Sequence[ModelJoint], notes: list[str], unlimited: float = 1e4) -> None:
-    """Add notes on actuators and on stops.
+    """Add notes on actuators and on stops of the joints.
 
     Stops beyond `unlimited` rad are not noted.
     """

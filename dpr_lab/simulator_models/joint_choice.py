@@ -26,12 +26,12 @@ class Hinges(NamedTuple):
 
     @property
     def all(self) -> list[int]:
-        """Indices for the rods, followed by the index for the arm."""
+        """Indices for the rods, then the index for the arm."""
         return [*self.rods, *(() if self.arm is None else (self.arm,))]
 
 
 def joint_of(model: SimulatorModel, index: int) -> ModelJoint:
-    """Joint of a part that has a joint."""
+    """Return the joint of a part that has a joint."""
     joint = model.parts[index].joint
     assert joint is not None
     return joint
@@ -42,7 +42,7 @@ def _hinges(model: SimulatorModel) -> list[int]:
 
 
 def carrier(model: SimulatorModel, index: int, among: set[int]) -> int:
-    """Nearest ancestor of a part that is in `among`; -1 if there is none."""
+    """Return the nearest ancestor of a part that is in `among`; -1 if there is none."""
     above = model.parts[index].parent
     while above >= 0 and above not in among:
         above = model.parts[above].parent
@@ -116,7 +116,7 @@ def only_choice(model: SimulatorModel) -> Hinges:
 
 
 def _across(model: SimulatorModel, first: int, second: int) -> bool:
-    """Whether the axes of two joints are perpendicular, like those of an arm and a rod."""
+    """Check whether the axes of two joints are perpendicular, like the axes of an arm and a rod."""
     return _between(joint_of(model, first).axis, joint_of(model, second).axis) > math.pi / 2 - CHAIN.parallel
 
 
@@ -128,14 +128,14 @@ def _depth(model: SimulatorModel, index: int) -> int:
 
 
 def _between(first: Vector, second: Vector) -> float:
-    """Angle between two axes regardless of their direction, rad."""
+    """Compute the angle between two axes regardless of their direction, rad."""
     return math.atan2(float(np.linalg.norm(np.cross(first, second))), abs(float(first @ second)))
 
 
 def refuse_tilted(joint: ModelJoint, axis: Vector, what: str, notes: list[str]) -> None:
-    """Check that the axis of a joint is parallel to `axis`; a small angle is added to the notes.
+    """Check that the axis of a joint is parallel to `axis`.
 
-    `what` describes the axis in the message.
+    A small angle between the axes is added to the notes. `what` describes `axis` in the message.
 
     Raises:
         ConfigError: the axes are not parallel.

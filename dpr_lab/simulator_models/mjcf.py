@@ -1,4 +1,4 @@
-"""Read MJCF files by MuJoCo's `MjSpec`.
+"""Read MJCF files by `MjSpec` of MuJoCo.
 
 Meshes, textures and plugins are removed from the file first.
 """
@@ -66,7 +66,7 @@ class BodyFrame:
 
 @dataclass(frozen=True, slots=True)
 class CompiledMjcf:
-    """A compiled file with all joints at zero."""
+    """A compiled MJCF file with all joints at zero."""
 
     name: str
     model: Any
@@ -77,25 +77,28 @@ class CompiledMjcf:
 
     @property
     def unnamed(self) -> set[str]:
-        """Names given to joints that have no name in the file."""
+        """Names that are given to joints without a name in the file."""
         return {_name(self.model, j) for j in range(self.model.njnt) if not self.model.joint(j).name}
 
     def body(self, joint: str) -> BodyFrame:
-        """Body of a joint."""
+        """Return the frame of the body that a joint moves."""
         m, b = self.model, int(self.model.joint(joint).bodyid[0])
         turned = np.array(self.data.xmat[b]).reshape(3, 3)
         local = (np.array(values[b]) for values in (m.body_ipos, m.body_iquat, m.body_inertia, m.body_pos))
         return BodyFrame(m.body(b).name or f"of joint {joint}", turned, *local)
 
     def simulator_model(self) -> SimulatorModel:
-        """Parts, joints and gravity of the model."""
+        """Return the parts, joints and gravity of the model."""
         parts = tuple(_parts(self.model, self.data))
         gravity = np.zeros(3) if _disabled(self.model, "gravity") else np.array(self.model.opt.gravity)
         return SimulatorModel(self.name, "MJCF", gravity, parts, tuple(_actuators(self.model)), self.notes)
 
 
 def read_mjcf(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read a file of MuJoCo with its includes; arguments and errors are those of `compile_mjcf`."""
+    """Read a file of MuJoCo with its includes.
+
+    Arguments and errors are those of `compile_mjcf`.
+    """
     return compile_mjcf(path, text).simulator_model()
 
 
@@ -144,14 +147,14 @@ def compile_mjcf(path: Path, text: bytes | None = None) -> CompiledMjcf:
 
 
 def _scalar_positions(model: Any) -> list[int]:
-    """Indices of the angles of hinges and slides in qpos."""
+    """Return the indices in qpos of the positions of hinges and slides."""
     return [
         int(model.jnt_qposadr[j]) for j in range(model.njnt) if JOINT_KINDS[model.jnt_type[j]] in ("slide", "hinge")
     ]
 
 
 def _bared(root: Element, path: Path) -> list[str]:
-    """Remove the elements in `IGNORED` and return notes on the removed elements.
+    """Remove the elements in `IGNORED`, and return notes on the removed elements.
 
     Raises:
         ConfigError: the file generates bodies by a macro, or takes a mass from a mesh.
@@ -194,7 +197,7 @@ def _shaped_by_file(geom: Element) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _ShapeMasses:
-    """Rules of a file that determine which shapes have mass."""
+    """Rules of a file for deciding which shapes have mass."""
 
     defaults: dict[str, dict[str, str]]
     """Attributes of the shapes of each default class, including inherited attributes."""
@@ -205,7 +208,7 @@ class _ShapeMasses:
 
     @classmethod
     def of(cls, root: Element) -> "_ShapeMasses":
-        """Rules from the defaults and compiler options of a file."""
+        """Read the rules from the defaults and compiler options of a file."""
         defaults: dict[str, dict[str, str]] = {"main": {}}
 
         def visit(default: Element, inherited: dict[str, str]) -> None:
@@ -221,9 +224,9 @@ class _ShapeMasses:
         return cls(defaults, (_number(least, 0.0), _number(most, 5.0)), options.get("inertiafromgeom") == "true")
 
     def has_mass(self, geom: Element, inherited: str) -> bool:
-        """Whether a shape has mass.
+        """Check whether a shape has mass.
 
-        `inherited` is the default class of the elements around the shape.
+        `inherited` is the default class that the surrounding elements define.
         """
         values = self.defaults.get(geom.get("class", inherited), {}) | geom.attrib
         least, most = self.groups
@@ -240,7 +243,7 @@ def _number(text: str, default: float) -> float:
 
 
 def _own(parent: Element, inherited: str) -> Iterator[tuple[Element, str]]:
-    """Elements of a body with the default class around them; elements within frames are included."""
+    """Yield the elements of a body with their inherited default class; elements within frames are included."""
     inherited = parent.get("childclass", inherited)
     for child in parent:
         if child.tag == "frame":
@@ -267,7 +270,7 @@ def _refuse_masses_of_meshes(body: Element, moving: bool, inherited: str, shapes
 
 
 def _parts(model: Any, data: Any) -> Iterator[Part]:
-    """Parts of all bodies.
+    """Yield the parts of all bodies.
 
     A body with several joints becomes several parts, of which only the last has mass.
     """
@@ -330,7 +333,10 @@ def _disabled(model: Any, flag: str) -> bool:
 
 
 def _ends(model: Any, data: Any, body: int) -> Iterator[np.ndarray]:
-    """End points of capsules, cylinders and boxes along their axes, and centres of spheres."""
+    """Yield points on the shapes of a body.
+
+    These are the end points of capsules, cylinders and boxes along their axes, and the centres of spheres.
+    """
     for g in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
         centre, axes = np.array(data.geom_xpos[g]), np.array(data.geom_xmat[g]).reshape(3, 3)
         size = model.geom_size[g]

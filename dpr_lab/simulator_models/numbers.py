@@ -1,6 +1,7 @@
-"""Check the numbers in a simulator's file before the library of its format reads them.
+"""Check the numbers in a simulator file before the library of the format reads the file.
 
-The libraries accept invalid numbers: that of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as zero.
+The libraries accept invalid numbers. The library of SDFormat reads `1,5` as 1.0, and MuJoCo reads an empty text as
+zero.
 """
 
 import math
@@ -18,9 +19,9 @@ _INFINITY = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 def refuse_bad_attributes(
     root: Element, names: frozenset[str], path: Path, words: Collection[str] = frozenset()
 ) -> None:
-    """Check the numbers in the attributes with these names.
+    """Check the numbers in the attributes with the given names.
 
-    Attributes of the elements `words` are not numbers and are not checked.
+    Attributes of elements in `words` are not checked, because they are not numbers.
 
     Raises:
         ConfigError: an attribute contains something other than finite numbers; the message names file, element and
@@ -37,7 +38,7 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
 
     Args:
         root: root element of the file
-        keys: element -> its children that contain numbers
+        keys: names of the children that contain numbers, by the name of the element
         unbounded: names of children that may be infinite
         path: the file
 
@@ -57,7 +58,7 @@ def refuse_bad_texts(root: Element, keys: Mapping[str, frozenset[str]], unbounde
 
 
 def _problem(text: str) -> str:
-    """Describe invalid numbers in a text; empty if all numbers are valid."""
+    """Describe an invalid number in a text; return an empty text if all numbers are valid."""
     parts = text.split()
     if not parts:
         return "is empty: give a number, or remove the entry"
@@ -66,7 +67,10 @@ def _problem(text: str) -> str:
 
 
 def _labelled(root: Element) -> Iterator[tuple[str, Element]]:
-    """Every element with its own name, or that of its nearest named ancestor, for messages."""
+    """Yield every element with a label for messages.
+
+    The label contains the name of the element, or the name of its nearest ancestor that has a name.
+    """
     waiting = [("", root)]
     while waiting:
         label, element = waiting.pop()

@@ -43,7 +43,7 @@ UNBOUNDED = frozenset({"lower", "upper"})
 
 
 def read_sdf(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read an SDFormat file; `text`, if given, replaces its content.
+    """Read an SDFormat file; if `text` is given, it replaces the content of the file.
 
     Raises:
         ConfigError: Drake is not installed or refuses the file.
@@ -90,7 +90,7 @@ def _refuse_masses_of_meshes(root: Element, path: Path) -> None:
 
 
 def _from_shapes(element: Element) -> bool:
-    """Whether the mass and inertia of a link are computed from its collision shapes."""
+    """Check whether mass and inertia of a link are computed from its collision shapes."""
     return any(inertial.get("auto") in ("true", "1") for inertial in element.findall("inertial"))
 
 
@@ -104,7 +104,7 @@ def _strip(parent: Element, counts: Counter[str]) -> None:
 
 
 def _parts(plant: Any, context: Any, elements: dict[str, Element]) -> list[Part]:
-    """Bodies of the plant, each after its parent."""
+    """List the bodies of the plant, each after its parent."""
     world = plant.world_body().index()
     by_child = {}
     for index in plant.GetJointIndices():
@@ -145,7 +145,10 @@ def _above(by_child: dict[Any, Any], body: Any, world: Any) -> Any:
 
 
 def _rotors(plant: Any) -> dict[Any, float]:
-    """Rotor inertia times squared gear ratio, kg m^2, by joint index; from extensions of the format by Drake."""
+    """Compute the rotor inertia times the squared gear ratio, kg m^2, for each joint index.
+
+    The values are from extensions of the format by Drake.
+    """
     actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
     return {a.joint().index(): float(a.default_rotor_inertia() * a.default_gear_ratio() ** 2) for a in actuators}
 
@@ -178,7 +181,7 @@ def _joint(plant: Any, context: Any, joint: Any, element: Element | None, rotor_
 
 
 def _mimic(element: Element | None) -> dict[str, str]:
-    """Name of the joint that a joint mimics (`<mimic>` of its axis, or `<drake:mimic>`); empty if there is none."""
+    """Describe the joint that a joint mimics (`<mimic>` of its axis, or `<drake:mimic>`); empty if there is none."""
     if element is None:
         return {}
     if (mimic := element.find("axis/mimic")) is not None:

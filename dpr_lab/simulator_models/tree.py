@@ -1,4 +1,7 @@
-"""Tree of parts and joints of a simulator model, in world coordinates with all joints at zero, SI units."""
+"""Define the tree of parts and joints of a simulator model.
+
+All values are in world coordinates with all joints at zero, in SI units.
+"""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -83,13 +86,13 @@ class SimulatorModel:
 
 
 def follows(joint: str, factor: float, offset: float) -> dict[str, str]:
-    """Entry of `ModelJoint.other` for a joint that mimics another joint."""
+    """Return the entry of `ModelJoint.other` for a joint that mimics another joint."""
     plus = f" + {offset:g}" if offset else ""
     return {"follows another joint (mimic), which is not in the rig file:": f"{factor:g} x {joint!r}{plus}"}
 
 
 def frame(roll: float, pitch: float, yaw: float) -> Vector:
-    """(3, 3) rotation about the fixed axes x, y, z in this order, rad."""
+    """Compute the rotation (3, 3) about the fixed axes x, y, z, in this order; the angles are in rad."""
     (a, b), (c, d), (e, f) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))
     about_x = np.array([[1, 0, 0], [0, a, -b], [0, b, a]])
     about_y = np.array([[c, 0, d], [0, 1, 0], [-d, 0, c]])

@@ -1,4 +1,4 @@
-"""Read URDF files by `urdf_parser_py`, which receives only links and joints.
+"""Read URDF files by `urdf_parser_py`, to which only links and joints are passed.
 
 Source: https://wiki.ros.org/urdf/XML.
 """
@@ -24,7 +24,7 @@ NUMBERS = frozenset("xyz rpy value ixx ixy ixz iyy iyz izz damping friction lowe
 
 
 def read_urdf(path: Path, text: bytes | None = None) -> SimulatorModel:
-    """Read a URDF file; `text`, if given, replaces its content.
+    """Read a URDF file; if `text` is given, it replaces the content of the file.
 
     Raises:
         ConfigError: the library is not installed, or the file is not valid.
@@ -82,14 +82,14 @@ def _refuse_macros(root: Element, path: Path) -> None:
 
 
 def _without_namespaces(root: Element) -> None:
-    """Remove attributes with prefixes and declarations of prefixes, because they are not part of URDF."""
+    """Remove declarations of prefixes and attributes with prefixes, because they are not part of URDF."""
     for element in root.iter():
         for key in [key for key in element.attrib if ":" in key or key == "xmlns"]:
             del element.attrib[key]
 
 
 def _complete(root: Element, path: Path) -> None:
-    """Add the link `world` if it is a parent that the file does not declare.
+    """Add the link `world` if a joint names it as a parent and the file does not declare it.
 
     Raises:
         ConfigError: two links have the same name, or a joint names a link that does not exist.
@@ -115,14 +115,14 @@ def _numbers(text: str | None, default: str, count: int = 3) -> Vector:
 
 
 def _pose(origin: Any) -> tuple[Vector, Vector]:
-    """Rotation and position of an origin element."""
+    """Return rotation and position of an origin element."""
     if origin is None:
         return np.eye(3), np.zeros(3)
     return frame(*(origin.rpy or (0.0, 0.0, 0.0))), np.array(origin.xyz or (0.0, 0.0, 0.0), dtype=np.float64)
 
 
 def _parts(robot: Any, shapes: Mapping[str, tuple[Vector, ...]], rotors: Mapping[str, float], path: Path) -> list[Part]:
-    """Links as parts, each after its parent."""
+    """Convert links to parts, each after its parent."""
     children: dict[str, list[Any]] = {}
     for joint in robot.joints:
         children.setdefault(joint.parent, []).append(joint)
@@ -177,7 +177,7 @@ def _joint(joint: Any, turned: Vector, position: Vector, rotor_inertia: float) -
 
 
 def _ends(link: Element) -> tuple[Vector, ...]:
-    """End points of the boxes and cylinders of a link, in its frame."""
+    """Return the end points of the boxes and cylinders of a link, in the frame of the link."""
     points: list[Vector] = []
     for shape in (*link.findall("visual"), *link.findall("collision")):
         try:
@@ -210,7 +210,10 @@ def _actuators(root: Element) -> list[ModelActuator]:
 
 
 def _rotors(root: Element, path: Path) -> dict[str, float]:
-    """Rotor inertia times squared gear ratio, kg m^2, by joint name; from extensions of the format by Drake."""
+    """Compute the rotor inertia times the squared gear ratio, kg m^2, for each joint name.
+
+    The values are from extensions of the format by Drake.
+    """
     rotors = {}
     for transmission in root.findall("transmission"):
         refuse_bad_attributes(transmission, frozenset({"value"}), path)

@@ -11,7 +11,7 @@ from dpr_lab.simulator_models.xml_file import parse_xml
 
 @dataclass(slots=True)
 class StartTag:
-    """Position of a start tag in the text."""
+    """Start tag of an element and its position in the text."""
 
     tag: str
     attributes: dict[str, str]
@@ -28,7 +28,7 @@ class StartTag:
 
 @dataclass(frozen=True, slots=True)
 class ChangedAttribute:
-    """Changed number of a file."""
+    """A changed number of a file."""
 
     element: str
     """Description of the element."""
@@ -41,7 +41,7 @@ class ChangedAttribute:
 
 
 class XmlEdit:
-    """Text of a file with pending changes."""
+    """Text of a file and its pending changes."""
 
     def __init__(self, data: bytes, name: str) -> None:
         """Read the positions of all elements.
@@ -79,12 +79,12 @@ class XmlEdit:
     changes: list[ChangedAttribute]
 
     def find(self, tag: str, **attributes: str) -> int | None:
-        """Index of the first element with this tag and these attributes; None if there is none."""
+        """Return the index of the first element with this tag and these attributes; None if there is none."""
         wanted = attributes.items()
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
 
     def child(self, parent: int, tag: str) -> int | None:
-        """Index of the first child with this tag; None if there is none."""
+        """Return the index of the first child with this tag; None if there is none."""
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and t.parent == parent), None)
 
     def set(self, index: int, label: str, **attributes: str) -> None:
@@ -123,7 +123,7 @@ class XmlEdit:
         self.changes += [ChangedAttribute(label, tag, "", value) for tag, value in texts.items()]
 
     def text(self) -> bytes:
-        """Content of the file with the changes."""
+        """Return the content of the file with the changes."""
         data = self.data
         for index in sorted({*self._new, *self._inserted, *self._texts}, reverse=True):
             first = self.tags[index].first
@@ -141,12 +141,15 @@ class XmlEdit:
         return data
 
     def _content(self, index: int) -> bytes:
-        """Content of an element: the bytes between its tags."""
+        """Return the content of an element: the bytes between its tags."""
         tag = self.tags[index]
         return self.data[_end_of_tag(self.data, tag.first) : max(tag.end, _end_of_tag(self.data, tag.first))]
 
     def _insertion(self, index: int, data: bytes, first: int) -> str:
-        """Text of the inserted elements, each on a separate line and indented by two more spaces than their parent."""
+        """Return the text of the inserted elements.
+
+        Each element is on a separate line, and is indented by two more spaces than its parent.
+        """
         if index not in self._inserted:
             return ""
         line = data[data.rfind(b"\n", 0, first) + 1 : first].decode("utf-8")
@@ -155,7 +158,7 @@ class XmlEdit:
 
 
 def _end_of_tag(data: bytes, first: int) -> int:
-    """Position after the `>` of a start tag; a `>` in quotes is ignored."""
+    """Return the position after the `>` of a start tag; a `>` in quotes is ignored."""
     quote = 0
     for place in range(first, len(data)):
         byte = data[place]

@@ -1,4 +1,4 @@
-"""Read untrusted XML files; entities, document types and includes from outside the model's folder are refused."""
+"""Read untrusted XML files; refuse entities, document types, and includes from outside the folder of the model."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from dpr_lab.whole_file import regular
 
 @dataclass(frozen=True, slots=True)
 class XmlLimits:
-    """Size limits of a pendulum model."""
+    """Limits for the files of a pendulum model."""
 
     bytes: int = 5_000_000
     """Maximum size of one file, bytes."""
@@ -48,7 +48,7 @@ def read_xml(path: Path, text: bytes | None = None) -> Element:
 
 
 def parse_xml(data: bytes, name: str) -> Element:
-    """Parse a document; `name` is its name in messages.
+    """Parse a document; `name` is the name of the document in messages.
 
     Raises:
         ConfigError: as for `read_xml`.
@@ -82,7 +82,7 @@ def parse_xml(data: bytes, name: str) -> Element:
 
 
 def with_includes(path: Path, data: bytes | None = None) -> Element:
-    """Read a document and replace each `<include file="...">` by the content of that file.
+    """Read a document, and replace each `<include file="...">` by the content of the included file.
 
     If `data` is given, it is used instead of the content of the document.
 
@@ -119,7 +119,7 @@ def _include(parent: Element, path: Path, folder: Path, above: tuple[Path, ...],
 
 
 def _inside(file: Path, folder: Path, place: str) -> Path:
-    """Path of a file with symbolic links resolved.
+    """Return the path of a file with resolved symbolic links.
 
     Raises:
         ConfigError: the file is outside the folder.
