@@ -1,1 +1,4 @@
-"""Blind trials: random simulated rigs are sealed, recorded, diagnosed and revealed, and the diagnoses are scored."""
+"""Run blind trials and score the diagnoses.
+
+Random simulated rigs are sealed, recorded, diagnosed and revealed.
+"""

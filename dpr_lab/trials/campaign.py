@@ -58,7 +58,7 @@ class Campaign:
     """
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:
-        """Requests for the trials with the given numbers, as JSON values.
+        """Create the cases of the trials with the given numbers, as JSON values.
 
         Raises:
             ConfigError: the rig is unknown.
@@ -108,10 +108,11 @@ def run_campaign(
     Args:
         campaign: definition of the campaign
         n: total number of trials
-        folder: folder of the campaign, created or continued
+        folder: folder of the campaign, which is created or continued
         jobs: number of processes on this machine
         scheduler: address of a dask scheduler that is used instead of these processes
-        on_trial: called at the start and after each trial, with the number of finished trials and the last result
+        on_trial: function that is called at the start and after each trial; its arguments are the number of finished
+            trials and the last result
 
     Raises:
         RunError: the folder contains another campaign, or a campaign that is running.
@@ -161,7 +162,10 @@ def _done(cases: list[Case], jobs: int, scheduler: str | None) -> Iterator[Done]
 
 
 def _claim(folder: Path, campaign: Campaign) -> None:
-    """Write the definition of a campaign to a folder; if the folder contains a definition, check that it is equal."""
+    """Write the definition of a campaign to a folder.
+
+    If the folder already contains a definition, check that both definitions are equal.
+    """
     settings = json.loads(json.dumps(asdict(campaign))) | {"version": __version__}
     file = folder / SETTINGS
     if not file.exists():

@@ -1,7 +1,7 @@
 """Run one trial of a campaign in any process; the case and its outcome are JSON values.
 
-To make hundreds of trials feasible, the simulated device records its plant directly, without a link and faster than
-real time. The recorded counts are the same as through the link.
+The simulated device records its plant directly, without a link and faster than real time. Hundreds of trials are
+therefore feasible. The recorded counts are the same as with a link.
 """
 
 import time
@@ -50,7 +50,9 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @contextmanager
 def plant_of(case: dict[str, Any], *, direct: bool = True) -> Iterator[HeldPlant]:
-    """Seal the plant of a case, and restrict this process to one thread; `direct` as for `sealed_in_memory`.
+    """Seal the plant of a case, and restrict this process to one thread.
+
+    `direct` is that of `sealed_in_memory`.
 
     Raises:
         DprError: the device failed, or another version is installed here.

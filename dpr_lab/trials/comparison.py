@@ -1,7 +1,7 @@
-"""Table of a revealed trial: each hidden effect with its diagnosis, followed by incorrectly named effects.
+"""Create the table of a revealed trial: each hidden effect with its diagnosis, then incorrectly named effects.
 
-If only ratios to b are identified, true and estimated sizes are given as ratios, followed by absolute values for the
-assumed b.
+If only ratios to b are identified, true and estimated sizes are given as ratios. Absolute values for the assumed b
+follow.
 """
 
 from dpr_lab.gap.result.causes import NamedEffect
@@ -19,7 +19,7 @@ COLUMNS = ("hidden effect", "true size", "diagnosis", "estimated size, 90 % inte
 
 
 def comparison_rows(opened: Opened, rig: Rig) -> list[tuple[str, ...]]:
-    """Table rows, one for each hidden effect and one for each incorrectly named effect.
+    """Return one row for each hidden effect and one for each incorrectly named effect.
 
     A cell has one line for each size.
     """
@@ -50,5 +50,5 @@ def _diagnosed(diagnosis: Diagnosis, effect: NamedEffect | None) -> tuple[str, s
 
 
 def _lines(sizes: str) -> str:
-    """Format a cell with one size per line, so that true and estimated sizes of an effect are in the same line."""
+    """Format a cell with one size per line, so that true and estimated sizes of an effect are on the same line."""
     return sizes.replace("; ", "\n")

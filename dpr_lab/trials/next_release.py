@@ -17,7 +17,7 @@ from dpr_lab.run import Run
 
 @dataclass(frozen=True, slots=True)
 class SequentialSettings:
-    """Settings that all strategies share."""
+    """Settings that all strategies have in common."""
 
     duration_s: float = 10.0
     """Duration of every release, s; the strategy `free` chooses its own durations."""
@@ -32,10 +32,12 @@ EQUAL_TIMES = RecordingTimes(shortest_s=SEQUENTIAL.duration_s, longest_s=SEQUENT
 
 
 def limits_of(rig: Rig, largest_input: float | None = None, times: RecordingTimes = EQUAL_TIMES) -> PlanLimits:
-    """Limits of the plans in a sequential trial, which permit the same kinds of releases as the other strategies.
+    """Return the limits of the plans in a sequential trial.
+
+    The limits permit the same kinds of releases that the other strategies use.
 
     Args:
-        rig: the rig; its mounted rods and the mode of its arm do not change
+        rig: the rig; the mounted rods and the mode of the arm do not change
         largest_input: largest input of the arm's motor in the input signal that the other strategies use
         times: permitted durations
     """
@@ -43,7 +45,7 @@ def limits_of(rig: Rig, largest_input: float | None = None, times: RecordingTime
 
 
 def arm_of(rig: Rig) -> ArmState:
-    """State of the arm in every release of a rig."""
+    """Return the state of the arm in every release of a rig."""
     return rig.arm.mode if rig.arm.mode in ("free", "driven") else "held"
 
 
@@ -73,7 +75,10 @@ def planned(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
-    """Choose the next release of a fixed list: the poses of the rig file, then the menu of recommended recordings."""
+    """Choose the next release of a fixed list.
+
+    The list contains the poses of the rig file, then the menu of recommended recordings.
+    """
     poses = [_release(now.rig, pose.theta1, pose.theta2) for pose in now.rig.poses.values()]
     alone = now.rig.rods.mounting in ("inner", "outer")
     menu = [
@@ -85,13 +90,16 @@ def from_menu(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
-    """Choose a random start pose, uniformly distributed over both angles."""
+    """Choose a random start pose with a uniform distribution of both angles."""
     theta1, theta2 = now.rng.uniform(0.0, 2 * np.pi, 2).tolist()
     return _release(now.rig, theta1, theta2), None
 
 
 def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
-    """Create a release with the present setup of the rig; a driven arm follows the input signal of the device."""
+    """Create a release with the present setup of the rig.
+
+    A driven arm follows the input signal of the device.
+    """
     mounting = rig.rods.mounting
     return CandidateRelease(theta1, theta2, SEQUENTIAL.duration_s, mounting, rig.added_mass, arm=arm_of(rig))
 

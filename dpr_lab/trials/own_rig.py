@@ -1,9 +1,9 @@
-"""Blind trials on simulated plants that resemble one rig.
+"""Run blind trials on simulated plants that resemble one rig.
 
-Each plant is the corrected model of the rig, recorded in the same way with different noise. The readings are simulated
-by the model of dpr-lab itself, with a quarter of the integration step. The trials therefore show how reliable the named
-effects are for this rig, these recordings and this noise, but not for effects outside the library. (`dpr-lab trials`
-uses plants of an independent simulation program.)
+The plants are variants of the corrected model of the rig, with known effects. They are recorded like the rig, with
+different noise. The readings are simulated by dpr-lab itself with a quarter of the integration step. The trials show
+how reliable the named effects are for this rig, these recordings and this noise. They do not show this for effects
+outside the library. (`dpr-lab trials` uses plants of an independent simulation program.)
 """
 
 import time
@@ -58,7 +58,7 @@ OWN_RIG = OwnRigSettings()
 
 @dataclass(frozen=True, slots=True)
 class _Original:
-    """A recording, and the initial state from which its plant is simulated."""
+    """A recording and the initial state from which its plant is simulated."""
 
     run: Run
     seen: Screened
@@ -89,8 +89,8 @@ def trust(
         library: the candidate effects
         max_effects: maximum number of effects in a diagnosis
         seed: seed of plants and noise
-        processes: number of trials in parallel; with 1 the trials run in this process
-        on_trial: called before the first trial and after each trial, with the number of finished trials
+        processes: number of trials in parallel; if it is 1, the trials run in this process
+        on_trial: function that is called before the first trial and after each trial with the number of finished trials
 
     Raises:
         DprError: a process was killed.
@@ -108,7 +108,10 @@ def trust(
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """Data that all trials share; an instance is called with the number of a trial, in any process."""
+    """Data that all trials share.
+
+    An instance is called with the number of a trial, in any process.
+    """
 
     diagnosis: Diagnosis
     originals: tuple[_Original, ...]
@@ -139,7 +142,7 @@ class _Plan:
 
 
 def _made(trial: Callable[[int], TrustTrial], count: int, processes: int) -> Iterator[tuple[int, TrustTrial]]:
-    """Run the trials in this process or in others, and yield each finished trial with its number."""
+    """Run the trials in this process or in other processes, and yield each finished trial with its number."""
     if processes < 2:
         yield from ((number, trial(number)) for number in range(count))
         return
@@ -182,7 +185,10 @@ def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random
 
 
 def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
-    """Simulate the readings of a plant at the instants of a recording; readings before the release are not changed."""
+    """Simulate the readings of a plant at the instants of a recording.
+
+    Readings before the release are not changed.
+    """
     run, screened = original.run, original.seen
     swing = run.t > original.start_s
     finer = segments([run.t[swing]], setups=[run.setup], step=STEP / OWN_RIG.finer)
@@ -237,7 +243,7 @@ def _summed(trials: Sequence[TrustTrial], seed: int) -> Trust:
 
 
 def _cells(trial: TrustTrial) -> list[tuple[str, str]]:
-    """Cells of the confusion table, as (true, named) pairs.
+    """Return the cells of the confusion table as pairs (true, named).
 
     A correctly named effect is paired with itself. Missed effects are paired with incorrect names.
     """

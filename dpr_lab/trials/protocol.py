@@ -1,11 +1,9 @@
 """Run a blind trial in a folder: draw and record a plant, write the diagnosis, and then reveal the plant.
 
-trial.json      the seal, published before the recording; written when all runs are complete
-rig.toml        the rig file of the plant
-runs/           one recording from each of its poses, through the real protocol
-device/         files of the device, which dpr-lab never reads
-diagnosis.json  the diagnosis
-opened.json     the truth, checked against the seal, and the score
+trial.json      the seal, published before the recording; written when all runs are complete rig.toml        the rig
+file of the plant runs/           one recording from each pose of the rig file, through the real protocol device/
+files of the device, which dpr-lab never reads diagnosis.json  the diagnosis opened.json     the truth, checked against
+the seal, and the score
 """
 
 import json
@@ -32,7 +30,7 @@ RIG_FILE, DEVICE = "rig.toml", "device"
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A trial in a folder."""
+    """A trial that is stored in a folder."""
 
     folder: Path
     seal: str
@@ -67,7 +65,7 @@ class Opened:
 
 
 def keep_runs(folder: Path, seal: str, request: PlantRequest, files: Sequence[Path]) -> Trial:
-    """Write `trial.json` after a plant was drawn, sealed and recorded.
+    """Write `trial.json` after a plant has been drawn, sealed and recorded.
 
     A folder counts as a trial as soon as this file exists.
     """
@@ -106,7 +104,7 @@ def keep_diagnosis(trial: Trial, diagnosis: dict[str, Any]) -> None:
     """Write the diagnosis of a trial.
 
     Raises:
-        RunError: the truth is already revealed, so the diagnosis would not be blind.
+        RunError: the truth is already revealed, so that the diagnosis would not be blind.
     """
     refuse_opened(trial)
     write_json(diagnosis, trial.diagnosis)

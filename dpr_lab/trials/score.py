@@ -20,7 +20,7 @@ Json = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """One hidden effect of a plant."""
+    """A hidden effect of a plant."""
 
     name: str
     over_limit: float | None
@@ -45,7 +45,7 @@ class SizeError:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A statement of a diagnosis with its probability, and whether the statement is true."""
+    """A statement of a diagnosis with a probability, and whether the statement is true."""
 
     probability: float
     true: bool
@@ -101,7 +101,7 @@ class TrialOutcome:
 
     @property
     def named_classes(self) -> tuple[tuple[str, ...], ...]:
-        """Members of the class of each named effect, the named effect itself first."""
+        """Members of the class of each named effect; the named effect itself is the first member."""
         return self.classes or tuple((name,) for name in self.named)
 
     @property
@@ -120,8 +120,8 @@ class TrialOutcome:
     def is_true(self) -> bool:
         """Whether the statement of the diagnosis is true.
 
-        This is the case if the grade is `right`, or if each effect that was not named is below its minimum detectable
-        size: "no gap", or a list of causes, is a statement only about effects above these sizes.
+        The statement is true if the grade is `right`, or if each effect that was not named is below its minimum
+        detectable size. "No gap", or a list of causes, is a statement only about effects above these sizes.
         """
         if self.grade == "right":
             return True
@@ -202,9 +202,9 @@ def score(
 
 
 def _named(diagnosis: Json) -> list[Json]:
-    """Effects that the diagnosis names.
+    """Return the effects that the diagnosis names.
 
-    A jump of a reading that only the sensor screening found counts as a named effect without a probability.
+    A jump of a reading that only the sensor screening detects counts as a named effect without a probability.
     """
     effects: list[Json] = list(diagnosis["effects"]) if diagnosis["verdict"] in NAMING else []
     steps = any(finding["name"] == STEP for finding in diagnosis["sensor_findings"])
@@ -223,13 +223,16 @@ def _causes(
 
 
 def over_limit(sizes: Mapping[str, float], least: Mapping[str, float | None]) -> float | None:
-    """Ratio of an effect's size to its minimum detectable size, for its most visible amplitude."""
+    """Compute the ratio of an effect's size to its minimum detectable size, for the most visible amplitude.
+
+    The result is None if no minimum detectable size is known.
+    """
     ratios = ((abs(size), least.get(name)) for name, size in sizes.items())
     return max((size / limit for size, limit in ratios if limit), default=None)
 
 
 def _faults(truth: Truth) -> list[str]:
-    """Names of the sensor findings that the faulty encoders of the plant should cause."""
+    """Return the names of the sensor findings that the faulty encoders of the plant should cause."""
     hidden_faults = {
         "undithered_quantisation": truth.encoders["step_counts"] > 1,
         "jitter": truth.encoders["jitter_ms"] > 0,
@@ -241,13 +244,19 @@ def _faults(truth: Truth) -> list[str]:
 
 
 def cause_named(effect: Json, truth: Truth) -> int | None:
-    """Index of the true cause to which a named effect, or a member of its class, corresponds; None if there is none."""
+    """Return the index of the true cause that a named effect, or a member of its class, matches.
+
+    None if there is none.
+    """
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)
 
 
 def _claims(diagnosis: Json, effects: Sequence[Json], hits: Sequence[int | None], truth: Truth) -> list[Claim]:
-    """Statements of the diagnosis with a probability: each named effect, or no gap, or an unexplained gap."""
+    """Return the statements of the diagnosis that have a probability.
+
+    These are the named effects, or the statement that there is no gap or an unexplained gap.
+    """
     if claimed := _claimed(effects, hits):
         return claimed
     true = {"no_gap": truth.clean, "unexplained": truth.outside}.get(diagnosis["verdict"], False)
@@ -260,9 +269,10 @@ def _claimed(effects: Sequence[Json], hits: Sequence[int | None]) -> list[Claim]
 
 
 def _sizes(effects: Sequence[Json], true: Mapping[str, Mapping[str, float]]) -> list[SizeError]:
-    """Errors of the estimated amplitudes of correctly named effects.
+    """Compute the errors of the estimated amplitudes of correctly named effects.
 
-    True effects of which only an indistinguishable effect was named are omitted, because they have no estimate.
+    If only an indistinguishable effect is named for a true effect, the true effect is omitted, because its amplitudes
+    have no estimate.
     """
     errors: list[SizeError] = []
     for effect in effects:

@@ -1,7 +1,7 @@
 """Send requests to the process of the simulated device, which draws, seals and reveals a plant.
 
-The truth stays in a folder of the device, which dpr-lab never reads. dpr-lab receives a seal, a rig file and
-recordings.
+The truth stays in the memory or in a folder of the device; dpr-lab never reads this folder. dpr-lab receives a seal, a
+rig file and recordings.
 """
 
 import json
@@ -50,7 +50,7 @@ ON_ARM: tuple[Kind, ...] = (Kind.SINGLE, Kind.PAIR, Kind.TRIPLE, Kind.CLEAN, Kin
 
 
 class Level(StrEnum):
-    """Visibility of the hidden content."""
+    """Visibility of the hidden content of a plant."""
 
     CLEAR = "clear"
     """A gap of at least twice the noise."""
@@ -94,13 +94,13 @@ def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[s
     Args:
         request: the requested plant
         folder: folder that the device creates
-        direct: whether the device also records the plant, without link
+        direct: whether the device also records the plant, without a link
 
     Returns:
         `seal`; `rig`, the text of the plant's rig file; `runs` if the plant is recorded
 
     Raises:
-        ConfigError: rig or plant is unknown, or the folder exists already.
+        ConfigError: rig or plant is unknown, or the folder already exists.
     """
     from dpr_lab.kernel_cache import compiling_simulator  # hashes every kernel source
 
@@ -134,7 +134,7 @@ class HeldPlant:
         return self._ask(json.dumps(release))
 
     def opened(self) -> dict[str, Any]:
-        """Reveal truth and salt of the plant, which can then no longer be recorded."""
+        """Reveal truth and salt of the plant, after which it can no longer be recorded."""
         return self._ask("open")
 
 

@@ -1,4 +1,7 @@
-"""Sequential trials of a sealed plant: choose, record and diagnose releases until the causes are decided."""
+"""Run sequential trials of a sealed plant.
+
+Releases are chosen, recorded and diagnosed until the recordings determine the causes.
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -33,12 +36,12 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
     """Run a sequential trial of one sealed plant with each strategy.
 
     Args:
-        case: the case as for `run_case`, with the additional entry `strategies`: names of `STRATEGIES`
+        case: the case as for `run_case`; the additional entry `strategies` contains names of `STRATEGIES`
 
     Returns:
-        `outcome`, the score of the last diagnosis of the first strategy, and `strategies`, which contains for each
-        strategy: `recordings`, the number of releases until the causes were decided or until only a bench check
-        could decide them, null if neither occurred; `minutes` at the rig; `right`, `true`
+        `outcome`: the score of the last diagnosis of the first strategy. `strategies`: a dict for each strategy with
+        the entries `recordings`, the number of releases until they determined the causes or until only a bench check
+        could determine the causes (null if neither occurred); `minutes`, the time at the rig; `right`, `true`
         (`TrialOutcome.is_true`) and `score` of the last diagnosis; `looks`, one for each release
 
     Raises:
@@ -63,7 +66,7 @@ def run_sequential_case(case: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class SequentialLook:
-    """State of a sequential trial after one more release."""
+    """State of a sequential trial after a further release."""
 
     release: CandidateRelease
     diagnosis: Diagnosis
@@ -94,9 +97,12 @@ def played(
     limits: PlanLimits,
     most: int = SEQUENTIAL.most,
 ) -> list[SequentialLook]:
-    """Choose, record and diagnose releases until the causes are decided, or until only a bench check can decide them.
+    """Choose, record and diagnose releases until the recordings determine the causes.
 
-    The stopping rule is the same for all strategies, so a plan is computed after each release of every strategy.
+    The trial also ends if only a bench check can determine the causes.
+
+    The stopping rule, which needs a plan, is the same for all strategies. A plan is therefore computed after each
+    release of every strategy.
 
     Args:
         rig: the rig
@@ -149,7 +155,7 @@ def _recorded(plant: HeldPlant, rig: Rig, release: CandidateRelease) -> Run:
 
 
 def _minutes(releases: Sequence[CandidateRelease], rig: Rig) -> float:
-    """Time at the rig that the releases need, minutes; each step has its usual duration."""
+    """Compute the time at the rig that the releases need, minutes; each step has its usual duration."""
     mounted, total = mounted_now(rig), 0.0
     for release in releases:
         total += minutes(release, mounted, PlanLimits())
@@ -158,7 +164,7 @@ def _minutes(releases: Sequence[CandidateRelease], rig: Rig) -> float:
 
 
 def _judged(looks: Sequence[SequentialLook], truth: Truth, rig: Rig) -> dict[str, Any]:
-    """Result of the sequential trial with one strategy, as JSON values."""
+    """Return the result of the sequential trial with one strategy as JSON values."""
     outcomes = [score(k.diagnosis.to_json(), truth, rig, **truth.drawn, seconds=k.diagnosis.seconds) for k in looks]
     return {
         "recordings": len(looks) if looks[-1].is_last else None,

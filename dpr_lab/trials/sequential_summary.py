@@ -16,7 +16,10 @@ Outcome = Mapping[str, Any]
 
 
 def read_strategies(folder: Path, n: int) -> list[dict[str, Outcome]]:
-    """Read the results of the first `n` trials in the folder of a campaign; each result is a dict by strategy."""
+    """Read the results of the first `n` trials in the folder of a campaign.
+
+    Each result is a dict by strategy.
+    """
     file = folder / TRIALS
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []  # no results if every trial failed
     trials = [json.loads(line) for line in lines if line]
@@ -24,9 +27,9 @@ def read_strategies(folder: Path, n: int) -> list[dict[str, Outcome]]:
 
 
 def sequential_summary(trials: Sequence[Mapping[str, Outcome]]) -> dict[str, dict[str, Any]]:
-    """Summary of the trials for each strategy.
+    """Summarise the trials for each strategy.
 
-    A plant that remains undecided counts as one release more than the maximum.
+    A plant whose causes remain undetermined counts as one release more than the maximum.
     """
     names = list(dict.fromkeys(name for trial in trials for name in trial))
     return {name: _of_strategy([trial[name] for trial in trials if name in trial]) for name in names}
@@ -57,11 +60,11 @@ def _of_strategy(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def forecast_claims(looks: Sequence[Mapping[str, Any]]) -> Iterator[Claim]:
-    """Yield the forecast probabilities that k more releases are sufficient, each with the observed result.
+    """Yield each forecast probability that k more releases are sufficient, together with the observed result.
 
-    The releases also count as sufficient if only a bench check can decide between the remaining causes, because a
-    forecast counts causes that no release separates as one. A trial that ends at the maximum number of releases
-    contains no information about further releases.
+    The releases also count as sufficient if only a bench check can distinguish the remaining causes. A forecast counts
+    causes that no release separates as one cause. A trial that ends at the maximum number of releases contains no
+    information about further releases.
 
     Args:
         looks: states after each release, with `forecast`, `decided` and `bench_check`

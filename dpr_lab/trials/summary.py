@@ -1,4 +1,4 @@
-"""Scores of many trials: success rates, calibration of probabilities, errors of sizes."""
+"""Compute scores of many trials: success rates, calibration of probabilities, errors of sizes."""
 
 import math
 from collections import Counter
@@ -13,15 +13,15 @@ from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 
 
 def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool]) -> float:
-    """Share of the trials with a property; nan if there are no trials."""
+    """Return the share of the trials with a property; nan if there are no trials."""
     return float(np.mean([holds(outcome) for outcome in outcomes])) if outcomes else float("nan")
 
 
 def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float]]:
-    """Reliability table: one row for each bin of stated probability that contains claims.
+    """Compute the reliability table, with one row for each bin of stated probability that contains claims.
 
-    A row gives the number of claims, their mean probability, and the number of true claims. The bins have equal width.
-    `low` and `high` are the 90 % interval of the share of true claims.
+    A row contains the number of claims, their mean probability, and the share of true claims. The bins have equal
+    width. `low` and `high` are the 90 % interval of the share of true claims.
     """
     table: list[dict[str, float]] = []
     bin_of = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
@@ -35,7 +35,9 @@ def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float
 
 
 def calibration_error(claims: Sequence[Claim]) -> float:
-    """Expected calibration error: weighted mean distance between stated probability and observed frequency.
+    """Compute the expected calibration error of claims.
+
+    The error is the weighted mean distance between stated probability and observed frequency.
 
     Source: Naeini, Cooper & Hauskrecht (2015), Obtaining well calibrated probabilities using Bayesian binning, AAAI.
     """
@@ -45,7 +47,7 @@ def calibration_error(claims: Sequence[Claim]) -> float:
 
 
 def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
-    """Expected calibration error of a perfectly calibrated forecast with the same probabilities, by simulation.
+    """Simulate the expected calibration error of a perfectly calibrated forecast with the same probabilities.
 
     The outcomes of the claims are drawn with the stated probabilities. The error is above zero by chance, mainly in
     bins with few claims. A forecast is miscalibrated only if its error exceeds this value.
@@ -60,16 +62,17 @@ def error_if_exact(claims: Sequence[Claim], draws: int = 200) -> float:
 
 
 def net_calibration_error(groups: Sequence[Sequence[Claim]], bins: int = 10) -> float:
-    """Root mean square calibration error without the contribution of chance; claims of one group may be correlated.
+    """Compute the root mean square calibration error without the contribution of chance.
 
-    Let s_i be the sum of outcome minus probability over the claims of group i in one bin, n the number of these claims
-    and m the number of groups with such claims. The groups are independent, so the sum of s_i s_j over i != j is on
-    average zero for a calibrated forecast. The squared error is
+    Claims of one group may be correlated; the groups are independent. In one bin, s_i is the sum of outcome minus
+    probability over the claims of group i, n is the number of claims of all groups, and m is the number of groups with
+    claims. The sum of s_i s_j over i != j is on average zero for a calibrated forecast. The squared error is
 
         sum over bins of  m / (m - 1) (sum over i != j of s_i s_j) / n,  divided by the number of all claims.
 
-    Its average does not depend on the number of groups. It can be negative by chance; the result is then 0. Bins with
-    claims of one group do not contribute. The result is at least as large as the mean absolute error on average.
+    The average of the squared error does not depend on the number of groups. If the squared error is negative by
+    chance, the result is 0. Bins with claims of only one group do not contribute. On average, the result is at least as
+    large as the mean absolute error.
 
     Source: A. Kumar, P. Liang & T. Ma (2019), Verified uncertainty calibration, NeurIPS 32, for groups of one claim.
 
@@ -90,12 +93,12 @@ def net_calibration_error(groups: Sequence[Sequence[Claim]], bins: int = 10) -> 
 
 
 def brier(claims: Sequence[Claim]) -> float:
-    """Brier score: mean squared difference between stated probability and outcome."""
+    """Compute the Brier score: the mean squared difference between stated probability and outcome."""
     return float(np.mean([(claim.probability - claim.true) ** 2 for claim in claims])) if claims else float("nan")
 
 
 def wilson90(held: int, of: int) -> tuple[float, float]:
-    """90 % Wilson score interval of a proportion, for `held` successes in `of` trials."""
+    """Compute the 90 % Wilson score interval of a proportion, for `held` successes in `of` trials."""
     from scipy.stats import binomtest  # slow import
 
     interval = binomtest(held, of).proportion_ci(0.9, method="wilson")
@@ -162,10 +165,10 @@ def _among(outcomes: Sequence[TrialOutcome], whom: str) -> list[TrialOutcome]:
 
 
 def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
-    """Statistics of the errors of amplitudes.
+    """Compute statistics of the errors of amplitudes.
 
-    Median and 90th percentile refer to the largest amplitude of each effect, the coverage of the intervals to all
-    amplitudes.
+    Median and 90th percentile refer to the largest amplitude of each effect. The coverage of the intervals refers to
+    all amplitudes.
     """
     leading = [size.relative for size in sizes if size.leads]
     return {
@@ -176,7 +179,7 @@ def size_errors(sizes: Sequence[SizeError]) -> dict[str, float]:
 
 
 def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
-    """Scores by requested kind and level, one row for each combination."""
+    """Compute the scores by requested kind and level, with one row for each combination."""
     groups: dict[tuple[str, str], list[TrialOutcome]] = {}
     for o in outcomes:
         groups.setdefault((o.kind, o.level), []).append(o)
@@ -188,10 +191,10 @@ def by_kind(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
 
 
 def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
-    """Scores by hidden effect, one row for each effect.
+    """Compute the scores by hidden effect, with one row for each effect.
 
-    `named` and the errors of sizes count every trial with the effect; `first` and `exact` count the trials in which it
-    is the largest effect.
+    `named` and the errors of sizes count every trial with the effect; `first` and `exact` count the trials in which the
+    effect is the largest.
     """
     rows: list[dict[str, Any]] = []
     for name in sorted({cause.name for o in outcomes for cause in o.causes}):
@@ -213,10 +216,11 @@ def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
 def by_size(
     outcomes: Sequence[TrialOutcome], limits: Sequence[float] = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 ) -> list[dict[str, Any]]:
-    """Scores by size of the hidden effect relative to the minimum detectable size, one row for each range of sizes.
+    """Compute the scores by size of the hidden effect, with one row for each range of sizes.
 
-    `limits` are the lower ends of the ranges. The last range has no upper end, so its `to` is None. `named` counts
-    every effect; `first` and `exact` count the trials in which an effect of this size is the largest.
+    Sizes are relative to the minimum detectable size. `limits` are the lower ends of the ranges. The last range has no
+    upper end, so that its `to` is None. `named` counts every effect; `first` and `exact` count the trials in which an
+    effect of this size is the largest.
     """
     rows: list[dict[str, Any]] = []
     for low, high in pairwise([*limits, math.inf]):
@@ -247,9 +251,9 @@ def _within(cause: Cause, low: float, high: float) -> bool:
 
 
 def confusion(outcomes: Sequence[TrialOutcome]) -> dict[str, dict[str, int]]:
-    """Confusion table: number of trials by true largest effect and by first named effect.
+    """Count the trials by largest true effect and by first named effect.
 
-    If no effect is named, the verdict takes the place of the name.
+    If no effect is named, the verdict replaces the name.
     """
     table: dict[str, Counter[str]] = {}
     for o in outcomes:

@@ -1,4 +1,4 @@
-"""Hidden effects of a sealed plant, which are revealed after the diagnosis is written."""
+"""Represent the hidden effects of a sealed plant, which are revealed after the diagnosis is written."""
 
 import hashlib
 import json
@@ -18,7 +18,7 @@ Coefficients = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Revealed truth of a plant."""
+    """Truth of a plant after it is revealed."""
 
     effects: Coefficients
     """Effects of the library and their parameters, SI; torques are at the scale of the plant."""
@@ -37,7 +37,7 @@ class Truth:
 
     @property
     def answers(self) -> tuple[tuple[str, ...], ...]:
-        """Correct names for each cause."""
+        """Correct names of each cause."""
         known = tuple((name,) for name in self.effects)
         return (*known, self.family) if self.family else known
 
@@ -54,9 +54,9 @@ class Truth:
     def sizes(self, rig: Rig, assumed: float) -> dict[str, dict[str, float]]:
         """Convert the true amplitudes of the library effects to the scale that the diagnosis assumes.
 
-        A free swing does not determine the common scale of torques and inertias, so a diagnosis assumes an inertia
-        (`assumed_inertia`). For comparison, true torques and inertias are multiplied by the ratio of the assumed
-        inertia to that of the plant.
+        A free swing does not determine the common scale of torques and inertias. A diagnosis therefore assumes an
+        inertia (`assumed_inertia`). For comparison, true torques and inertias are multiplied by the ratio of the
+        assumed inertia to the inertia of the plant.
         """
         Z = np.array([self.parameters[name] for name in PARAMETERS])
         l1, _, m1, *_, J1, _ = Z.tolist()
@@ -74,9 +74,9 @@ class Truth:
 
 
 def assumed_inertia(diagnosis: Mapping[str, Any], rig: Rig) -> float:
-    """Inertia, kg m^2, to which a diagnosis relates all sizes.
+    """Return the inertia, kg m^2, to which a diagnosis relates all sizes.
 
-    It is b, or the inertia of the inner rod if this rod is mounted alone.
+    This is b, or the inertia of the inner rod if only the inner rod is mounted.
 
     Args:
         diagnosis: output of `dpr-lab diagnose --json`

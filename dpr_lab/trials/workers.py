@@ -34,7 +34,7 @@ and execute any code that they receive.
 
 
 def exposure(scheduler: str) -> str | None:
-    """Compose a warning if others can access a scheduler address; None for the local interface, or with TLS."""
+    """Return a warning if others can access a scheduler address; None for the local interface, or with TLS."""
     address = ADDRESS.fullmatch(scheduler)
     if address is None or address["scheme"] == "tls" or _loopback(address["host"].strip("[]")):
         return None
@@ -52,10 +52,12 @@ def _loopback(host: str) -> bool:
 
 
 def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) -> Iterator[Done]:
-    """Run the cases on this machine; the first case runs alone, so that kernels are compiled only once.
+    """Run the cases in processes of this machine.
+
+    The first case runs alone, so that kernels are compiled only once.
 
     Raises:
-        DprError: a process was killed; the results yielded before are valid.
+        DprError: a process was killed; results that were already yielded are valid.
     """
     compiling_simulator()
     try:
@@ -78,7 +80,7 @@ def on_cluster(
     Args:
         run: a function of this package, which the workers import
         cases: JSON objects
-        scheduler: address of the scheduler, such as tcp://127.0.0.1:8786
+        scheduler: address of the scheduler, for example tcp://127.0.0.1:8786
         connect_s: maximum time until the scheduler answers, s
         workers_s: maximum time until the first worker is available, s
 
@@ -118,7 +120,10 @@ def on_cluster(
 
 
 async def _is_scheduler(address: str, patience_s: float) -> bool:
-    """Whether a dask scheduler answers at an address; a client of another kind of server could wait forever."""
+    """Check whether a dask scheduler answers at an address.
+
+    A client of another kind of server could wait forever.
+    """
     from distributed.comm.core import connect
     from distributed.security import Security
 
