@@ -1,4 +1,4 @@
-"""Repeat the published search with several seeds, for true values on and off the coding grid."""
+"""Repeat the published search with several seeds; the true values are on or off the coding grid."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -53,7 +53,7 @@ class Found:
     generations: int
     evaluations: int
     gate_opened: int | None
-    """First generation with dynamic encoding and feedback mutation, according to step (4); None if there is none."""
+    """First generation with dynamic encoding and feedback mutation (step 4 of the algorithm); None if there is none."""
     wall_s: float
     cpu_s: float
     history: dict[str, list[float]]
@@ -61,11 +61,11 @@ class Found:
 
     @property
     def percent(self) -> Array:
-        """(9,) signed relative errors of the nine parameters, %."""
+        """Signed relative errors (9,) of the nine parameters, %."""
         return 100 * (self.best / TRUTHS[self.case.grid] - 1)
 
     def ratio_percent(self, rig: Rig) -> Array:
-        """(5,) signed relative errors of the ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
+        """Compute the signed relative errors (5,) of the ratios a/b, d/b, e1/b, c1/b, c2/b, %."""
         return ratio_percent(self.best, TRUTHS[self.case.grid], rig)
 
     @property
@@ -74,7 +74,7 @@ class Found:
         return self.H <= BEST_H
 
     def record(self, rig: Rig) -> dict[str, Any]:
-        """Result as lists and numbers, for JSON."""
+        """Return the result as lists and numbers for JSON."""
         case = {field.name: getattr(self.case, field.name) for field in fields(SearchCase)}
         values = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("case", "E")}
         return (
@@ -91,7 +91,7 @@ class Found:
 
 
 def ratio_percent(Z: Array, truth: Array, rig: Rig) -> Array:
-    """Signed relative errors (5,) of the five ratios for one set of nine parameters, %."""
+    """Compute the signed relative errors (5,) of the five ratios for one set of nine parameters, %."""
     L1, g = rig.L1, rig.g
     return 100 * (ratios(base_parameters(Z, L1, g)) / ratios(base_parameters(truth, L1, g)) - 1)
 
@@ -133,7 +133,7 @@ def run_searches(wanted: Sequence[SearchCase], rig: Rig, settings: IgaSettings, 
         wanted: the searches
         rig: bounds, lengths, poses
         settings: the published settings, possibly with fewer generations
-        workers: number of processes; with 1 the searches run in this process
+        workers: number of processes; if it is 1, the searches run in this process
     """
     if workers == 1:
         yield from (run_search(case, rig, settings) for case in wanted)

@@ -1,4 +1,4 @@
-"""Contradictions in the publication, each with recomputed values."""
+"""List contradictions in the publication, each with recomputed values."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from dpr_lab.rig import PARAMETERS, Rig
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Inconsistent claim of the publication, with the evidence."""
+    """Inconsistent claim of the publication, and the evidence."""
 
     claim: str
     evidence: str

@@ -1,4 +1,4 @@
-"""Plot figures 2 to 4 of the publication for the repeated search."""
+"""Draw figures 2 to 4 of the publication for the repeated search."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +17,7 @@ from dpr_lab.whole_file import write_whole
 
 
 def response_figure(search: Found, rig: Rig) -> Figure:
-    """Figure 2: angles with the true and with the identified parameters, one row for each pose."""
+    """Draw figure 2: angles with the true and with the identified parameters, with one row for each pose."""
     true, ours = swings(TRUTHS[search.case.grid], rig), swings(search.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
@@ -28,7 +28,7 @@ def response_figure(search: Found, rig: Rig) -> Figure:
 
 
 def error_figure(search: Found, rig: Rig) -> Figure:
-    """Figure 3: difference of the angles of Figure 2."""
+    """Draw figure 3: the difference between the angles of figure 2."""
     error = swings(TRUTHS[search.case.grid], rig) - swings(search.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:
@@ -38,7 +38,7 @@ def error_figure(search: Found, rig: Rig) -> Figure:
 
 
 def evolution_figure(search: Found) -> Figure:
-    """Figure 4: H and fitness of the best individual of each generation."""
+    """Draw figure 4: H and fitness of the best individual in each generation."""
     with style.house_style():
         figure = _new_figure(4.2)
         upper, lower = figure.subplots(2, 1, sharex=True)

@@ -1,4 +1,4 @@
-"""Numbers printed in the publication (docs/theory.md), with the printed digits; nothing is computed here.
+"""List the numbers that are printed in the publication (docs/theory.md), with the printed digits.
 
 The parameters of a row are in the order of `dpr_lab.rig.PARAMETERS`, SI units.
 """

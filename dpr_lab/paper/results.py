@@ -22,7 +22,7 @@ from dpr_lab.whole_file import write_text
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """All computed results."""
+    """All computed results of the reproduction."""
 
     settings: IgaSettings
     results: tuple[Found, ...]
@@ -34,7 +34,7 @@ class Reproduction:
 
     @property
     def best(self) -> Found:
-        """Search shown in the figures: true values on the grid, and smallest E of the angles from X1.
+        """Search that the figures show: true values on the grid, and smallest E of the angles from X1.
 
         Values of H in different interpretations are not comparable.
         """
@@ -58,7 +58,7 @@ def reproduce(
         seeds: number of searches for each interpretation of H and each grid
         readings: names in `READINGS`
         workers: number of searches in parallel
-        on_search: called with each search when it ends
+        on_search: function that is called with the result of each search
 
     Raises:
         ValueError: `seeds` is zero, or an interpretation is unknown.
@@ -84,7 +84,7 @@ def reproduce(
 
 
 def record(result: Reproduction, rig: Rig) -> dict[str, Any]:
-    """Content of `paper.json`."""
+    """Return the content of `paper.json`."""
     return {
         "version": __version__,
         "settings": result.settings.model_dump(),

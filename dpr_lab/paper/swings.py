@@ -1,4 +1,7 @@
-"""Compute E(Z), docs/theory.md (2), for the published experiment: 10 s from the poses X1, X2 and X3."""
+"""Compute E(Z) of docs/theory.md, equation (2), for the published experiment.
+
+The experiment consists of 10 s from each of the poses X1, X2 and X3.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -56,12 +59,12 @@ READINGS = {
 
 
 def start_states(rig: Rig) -> Array:
-    """Initial states (3, 4) of X1, X2, X3: theta1, theta2, rad, and omega1, omega2, rad/s."""
+    """Return the initial states (3, 4) of X1, X2, X3: theta1, theta2, rad, and omega1, omega2, rad/s."""
     return np.array([[rig.poses[pose].theta1, rig.poses[pose].theta2, 0.0, 0.0] for pose in POSES])
 
 
 def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> Array:
-    """Simulate the zero-input responses for one set of parameters.
+    """Simulate the free swings from all poses for one set of parameters.
 
     Args:
         Z: (9,) parameters, SI units
@@ -100,7 +103,7 @@ def objective(reading: Reading, truth: Array, rig: Rig) -> Objective:
         rig: L1, g and poses
 
     Returns:
-        function that maps candidates (n, 9) to their E (n, poses)
+        function that maps candidates (n, 9) to E (n, poses)
     """
     places = [POSES.index(pose) for pose in reading.poses]
     starts = start_states(rig)[places]

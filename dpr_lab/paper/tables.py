@@ -1,4 +1,4 @@
-"""Build the tables of the publication, printed and recomputed, and the conclusions from them."""
+"""Build the tables of the publication from printed and recomputed values, and state the conclusions."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class PaperTable:
 
 @dataclass(frozen=True, slots=True)
 class Recomputed:
-    """Recomputed E for all printed rows of parameters."""
+    """Recomputed values of E for all printed rows of parameters."""
 
     table1: dict[str, Array]
     """Name in `TERMS` -> E (7, 3) for the rows of Table 1 and the three poses."""
@@ -52,7 +52,7 @@ def all_tables(ours: Recomputed, results: Sequence[Found], rig: Rig) -> list[Pap
 
 
 def table1(ours: Recomputed) -> PaperTable:
-    """Table 1: E of seven sets of parameters in every interpretation."""
+    """Build table 1: E of seven sets of parameters in every interpretation."""
     rows = [
         (str(i + 1), _digits(printed), *(_digits(ours.table1[term][i, 0]) for term in TERMS))
         for i, printed in enumerate(TABLE_1[:, -1])
@@ -61,7 +61,7 @@ def table1(ours: Recomputed) -> PaperTable:
 
 
 def table2(ours: Recomputed) -> PaperTable:
-    """Table 2: E of groups 1, 4 and 6 from the three poses, printed and in every interpretation."""
+    """Build table 2: E of groups 1, 4 and 6 from the three poses, printed and in every interpretation."""
     rows = [
         (
             str(int(group)),
@@ -76,7 +76,7 @@ def table2(ours: Recomputed) -> PaperTable:
 
 
 def table3(ours: Recomputed, rig: Rig) -> PaperTable:
-    """Table 3: H of the ten printed rows in several interpretations, and the errors of their parameters."""
+    """Build table 3: H of the ten printed rows in several interpretations, and the errors of their parameters."""
     angles, speeds = ours.table3["angles"], ours.table3["angles and speeds"]
     columns = (
         "row",
@@ -103,7 +103,7 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
 
 
 def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
-    """Table of the repeated searches: H, and errors of the nine parameters and of the five ratios."""
+    """Build the table of the repeated searches: H, and errors of the nine parameters and of the five ratios."""
     columns = (
         "H",
         "grid",
@@ -131,13 +131,13 @@ def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
 
 
 def parameters(results: Sequence[Found]) -> PaperTable:
-    """Signed percent errors of the nine parameters of each search."""
+    """Build the table of the errors of the nine parameters in each search, %."""
     rows = [(*_head(f), *_signed(f.percent)) for f in results]
     return PaperTable("parameters", "Errors of the nine parameters, %", ("H", "grid", "seed", *PARAMETERS), tuple(rows))
 
 
 def ratios(results: Sequence[Found], rig: Rig) -> PaperTable:
-    """Signed percent errors of the five ratios of each search."""
+    """Build the table of the errors of the five ratios in each search, %."""
     rows = [(*_head(f), *_signed(f.ratio_percent(rig))) for f in results]
     return PaperTable("ratios", "Errors of the five ratios, %", ("H", "grid", "seed", *RATIOS), tuple(rows))
 
