@@ -29,7 +29,7 @@ from dpr_lab.fitting.projection import ColumnSpace
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
-    """(free, free) second moment of the errors that values at their bounds cause in the fitted values.
+    """Return the (free, free) second moment of the errors of fitted values that values at their bounds cause.
 
     Args:
         problem: segments and noise
@@ -43,7 +43,7 @@ def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:
 
 
 def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
-    """(free,) root mean square errors of all fitted values, due to a value at its bound; one array per such value."""
+    """Yield for each value at its bound the (free,) root mean square errors that it causes in all fitted values."""
     room, inside = bounds(fit.estimate, fit.free), fit.inside
     at_bound = np.flatnonzero((room == 0.0).any(axis=0)).tolist()
     if not at_bound:
@@ -70,7 +70,10 @@ def _shifts(problem: Problem, fit: Fit, inflation: float) -> Iterator[Array]:
 
 
 def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> Array:
-    """(free,) change of all values per unit of value k, with the values inside their bounds adapted to the readings."""
+    """Return the (free,) change of all values per unit of value k.
+
+    Values inside their bounds adapt to the readings.
+    """
     direction = np.zeros(len(space))
     direction[k] = inward
     across = space.H[inside][:, [k]] / space.scale[k] * inward
@@ -79,7 +82,7 @@ def _direction(space: ColumnSpace, inside: list[int], k: int, inward: float) -> 
 
 
 def _farthest(room: Array, direction: Array) -> float:
-    """Largest step along a direction that keeps all values within their bounds.
+    """Return the largest step along a direction that keeps all values within their bounds.
 
     Values that do not change along the direction are ignored.
     """
@@ -88,7 +91,7 @@ def _farthest(room: Array, direction: Array) -> float:
 
 
 def _mean_square(slope: float, curvature: float, farthest: float, *, reach: float = 8.0) -> float:
-    """Second moment E[u^2] of the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest.
+    """Return the second moment E[u^2] of the density exp(slope u - curvature u^2 / 2) on 0 <= u <= farthest.
 
     The density is cut off where it is negligible, at `reach` standard deviations.
     """

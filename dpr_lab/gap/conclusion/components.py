@@ -43,7 +43,7 @@ SCALED = UNKNOWN_RATIOS[: SCALE + 1]
 def components(
     problem: Problem, selection: Selection, rig: Rig, remainder: Discrepancy | None
 ) -> list[PosteriorComponent]:
-    """Sets of effects with their probabilities, the most probable first.
+    """Return sets of effects with their probabilities, the most probable first.
 
     Args:
         problem: segments and noise
@@ -58,7 +58,7 @@ def components(
 
 
 def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
-    """The selected set and other sets that may be the true one, with their weights, by decreasing weight."""
+    """Yield the selected set and other sets that may be the true one, with their weights, by decreasing weight."""
     chosen = selection.chosen
     others = {
         model.key: model
@@ -75,7 +75,7 @@ def _likeliest(selection: Selection) -> Iterator[tuple[Hypothesis, float]]:
 
 
 def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
-    """Whether only its cost is evidence against a set.
+    """Return whether the cost of a set is the only evidence against it.
 
     All its sizes must be possible, and held-out runs must not refute any of its effects.
     """
@@ -86,7 +86,9 @@ def _may_be_true(selection: Selection, model: Hypothesis) -> bool:
 
 
 def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
-    """Cost of a set minus the cost of the selected set, with the remainder of the selected set as noise for both.
+    """Return the cost of a set minus the cost of the selected set.
+
+    The remainder of the selected set counts as noise.
 
     The remainder of a set that fits worse is its gap, not noise. A set that fits better was rejected by the search, so
     it is at most as probable as the selected set. Each effect in excess of the number of the selected set was the best

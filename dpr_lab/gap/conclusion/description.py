@@ -78,7 +78,10 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """Description of an arm that hits a stop, or of an undescribed drive, if no effect explains the motion."""
+    """Return the description of an arm that hits a stop, or of an undescribed drive.
+
+    Empty if an effect explains the motion.
+    """
     if at_noise_floor(selection.chosen) or selection.share_explained >= THRESHOLDS.explained:
         return Description()
     runs = [record.run.swing for record in records]
@@ -89,13 +92,15 @@ def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Descr
 
 
 def _trusted(record: Record) -> Run:
-    """Run without those readings that are faults of the logger, because such readings look like energy input."""
+    """Return the run without readings that are faults of the logger, because such readings look like energy input."""
     run, screened = record.run, record.screened
     return run.only(~np.isin(run.t, screened.t[~screened.keep.all(axis=1)]))
 
 
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
-    """Sentence on a value of g in the rig file that does not occur on earth and appears as an error of L1; else empty.
+    """Return a sentence if g in the rig file does not occur on earth and appears as an error of L1.
+
+    Else an empty text.
 
     Only g / L1 is identifiable.
     """
@@ -116,7 +121,10 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """Sentence on known torques that change too much between rows to determine a delay within a row; else empty."""
+    """Return a sentence if known torques change too much between rows to determine a delay; else an empty text.
+
+    The delay is shorter than the interval between rows.
+    """
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""
     delay = named_params(selection.chosen.fit.estimate.params)[INPUT_DELAY.name]["delay_s"]
@@ -133,7 +141,7 @@ def _delay_within_row(problem: Problem, selection: Selection) -> str:
 
 
 def _as_good(look: SecondLook, selection: Selection) -> bool:
-    """Whether another description explains as much of the gap as the effects."""
+    """Return whether another description explains as much of the gap as the effects."""
     if not look.tried:
         return True
     of_arm = any(EFFECTS[name].stage == "arm" for name in selection.chosen.effects)

@@ -24,9 +24,9 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """Sentence on another scale at which the readings of one degree of freedom need fewer effects.
+    """Return a sentence on another scale at which the readings of one degree of freedom need fewer effects.
 
-    Empty if there is no such scale.
+    The text is empty if there is no such scale.
 
     Args:
         problem: the segments
@@ -56,7 +56,7 @@ def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
 
 
 def _closes(scaled: Hypothesis, selection: Selection) -> bool:
-    """Whether the model at another scale explains the gap.
+    """Return whether the model at another scale explains the gap.
 
     If both models leave the gap open, the result is no evidence for either scale.
     """
@@ -67,7 +67,7 @@ def _closes(scaled: Hypothesis, selection: Selection) -> bool:
 def _scaled_fit(
     problem: Problem, chosen: Hypothesis, ratios: Array, factor: float, effects: frozenset[str]
 ) -> Hypothesis:
-    """Fit of some effects to the readings of joint 1 multiplied by a factor, measured from hanging.
+    """Fit some effects to the readings of joint 1 multiplied by a factor, measured from hanging.
 
     The fit starts from (7,) ratios.
     """

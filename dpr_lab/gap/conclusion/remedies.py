@@ -12,7 +12,7 @@ from dpr_lab.shown import listed
 def remedies(
     named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
 ) -> list[str]:
-    """Sentences on remedies: one for each effect that is a fault, and one for all effects that the simulator lacks.
+    """Return sentences on remedies: one for each faulty part, and one for all effects that the simulator lacks.
 
     Args:
         named: the effects, in order

@@ -31,7 +31,7 @@ from dpr_lab.rig import MASSES, Rig
 
 
 def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
-    """(free, free) covariance of the fitted values; zero for values at a bound, see `conclusion.at_bounds`.
+    """Return the (free, free) covariance of the fitted values; it is zero for values at a bound, see `at_bounds`.
 
     Args:
         problem: segments and noise
@@ -49,7 +49,7 @@ def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrep
 
 
 def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: float = 1e-3) -> Array:
-    """(5,) variance of the ratios due to the unknown values of the undetermined ratios.
+    """Return the (5,) variance of the ratios due to the unknown values of the undetermined ratios.
 
     Args:
         problem: segments and noise
@@ -68,7 +68,7 @@ def by_unseen_ratios(problem: Problem, model: Hypothesis, rig: Rig, *, share: fl
 
 
 def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator[Estimate]:
-    """Estimates that are changed by a fraction of a prior standard deviation, one in each undetermined direction.
+    """Yield estimates that differ by a fraction of a prior standard deviation, one in each undetermined direction.
 
     The prior of these ratios does not depend on the free ratios: the fitted values contain no information about them.
     """
@@ -84,7 +84,7 @@ def _other_ratios(problem: Problem, model: Hypothesis, share: float) -> Iterator
 
 
 def _otherwise(problem: Problem, rig: Rig) -> Iterator[Problem]:
-    """Changed problems: one with half the step of the integrator, and one for each weighed mass with a larger value."""
+    """Yield changed problems: one with half the integrator step, and one for each weighed mass with a larger value."""
     segments, model = problem.segments, problem.model
     yield replace(problem, segments=replace(segments, step=segments.step / 2))
     for name in MASSES:

@@ -27,12 +27,12 @@ SEEN = 1e-6
 
 
 def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, float | None]]:
-    """Minimum detectable amplitude of each effect, given the fitted model: five standard deviations.
+    """Return the minimum detectable amplitude of each effect, given the fitted model: five standard deviations.
 
-        size = 5 sqrt(f) / | s |,
+        size = 5 sqrt(f) / | s |
 
-    where s is the change of the whitened readings per unit, with initial states and fitted parameters projected out,
-    and f is the variance inflation n / n_eff. The result is None if the readings do not change.
+    Here s is the change of the whitened readings per unit of the amplitude, with initial states and fitted parameters
+    projected out, and f is the variance inflation n / n_eff. The result is None if the readings do not change.
 
     Args:
         model: the fitted model
@@ -61,7 +61,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
 
 
 def _size(spread: float, scale: float, remaining: float) -> float | None:
-    """Minimum detectable amplitude of a column; None if the amplitude is undetectable at any size.
+    """Return the minimum detectable amplitude of a column; None if no size is detectable.
 
     Args:
         spread: minimum detectable size of a column of unit norm
@@ -72,9 +72,9 @@ def _size(spread: float, scale: float, remaining: float) -> float | None:
 
 
 def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -> float:
-    """Size of a fitted effect in the unit of an amplitude of another effect.
+    """Return the size of a fitted effect in the unit of an amplitude of another effect.
 
-    The size is converted by the typical sizes if its unit is different: half the typical offset corresponds to half the
+    If the units differ, the size is converted by the typical sizes: half the typical offset corresponds to half the
     typical drift.
 
     Args:
@@ -87,10 +87,11 @@ def comparable_size(params: Array, effect: Effect, amplitude: EffectParameter) -
 
 
 def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float | None]) -> list[Exclusion]:
-    """Exclusion of each detectable amplitude of an effect, with the other amplitudes zero and without intervals.
+    """Test for each detectable amplitude of an effect whether its minimum detectable size is excluded.
 
-    A linear estimate a of standard deviation s excludes the minimum detectable size 5 s with the confidence P(|x| < 5
-    s) = Phi(5 - |a| / s).
+    The other amplitudes are zero, and no intervals are computed. A linear estimate a of standard deviation s excludes
+    the
+    minimum detectable size 5 s with the confidence P(|x| < 5 s) = Phi(5 - |a| / s).
 
     Args:
         test: score test with the named effects in the model
@@ -114,7 +115,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
-    """Numbers of effects that are detectable at their typical size, and at any size.
+    """Count the effects that are detectable at their typical size, and those that are detectable at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
 
@@ -132,7 +133,7 @@ def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | Non
 
 
 def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> float:
-    """Typical size of an amplitude on this rig.
+    """Return the typical size of an amplitude on this rig.
 
     The library states sizes on a laboratory rig. Torques and inertias of larger rods are larger in proportion to their
     limits, which are the gravity torque and the inertia about the joint. For example, friction of 1 mN m is typical for
@@ -146,5 +147,5 @@ def _typical(effect: str, parameter: EffectParameter, limits: Array | None) -> f
 
 @cache
 def _laboratory_limits() -> Array:
-    """(SIZE,) maximum sizes on the rig of the published measurements, to which the typical sizes refer."""
+    """Return the (SIZE,) maximum sizes on the rig of the published measurements, to which the typical sizes refer."""
     return prior_of(load_rig("paper")).limits

@@ -66,7 +66,7 @@ class ResidualStatistics:
 
     @property
     def independent_noise(self) -> float:
-        """Variance of white noise with the same influence on fitted values, in units of the noise that the fit assumed.
+        """Variance of white noise that would cause the same errors of fitted values, in units of the assumed noise.
 
         It is level (1 + rho) / (1 - rho), with rho the correlation of the errors of neighbouring readings.
         """
@@ -90,12 +90,15 @@ class ResidualStatistics:
 
 
 def degrees_of_freedom(problem: Problem) -> Integers:
-    """(segments,) number of readings of each segment minus the number of its initial values."""
+    """Return for each segment the number of its readings minus the number of its initial values, (segments,)."""
     return np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
 
 
 def bounded_residual(problem: Problem, fit: Fit) -> Array:
-    """(samples, 2) whitened residual; `wildest` in a segment that cannot be simulated."""
+    """Return the (samples, 2) whitened residual, limited to `wildest`.
+
+    A segment that cannot be simulated has this value.
+    """
     wildest = ASSUMPTIONS.wildest
     return np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
 
@@ -104,9 +107,11 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
     """Compare the smooth and the rough part of a residual: equal for white noise, unequal for a missing effect.
 
     Noise with the correlation rho between neighbouring readings is as rough as white noise of 1 - rho times its
-    variance. The noise level is estimated from differences of neighbouring residuals (von Neumann), so that an error of
-    the noise floor by a few per cent does not count as a gap. A residual that is rougher than the floor allows counts
-    as excess, too. The difference between chi2 and its rough part is the sum of products of neighbours. For white noise
+    variance. The noise level is estimated from differences of neighbouring residuals (von Neumann). Therefore an error
+    of
+    the noise floor by a few per cent does not count as a gap. A residual that is rougher than the floor allows also
+    counts
+    as excess. The difference between chi2 and its rough part is the sum of products of neighbours. For white noise
     this sum has the variance dof.
 
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
@@ -128,7 +133,7 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
 
 
 def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
-    """(samples, 2) mask of isolated outliers: readings with a wrong value, up to three in a row.
+    """Return a (samples, 2) mask of isolated outliers: readings with a wrong value, up to three in a row.
 
     A robust straight line (Theil and Sen) is fitted to the seven residuals around a reading. An outlier is far from
     this line, farther than its neighbours, and the next residuals return to the previous level. In contrast, the
@@ -146,7 +151,7 @@ def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
 
 
 def _off_a_line(values: Array, width: int = 7) -> Array:
-    """(n, 2) deviation of each value from a robust line through the `width` neighbouring values."""
+    """Return the (n, 2) deviation of each value from a robust line through the `width` values around it."""
     if len(values) < width:
         return np.zeros_like(values)
     begin = np.clip(np.arange(len(values)) - width // 2, 0, len(values) - width)

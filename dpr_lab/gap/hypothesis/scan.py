@@ -66,7 +66,7 @@ polynomial fits any smooth force and any nonlinearity of the encoder, so it is e
 
 
 class SmallSets(NamedTuple):
-    """Inner products of small sets of columns, with the initial states projected out of all columns."""
+    """Inner products of many small sets of columns; the initial states are projected out of all columns."""
 
     across: Array
     """(k, sets, n) inner products of k fitted columns with the n columns of each set."""
@@ -100,12 +100,17 @@ class FittedColumns:
 
     @classmethod
     def of(cls, linear: Linearisation) -> "FittedColumns":
-        """Columns of a linearised fit."""
+        """Take the columns of a linearised fit."""
         rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
         return cls(ColumnSpace.of(*linear.flat), rows, rows @ linear.Q)
 
     def inner_products(self, columns: Array, count: int) -> SmallSets:
-        """Inner products of sets of `count` columns each, from whitened columns (segments, m, sets * count)."""
+        """Compute the inner products of sets of columns.
+
+        Args:
+            columns: (segments, m, sets * count) whitened columns
+            count: number of columns of each set
+        """
         states, sets = self.onto_initial.shape[2], columns.shape[2] // count
         products = self.rows @ columns
         initial = products[:, -states:].copy()
@@ -115,7 +120,7 @@ class FittedColumns:
         return SmallSets(across[:-1], within, across[-1])
 
     def remaining(self, sets: SmallSets) -> UnitSets:
-        """Sets of columns with the fitted columns projected out."""
+        """Project the fitted columns out of sets of columns."""
         scale = 1 / np.maximum(np.sqrt(np.maximum(np.diagonal(sets.within, axis1=1, axis2=2), 0.0)), TINY)
         across = sets.across * self.space.scale[:, None, None] * scale
         of_all = np.column_stack([across.reshape(len(self.space), -1), self.space.gradient])
@@ -139,7 +144,7 @@ class ShapeScan:
     """Properties of the recordings from which shapes are proposed."""
 
     def shapes(self, effect: Effect) -> list[Shape]:
-        """Shapes of an effect for the score test."""
+        """Return the shapes of an effect that the score test compares."""
         proposed = proposed_shapes(effect, self.recorded)
         if proposed is not None:
             return proposed
@@ -153,7 +158,7 @@ class ShapeScan:
         return self._between(effect, _apart(grid_points, self._gains(effect, grid_points)))
 
     def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
-        """Best shapes between the shapes of the grid, if the shape parameter is continuous.
+        """Return the best shapes between the shapes of the grid, if the shape parameter is continuous.
 
         The width of a frequency peak is the inverse of the record length. It is too narrow for a nonlinear fit that
         starts from the grid.
@@ -172,7 +177,10 @@ class ShapeScan:
         return FittedColumns.of(self.fit.linear)
 
     def _gains(self, effect: Effect, candidates: list[Shape]) -> Array:
-        """(shapes,) predicted reduction of chi2 by the leading amplitudes, with the fitted model projected out."""
+        """Predict the (shapes,) reduction of chi2 by the leading amplitudes in each shape.
+
+        The fitted model is projected out of the columns.
+        """
         amplitudes, problem = effect.amplitudes[: SCAN.amplitudes], self.problem
         count = len(amplitudes)
         positive = [p.sign == "positive" for p in amplitudes] == [True]
@@ -187,10 +195,11 @@ class ShapeScan:
 
 
 def arc(angle: Array) -> float:
-    """Arc that angles (n,) cover, rad: the circle without the largest interval between two neighbouring angles.
+    """Return the arc that angles (n,) cover, rad.
 
-    For a joint that revolves, the arc is the whole range of the angles, because a periodic pattern repeats in each
-    turn.
+    It is the circle without the largest interval between two neighbouring angles. For a joint that revolves, it is the
+    whole
+    range of the angles, because a periodic pattern repeats in each turn.
     """
     around = np.sort(np.mod(angle, 2 * np.pi))
     gap = float(np.diff(around, append=around[0] + 2 * np.pi).max())
@@ -198,7 +207,7 @@ def arc(angle: Array) -> float:
 
 
 def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
-    """Best shapes; a shape that is a neighbour of a better one is omitted."""
+    """Return the best shapes, without shapes that are neighbours of a better one."""
     separate: list[Shape] = []
     for i in np.argsort(-gains):
         first = candidates[i][0][1]
@@ -210,7 +219,10 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
 
 
 def _within(columns: Array, others: Array, count: int) -> Array:
-    """(sets, n, n) inner products between the columns of each set, from (segments, rows, sets * n)."""
+    """Return the (sets, n, n) inner products between the columns of each set.
+
+    Columns are (segments, rows, sets * n).
+    """
     diagonals = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)]
     blocks = np.empty((columns.shape[2] // count, count, count))
     for i, j in product(range(count), repeat=2):
@@ -219,7 +231,7 @@ def _within(columns: Array, others: Array, count: int) -> Array:
 
 
 def _unit(effect: Effect, amplitude: str, shape: Shape) -> Array:
-    """(SIZE,) parameters with one typical amplitude of an effect in a given shape."""
+    """Return (SIZE,) parameters in which one amplitude of an effect has its typical size, in a given shape."""
     params, index = effect_params({}), param_index(effect.name, amplitude)
     params[index] = effect.parameters[index - SLICES[effect.name].start].typical
     for shape_index, value in shape:

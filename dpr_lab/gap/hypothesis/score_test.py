@@ -1,7 +1,7 @@
 """Score test: predicted reduction of chi2 by each effect of the library, from one linearised fit.
 
-With A the Jacobian of the fitted parameters and C the Jacobian of a candidate, initial states projected out of both,
-the predicted reduction of chi2 is the reduction by the bounded least-squares problem
+Let A be the Jacobian of the fitted parameters and C the Jacobian of a candidate. The initial states are projected out
+of both. The predicted reduction of chi2 is the reduction by the bounded least-squares problem
 
     min | e - A dp - C a |^2,    friction and other one-signed amplitudes non-negative.
 
@@ -26,7 +26,7 @@ from dpr_lab.gap.hypothesis.scan import ShapeScan
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
-    """Score test of one effect in one shape: predicted reduction and amplitudes."""
+    """Result of the score test for one effect in one shape: predicted reduction of chi2, and amplitudes."""
 
     effect: Effect
     shape: Shape
@@ -50,7 +50,7 @@ class Score:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:
-    """Score test of a fit: the linearised fit with the columns of a library, and the scores of all effects."""
+    """Score test of a fit: its linearisation with the columns of the library, and the scores of all effects."""
 
     fit: Fit
     linear: Linearisation
@@ -72,28 +72,31 @@ class ScoreTest:
         return tuple(range(len(self.fit.free)))
 
     def of(self, effect: str) -> Score | None:
-        """Best score of one effect; None if the effect was not tested."""
+        """Return the best score of one effect; None if the effect was not tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def absorbs(self, effect: Effect, by: Effect) -> bool:
-        """Whether the only amplitude of an effect is indistinguishable from the only amplitude of a fitted effect."""
+        """Return whether an effect is indistinguishable from a fitted effect.
+
+        Both effects have a single amplitude.
+        """
         score = self.of(effect.name)
         if score is None or len(effect.parameters) > 1:
             return False
         return [parameter.name for parameter in by.parameters] == list(score.absorbed.values())
 
     def prior_of(self, columns: Sequence[int]) -> RigPrior:
-        """Prior of the given columns. They must include all columns of the fit."""
+        """Return the prior of the given columns, which must include all columns of the fit."""
         rows = columns if len(self.prior.A) else ()  # no prior without a rig file
         free = tuple(self.free[i] for i in columns)
         return replace(self.prior, free=free, A=self.prior.A[np.ix_(rows, columns)], e=self.prior.e[list(rows)])
 
     def projected(self, columns: Sequence[int]) -> ColumnSpace:
-        """Column space of candidates, with the fitted parameters projected out."""
+        """Return the column space of candidates after the fitted parameters are projected out."""
         return self.space.given(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Cosine between a change of the readings by `target` and the nearest change by `other`.
+        """Return the cosine between the change of the readings by `target` and the nearest change by `other`.
 
         The fitted parameters are projected out of both changes.
         """
@@ -152,7 +155,7 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
 
 
 def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
-    """Predicted reduction of chi2 if several effects are added together, each in the shape of its own score."""
+    """Predict the reduction of chi2 if several effects are added together, each in the shape of its own score."""
     rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
     prior, chosen = test.prior_of(rows), test.space.chosen(rows)
     return chosen.reduction(_bounded_step(test, prior.free, chosen, prior.A, prior.e))
@@ -161,7 +164,7 @@ def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
 def _bounded_step(
     test: ScoreTest, free: Sequence[FreeParameter], chosen: ColumnSpace, prior: Array, mean: Array
 ) -> Array:
-    """(columns,) step within the bounds, including the prior; zero for columns that the fit absorbs."""
+    """Solve for the (columns,) step within the bounds, including the prior; absorbed columns have the step zero."""
     room = bounds(test.fit.estimate, free)
     room[:, list(test.fit.absorbed)] = 0.0
     return chosen.with_prior(prior, mean).solution(room)

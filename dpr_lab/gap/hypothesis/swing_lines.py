@@ -38,7 +38,7 @@ LINES = LineSettings()
 
 
 def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
-    """Whether an effect is a force of fixed frequency at a multiple of the frequency of the swing.
+    """Return whether an effect is a force of fixed frequency at a multiple of the frequency of the swing.
 
     Args:
         problem: segments of free swings of a single rod; other swings have no such frequency
@@ -60,7 +60,7 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
 
 
 def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
-    """Lowest and highest frequency, Hz, of the swing of one run about hanging, and the duration of the run, s."""
+    """Return the range of the frequency of one run about hanging, Hz, and the duration of the run, s."""
     offsets = problem.segments.offsets
     segments = [
         slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run

@@ -45,16 +45,16 @@ class FreeRunError:
         return float(np.sqrt(np.mean(self.squares)))
 
     def followed_s(self, limit_rad: float) -> float:
-        """Time up to which the rms error from the beginning stays below a limit, s.
+        """Return the time up to which the rms error from the beginning stays below a limit, s.
 
-        0 if the error exceeds the limit from the beginning.
+        The time is 0 if the error exceeds the limit from the beginning.
         """
         running = np.sqrt(np.cumsum(self.squares) / np.arange(1, len(self.t) + 1))
         below = np.logical_and.accumulate(running < limit_rad)
         return float(self.t[below][-1]) if below.any() else 0.0
 
     def until(self, end_s: float) -> "FreeRunError":
-        """Error up to a given time."""
+        """Return the part of the error up to a given time."""
         return FreeRunError(self.t[self.t <= end_s], self.squares[self.t <= end_s])
 
 
@@ -130,7 +130,7 @@ def free_runs(recordings: Recordings, estimate: Estimate, length_s: float = FREE
 
 
 def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Estimate:
-    """Estimate for one recording alone, with the initial state fitted to its first readings."""
+    """Fit the initial state of one recording to its first readings; return the estimate for this recording alone."""
     estimate = estimate.changed(params=without_events(estimate.params))
     head = record.t - record.t[0] < FREE_RUN.settle_s
     head[:MIN_SAMPLES] = True
@@ -142,9 +142,9 @@ def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Es
 
 
 def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
-    """(runs, 2) encoder zeros of each run by a fit to the whole run, if encoders are zeroed before each run.
+    """Fit the (runs, 2) encoder zeros of each run to the whole run, if encoders are zeroed before each run.
 
-    Otherwise an array of shape (0, 2).
+    Otherwise the result is an array of shape (0, 2).
     """
     if not recordings.rig.encoders.rezeroed:
         return np.zeros((0, 2))

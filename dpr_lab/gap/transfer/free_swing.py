@@ -60,19 +60,19 @@ class FreeSwing:
         return A.T @ A + slow.T @ slow, A
 
     def settled(self, change: Array) -> Array:
-        """(n, 2, k) part of changes of the readings that remains after the initial state is refitted."""
+        """Return the (n, 2, k) part of changes of the readings that remains after the initial state is refitted."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
         return change - self.by_start @ (_inverse(normal) @ (A.T @ rows))
 
     def start_variance(self) -> Array:
-        """(n, 2) variance of the prediction due to the noise of the first readings, rad^2."""
+        """Return the (n, 2) variance of the prediction due to the noise of the first readings, rad^2."""
         inner = _inverse(self._normal[0])
         return np.einsum("nij,jk,nik->ni", self.by_start, inner, self.by_start)
 
 
 def _inverse(normal: Array) -> Array:
-    """Inverse of a (4, 4) normal matrix; the pseudoinverse if it is numerically singular."""
+    """Invert a (4, 4) normal matrix; if it is numerically singular, return the pseudoinverse."""
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
     return scale[:, None] * np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * scale
 
@@ -85,7 +85,12 @@ class FreeSwings:
     each: tuple[FreeSwing, ...]
 
     def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
-        """(n, 2) change of the readings of each run by other constants of the rig, or by smaller integration steps."""
+        """Return the (n, 2) change of the readings of each run under other conditions of the simulation.
+
+        Args:
+            constants: other constants of the rig; None: unchanged
+            finer: factor by which the integration steps are smaller
+        """
         known = self.runs.problem
         finer_segments = replace(known.segments, step=known.segments.step / finer)
         model = known.model if constants is None else known.model.with_constants(constants)
@@ -95,7 +100,7 @@ class FreeSwings:
 
 
 def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
-    """Free runs of a model with their sensitivity to all uncertain quantities."""
+    """Compute free runs of a model and their sensitivity to all uncertain quantities."""
     free, problem = model.fit.free, runs.problem
     states = problem.segments.states
     # the zeros of these runs are treated as known
@@ -114,7 +119,7 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
 
 
 def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]:
-    """Mean squared error of each run that is caused only by the noise of its first readings.
+    """Return the mean squared error of each run that the noise of its first readings alone would cause.
 
     The result has the form of `FreeRuns.errors`.
 
@@ -132,14 +137,17 @@ def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]
 
 
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
-    """Time until the uncertainty of the initial state causes a given error, s; None if this time exceeds the run."""
+    """Return the time at which the uncertainty of the initial state causes a given error, s.
+
+    None if it exceeds the run.
+    """
     lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
     lost = lost[~swing.head[lost]]
     return float(swing.t[lost[0]]) if len(lost) else None
 
 
 def growth_rate(swing: FreeSwing, until: float) -> float:
-    """Largest finite-time growth rate of an initial error of the angles until a given time, 1/s.
+    """Return the largest growth rate of an initial error of the angles until a given time, 1/s.
 
     Source: largest singular value of the tangent map over a finite time; E. N. Lorenz (1965), Tellus 17, 321-333.
     """

@@ -49,7 +49,9 @@ class LoneRecording:
 
 
 def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) -> LoneRecording | None:
-    """The only recording with a remainder; None if there is no such recording, or if a segment cannot be simulated.
+    """Return the only recording with a remainder; None if no recording is the only one.
+
+    The result is also None if a segment cannot be simulated.
 
     Args:
         problem: the segments
@@ -83,7 +85,7 @@ def alone(name: str, remainder: float, others: float) -> LoneRecording | None:
 
 
 def _refitted(fit: Fit, chosen: Flags) -> Array:
-    """(segments,) chi2 of all segments after one Gauss-Newton step that fits the model to the chosen segments."""
+    """Fit the model to the chosen segments by one Gauss-Newton step; return the (segments,) chi2 of all segments."""
     A = scaled_columns(fit, fit.inside)
     X, e = A[chosen].reshape(-1, A.shape[2]), fit.linear.e[chosen].ravel()
     step = np.linalg.solve(X.T @ X + np.eye(A.shape[2]), X.T @ e)

@@ -40,7 +40,7 @@ def block(problem: Problem) -> int:
 
 
 def block_starts(run: Integers, size: int) -> Integers:
-    """Indices of the first segments of all blocks; a block has at most `size` segments of one run.
+    """Return the indices of the first segments of all blocks; a block has at most `size` segments of one run.
 
     Args:
         run: (segments,) index of the run of each segment; the segments of one run are neighbours
@@ -75,13 +75,13 @@ class OutOfSample:
 
 
 def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
-    """Prediction of each run from the other runs, or of each quarter of a single run from the other quarters."""
+    """Predict each run from the other runs, or each quarter of a single run from the other quarters."""
     fold = folds(problem)
     return _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
 
 
 def held_out_prediction(recordings: Recordings, bare: Hypothesis) -> OutOfSample:
-    """Prediction of whole recordings that the diagnosis did not fit."""
+    """Predict whole recordings that the diagnosis did not fit."""
     problem, initial = recordings.cut(recordings.working_length)
     states = descend(problem, bare.fit.estimate.changed(initial=initial), (), iterations=20).estimate.initial
 
@@ -104,10 +104,15 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
 
 
 def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers) -> Interval:
-    """Relative reduction of the gap with a bootstrap interval, from (2, segments) chi2 above the noise.
+    """Return the relative reduction of the gap with a bootstrap interval.
 
-    The rows are before and after. The interval is the whole range for a single segment, because it shows no scatter,
-    and for data without a gap.
+    The interval is the whole range for a single segment, because it shows no scatter, and for data without a gap.
+
+    Args:
+        above: (2, segments) chi2 above the noise, before and after
+        rng: source of randomness
+        block: number of neighbouring segments that are drawn together
+        run: (segments,) run of each segment
     """
     if above.shape[1] == 1 or above[0].sum() <= 0.0:
         return Interval(value=share(above), interval90=(-1.0, 1.0))
@@ -120,12 +125,16 @@ def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers)
 
 
 def share(above: Array) -> float:
-    """Relative reduction of the gap, at least -1: 1 - rms after / rms before, from (2, segments) chi2 above noise."""
+    """Return the relative reduction of the gap, 1 - rms after / rms before, but at least -1.
+
+    Args:
+        above: (2, segments) chi2 above the noise, before and after
+    """
     return float(_shares(above))
 
 
 def _shares(above: Array) -> Array:
-    """(...) relative reductions of the gap, from (2, ..., segments) chi2 above the noise."""
+    """Return the (...) relative reductions of the gap, from (2, ..., segments) chi2 above the noise."""
     before, after = np.maximum(above.sum(axis=-1), 0.0)
     remaining_share = np.sqrt(after / np.where(before > 0, before, 1.0))
     return np.where(before > 0, np.maximum(1 - remaining_share, -1.0), 0.0)

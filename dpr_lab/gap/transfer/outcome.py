@@ -120,7 +120,9 @@ class Transfer:
     """The only fitted recording with a remainder; None if there is none."""
 
     def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """Probabilities of the effects; the probability of an effect that fails a test is reduced.
+        """Return the effects with their final probabilities.
+
+        The probability of an effect that fails a test is reduced.
 
         The quarters of a single release are few and differ in amplitude. An effect that fails the test on quarters, or
         that cannot be tested, is still probable, unless all effects fail another test.

@@ -10,7 +10,7 @@ from dpr_lab.fitting.problem import Problem
 
 
 def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bool = False) -> dict[str, Effect]:
-    """Effects of a library that can act in these recordings and are not free in every fit.
+    """Return those effects of a library that can act in these recordings and are not free in every fit.
 
     Args:
         library: effects by name

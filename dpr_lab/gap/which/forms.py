@@ -39,10 +39,11 @@ READINGS_PER_FORM = 8
 
 
 def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: str) -> float | None:
-    """Own share: share of an effect's reduction that other forms of the smaller set's effects cannot explain, 0 to 1.
+    """Return the own share of an effect, 0 to 1: the part of its reduction that no other form explains.
 
-    The share is 1 if the recordings are too short to determine the other forms. It is None if the effect was not
-    tested.
+    The other forms are those of the effects in the smaller set. The share is 1 if the recordings are too short to
+    determine
+    the other forms. It is None if the effect was not tested.
 
     Args:
         problem: segments and noise
@@ -72,7 +73,10 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
 
 
 def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, name: str, tested: Effect) -> Array:
-    """(segments, m, k) whitened change of the readings by other forms of an effect that lack the tested effect."""
+    """Return the (segments, m, k) whitened change of the readings by other forms of an effect.
+
+    Forms that contain the tested effect are left out.
+    """
     effect, estimate = EFFECTS[name], model.fit.estimate
     if effect.stage == "load":
         (joint,) = effect.joints
@@ -103,7 +107,7 @@ def _other_forms(problem: Problem, reference: Trajectory, model: Hypothesis, nam
 
 
 def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) -> Array:
-    """(n, k) hat functions over the angle, and over time and speed if the effect may depend on them."""
+    """Return (n, k) hat functions over the angle, and over time and speed if the effect may depend on them."""
     of_pose = not effect.dissipative and effect.stage in ("torque", "encoder")
     hats = [angle_hats(angle)[0]]
     if not _are_losses_of_speed(effect, tested):
@@ -112,6 +116,6 @@ def _free(effect: Effect, tested: Effect, angle: Array, speed: Array, t: Array) 
 
 
 def _are_losses_of_speed(effect: Effect, tested: Effect) -> bool:
-    """Whether both effects are losses at one joint, and the tested one is a law of the speed."""
+    """Return whether both effects are losses at one joint, and the tested effect is a law of the speed."""
     share_joint = not set(effect.joints).isdisjoint(tested.joints)
     return share_joint and effect.dissipative and tested.dissipative and tested.stage != "load"

@@ -67,7 +67,7 @@ def forward_selection(max_effects: int, *, to_floor: bool = False) -> Move:
 
 
 def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor: bool) -> Iterator[Proposal]:
-    """Best set of each size.
+    """Yield the best set of each size.
 
     Far from the noise, the search continues after one effect that does not reduce the excess, because two effects of
     similar size may reduce it only together. The search ends as soon as it refutes the noise of known torques, because
@@ -101,7 +101,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Whether the residual is far above the noise of readings and known torques even with all effects together.
+    """Return whether the residual far exceeds the noise of readings and known torques, whichever effects are added.
 
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
     of them.
@@ -114,7 +114,7 @@ def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
 
 
 def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sets sorted by the criterion; those with an effect of impossible size, or one that adds too little, come last.
+    """Sort sets by the criterion; sets with an impossible size, or with an effect that adds too little, come last.
 
     Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
     frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
@@ -125,7 +125,7 @@ def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) ->
 
 
 def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Whether a set contains an effect of impossible size, and whether it contains an effect that adds too little."""
+    """Return whether a set contains an effect of impossible size, and whether it contains one that adds too little."""
     little = follows_remainder(sets.bare, model, best) or any(
         follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
     )
@@ -143,7 +143,7 @@ def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Prop
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Next best sets, if their excess is close to the excess of the best set and they are not other forms of it."""
+    """Return the next best sets if their excess is close to that of the best set; other forms of it do not count."""
     separate = [model for model in others if not _are_forms(sets, model, best)]
     return [model for model in separate[: BEAM.sets - 1] if bounded_excess(model) < BEAM.worse * bounded_excess(best)]
 
@@ -156,12 +156,10 @@ def _with_one_more(
     *,
     last: bool,
 ) -> dict[frozenset[str], Hypothesis]:
-    """Sets of a level, extended by the sets that add one of the most promising effects to a smaller set.
+    """Extend the sets of a level by sets that add one of the most promising effects to a smaller set.
 
-    Once only noise remains, only equally promising effects are fitted.
-
-    Far from the noise, a candidate is not fitted if even twice its predicted reduction would leave its set too poor to
-    be extended or accepted (`_deciding_excess`).
+    Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is not fitted if
+    even twice its predicted reduction would leave its set too poor to be extended or accepted (`_deciding_excess`).
 
     Args:
         sets: the fitted sets
@@ -184,7 +182,7 @@ def _with_one_more(
 
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
-    """Maximum excess with which a further set of a level can be extended or accepted."""
+    """Return the maximum excess with which a further set of a level can be extended or accepted."""
     sound = [model for model in _ranked(sets, best, level) if not any(_doubts(sets, best, level, model))]
     ahead = [*sound[:1], *_runners_up(sets, sound[0], sound[1:])] if sound else []
     if last:
@@ -195,7 +193,9 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
 
 
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
-    """Set with the two losses of one joint that explain most together, if they hide each other; otherwise None.
+    """Return the set with those two losses of one joint that hide each other and explain most together.
+
+    Otherwise None.
 
     Next to viscous friction, Coulomb friction and air drag change a decay in opposite ways. Their loss per swing
     increases with the powers 1 and 3 of the amplitude, that of viscous friction with the power 2. Each of them alone
@@ -225,7 +225,7 @@ def _is_loss_of_one_size(score: Score) -> bool:
 
 
 def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
-    """Whether two sets differ only by an effect and a simpler form of it."""
+    """Return whether two sets differ only by an effect and a simpler form of this effect."""
     only_first, only_second = model.key - other.key, other.key - model.key
     if len(only_first) != 1 or len(only_second) != 1:
         return False
@@ -234,9 +234,9 @@ def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
 
 
 def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Scores of the effects with the largest predicted reduction, one per group of nearly indistinguishable effects.
+    """Return the scores of the effects with the largest predicted reduction, and of their simpler forms.
 
-    Simpler forms of these effects are added.
+    Of a group of nearly indistinguishable effects, one is returned.
     """
     least = promising_gain(model)
     promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
@@ -252,6 +252,6 @@ def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
 
 
 def _nearly_equal(score: Score, other: Score) -> bool:
-    """Whether two effects with similar signatures predict the same reduction."""
+    """Return whether two effects with similar signatures predict the same reduction."""
     same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
     return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins

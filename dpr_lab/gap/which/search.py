@@ -64,7 +64,7 @@ class SearchState:
 
     @classmethod
     def bare(cls, sets: FittedSets, max_effects: int) -> "SearchState":
-        """Initial state of the search: the model without effects."""
+        """Return the initial state of the search: the model without effects."""
         return cls(sets.bare, sets, max_effects)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
@@ -121,7 +121,7 @@ def apply(move: Move, state: SearchState) -> SearchState:
 
 
 def _refusal(state: SearchState, model: Hypothesis) -> str:
-    """Reason why no move may replace the current set by a given one; empty if there is none."""
+    """Return the reason why no move may replace the current set by a given one; empty if there is none."""
     sets = state.sets
     if follows_remainder(sets.bare, model, state.current):
         return "the additional effect only fits the remainder of small unknown causes"

@@ -65,7 +65,7 @@ class Selection:
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 
     def unique_share(self, name: str) -> float:
-        """Unique contribution: fraction of the bare model's excess chi2 that only this effect removes, 0 to 1."""
+        """Return the unique contribution of an effect: the share of the bare model's excess that only it removes."""
         before, after = self.bare.residuals.excess, max(self.chosen.residuals.excess, 0.0)
         returned = self.without_substitute[name].residuals.excess - after
         return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)

@@ -22,7 +22,9 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 
 def significantly_oversized(model: Hypothesis, limits: Array | None, deviations: float = 2.0) -> tuple[str, ...]:
-    """Effects of a set with impossible sizes: at a limit, or not possible together within the errors of the fit.
+    """Return the effects of a set that have impossible sizes, within the errors of the fit.
+
+    A size is impossible if it is at a limit, or if it is not possible together with the other sizes of its effect.
 
     Args:
         model: the fitted set
@@ -44,7 +46,7 @@ def significantly_oversized(model: Hypothesis, limits: Array | None, deviations:
 
 
 def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, float]) -> bool:
-    """Whether no combination of the sizes of an effect is possible within their intervals.
+    """Return whether no combination of the sizes of an effect is possible within their intervals.
 
     The tested values of each amplitude are its estimate, the ends of its interval, and zero if the interval contains
     zero.
@@ -64,10 +66,11 @@ def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, floa
 
 
 def off_axis(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> tuple[str, ...]:
-    """Offset of the centre of mass of the inner rod, if it is significantly larger than the distance along the rod.
+    """Return the offset of the centre of mass of the inner rod if it is larger than the distance along the rod.
 
-    Such a rod would hang at more than 45 degrees of its readings. A wrong zero of the angles, or a constant torque, is
-    more probable.
+    The difference must be significant. Such a rod would hang at more than 45 degrees of its readings. A wrong zero of
+    the
+    angles, or a constant torque, is more probable.
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
     free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
@@ -81,10 +84,10 @@ def off_axis(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> tu
 
 
 def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
-    """Whether the gravity torque of the inner rod is significantly negative, so that gravity would lift the rod.
+    """Return whether the gravity torque of the inner rod is significantly negative.
 
-    In swings of similar amplitude, an effect that depends on the angle can replace gravity, and compensate for a
-    gravity torque of the wrong size or sign.
+    Gravity would then lift the rod. In swings of similar amplitude, an effect that depends on the angle can replace
+    gravity, and compensate for a gravity torque of the wrong size or sign.
     """
     place, torque = RATIOS.index("e1/b"), _gravity_torque(problem, model)
     free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
@@ -95,7 +98,7 @@ def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
 
 
 def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
-    """Largest gravity torque of the inner rod, divided by b, 1/s^2; None without inner rod or gravity."""
+    """Return the largest gravity torque of the inner rod, divided by b, 1/s^2; None without inner rod or gravity."""
     estimate, constants = model.fit.estimate, problem.model.constants
     setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
     if not (setups and constants.g > 0.0):

@@ -36,7 +36,7 @@ def springs_like_scale(
     tolerance: float = 0.5,
     deviations: float = 2.0,
 ) -> tuple[str, ...]:
-    """Springs of a single rod that soften significantly at large angles, with the ratio k3 / k of a scale error."""
+    """Return the springs of a single rod that soften significantly, with the ratio k3 / k of a scale error."""
     springs: list[str] = []
     if not all(setup.held for setup in set(problem.segments.setups)):
         return ()
