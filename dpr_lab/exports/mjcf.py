@@ -235,7 +235,7 @@ def passive(
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
     """Return the Coulomb friction (3,) at rest of the arm and of both hanging joints, N m.
 
-    Each value is the smaller of the values in both directions.
+    Each value is the smaller friction of both directions of motion.
     """
     constants = rig_constants(rig)
     params = effect_params(known_effects(effects))

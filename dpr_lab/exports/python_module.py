@@ -91,7 +91,7 @@ def module_text(
 ) -> str:
     """Generate the source of the module, with additional functions of dpr-lab.
 
-    `more` and `rewritten` are the arguments of `sources`.
+    `more` and `rewritten` are passed to `sources`.
     """
     if isinstance(model, MovingArmModel):
         return arm_module_text(model, rig, more or {}, rewritten or {})

@@ -103,7 +103,9 @@ def identify(
 
 
 def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """Fit the ratios by least squares, with longer and longer segments as long as the model follows them.
+    """Fit the ratios by least squares, with longer and longer segments as long as the model follows the readings.
+
+    The first segments have a length of 0.25 s.
 
     The first segments have a length of 0.25 s.
 

@@ -189,7 +189,7 @@ class Identifiable(_Record):
 
 
 class FitSummary(_Record):
-    """Quality of a fit of all runs to segments with free initial states."""
+    """Quality of the fit to all runs, which are cut into segments with free initial states."""
 
     rms_rad: Annotated[dict[str, Number], AfterValidator(by_name(RODS))]
     """Rms residual of `theta1` and `theta2`, rad."""
@@ -343,7 +343,7 @@ class Model(Shown, _Record):
         return np.append(self.ratio_values, [b, p_over_b])
 
     def starting_point(self, rig: Rig) -> Array:
-        """Return an array (7,) of the five ratios, b and p/b, the initial values of a fit for this rig.
+        """Return the initial values (7,) of a fit for this rig: the five ratios, b and p/b.
 
         Raises:
             RunError: the model belongs to another rig.

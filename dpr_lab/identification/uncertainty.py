@@ -189,7 +189,7 @@ def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tu
 
 
 def _prior_gradient(ratio_fit: RatioFit) -> Array:
-    """Return the gradient (n,) of the prior of the rig file at the fit, in the unit of the gradient of chi2."""
+    """Return the gradient (n,) of the rig file's prior at the fit, in the unit of the gradient of chi2."""
     fit = ratio_fit.fit
     prior = RigPrior.at(ratio_fit.problem, fit.estimate, fit.free, fit.linear)
     gradient = prior.A.T @ prior.e

@@ -88,7 +88,7 @@ def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
         rig: L1, g and poses
 
     Returns:
-        E (3,) from X1, X2, X3 by the name of the interpretation, rad^2; with speeds also (rad/s)^2
+        E (3,) for X1, X2, X3 by the name of the interpretation, rad^2; speeds contribute (rad/s)^2
     """
     error = swings(Z, rig) - truth
     return {name: np.sum(term(error) ** 2, axis=(1, 2)) for name, term in TERMS.items()}

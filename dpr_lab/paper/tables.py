@@ -76,7 +76,7 @@ def table2(ours: Recomputed) -> PaperTable:
 
 
 def table3(ours: Recomputed, rig: Rig) -> PaperTable:
-    """Build table 3: H of the ten printed rows in several interpretations, and the errors of their parameters."""
+    """Build table 3: H of the ten printed rows in several interpretations, and the parameter errors of these rows."""
     angles, speeds = ours.table3["angles"], ours.table3["angles and speeds"]
     columns = (
         "row",

@@ -65,7 +65,10 @@ def relative(parameter: ParameterChange, change: float) -> str:
 
 
 def unit_of(name: str) -> str:
-    """SI unit of a parameter, such as `1/s²` for `coulomb_joint2.torque_Nm/b`; empty for a pure number."""
+    """Return the SI unit of a parameter, for example `1/s²` for `coulomb_joint2.torque_Nm/b`.
+
+    The text is empty for a pure number.
+    """
     effect, _, amplitude = name.rpartition(".")
     unit = RATIO_UNITS.get(name, "")
     if name in "ab":

@@ -18,7 +18,7 @@ CHOOSE = (
 
 
 class Hinges(NamedTuple):
-    """Indices of the parts that carry the joints of the rods and of the arm."""
+    """Indices of the parts that move with the joints of the rods and of the arm."""
 
     rods: tuple[int, ...]
     """Index for the inner rod and, if there are two rods, for the outer rod; a single rod is always on an arm."""

@@ -16,7 +16,7 @@ from dpr_lab.arrays import Integers
 
 
 class ChunkIndices:
-    """Chunk index of an MCAP file that is held in a temporary file.
+    """Chunk index that is kept in a temporary file while an MCAP file is written.
 
     `mcap.writer.Writer` writes the index at the end of the MCAP file.
 

@@ -52,7 +52,7 @@ def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
 def message_texts(records: bytes) -> tuple[int, Bytes] | None:
     """Return the channel and the texts (n, w) of records that `message_records` has written.
 
-    None for other records.
+    The result is None for other records.
     """
     if len(records) < _HEAD.itemsize:
         return None

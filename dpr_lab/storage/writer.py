@@ -232,7 +232,7 @@ class RunWriter:
     def _is_flood(self, kind: str) -> bool:
         """Count a message, and check whether its kind exceeds the limit until the next flush.
 
-        Such a message is dropped.
+        A message above the limit is dropped.
         """
         self._kept[kind] += 1
         if self._kept[kind] <= SETTINGS.messages_a_chunk:

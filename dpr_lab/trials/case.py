@@ -52,6 +52,8 @@ def run_case(case: dict[str, Any]) -> dict[str, Any]:
 def plant_of(case: dict[str, Any], *, direct: bool = True) -> Iterator[HeldPlant]:
     """Seal the plant of a case, and restrict this process to one thread.
 
+    `direct` is passed to `sealed_in_memory`.
+
     `direct` is that of `sealed_in_memory`.
 
     Raises:

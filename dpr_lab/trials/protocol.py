@@ -1,9 +1,11 @@
 """Run a blind trial in a folder: draw and record a plant, write the diagnosis, and then reveal the plant.
 
-trial.json      the seal, published before the recording; written when all runs are complete rig.toml        the rig
-file of the plant runs/           one recording from each pose of the rig file, through the real protocol device/
-files of the device, which dpr-lab never reads diagnosis.json  the diagnosis opened.json     the truth, checked against
-the seal, and the score
+trial.json      the seal, which is published before the recording; written when all runs are complete
+rig.toml        the rig file of the plant
+runs/           one recording from each pose of the rig file, through the real protocol
+device/         files of the device, which dpr-lab never reads
+diagnosis.json  the diagnosis
+opened.json     the truth, checked against the seal, and the score
 """
 
 import json

@@ -246,7 +246,7 @@ def _faults(truth: Truth) -> list[str]:
 def cause_named(effect: Json, truth: Truth) -> int | None:
     """Return the index of the true cause that a named effect, or a member of its class, matches.
 
-    None if there is none.
+    The result is None if there is no such cause.
     """
     names = {effect["name"], *effect["class"]}
     return next((i for i, right in enumerate(truth.answers) if names.intersection(right)), None)

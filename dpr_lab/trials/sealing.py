@@ -134,7 +134,7 @@ class HeldPlant:
         return self._ask(json.dumps(release))
 
     def opened(self) -> dict[str, Any]:
-        """Reveal truth and salt of the plant, after which it can no longer be recorded."""
+        """Reveal truth and salt of the plant; the plant can then no longer be recorded."""
         return self._ask("open")
 
 

@@ -4,8 +4,8 @@ Each model starts from a random initial state, which is drawn from its distribut
 then runs freely. Noise of the torque measurement is added to the known torques of driven joints. Noise of the encoders
 is added to the simulated readings. The band at an instant lies between two quantiles over the models. Readings are not
 compared if they were used for the initial states or are beyond the predictability horizon. At the beginning, a hand may
-still move the rods. The band therefore starts at the first half second that the model follows about as well as later
-parts.
+still move the rods. If the model follows the first half second much worse than later parts, the band therefore starts
+at the first half second that the model follows.
 """
 
 from collections.abc import Sequence
@@ -153,8 +153,8 @@ def quantiles_of(drawn: Array) -> tuple[Array, Array]:
     """Compute the lower and the upper bound (n, joints) of the readings (models, n, joints).
 
     Failed models are ignored. The k-th smallest value of m models is the quantile k / (m + 1) of the distribution from
-    which they are drawn (E. J. Gumbel 1958, Statistics of Extremes). The usual rule interpolates between the smallest
-    and the largest value. With 50 models, the band would then cover 86 % instead of 90 %.
+    which the values are drawn (E. J. Gumbel 1958, Statistics of Extremes). The usual rule interpolates between the
+    smallest and the largest value. With 50 models, the band would then cover 86 % instead of 90 %.
     """
     tail = (1 - BANDS.level) / 2
     finite = np.where(np.isfinite(drawn), drawn, np.nan)

@@ -51,7 +51,7 @@ def posterior_of(
 ) -> list[PosteriorComponent]:
     """Return the posterior of a diagnosis, or a posterior from the covariance of the ratios.
 
-    The latter is used for a model without a diagnosis.
+    The covariance is used for a model without a diagnosis.
 
     Args:
         model: the model

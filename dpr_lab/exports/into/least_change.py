@@ -3,7 +3,7 @@
 A free swing determines only ratios of the base parameters. The common scale s of all masses, inertias and torques is
 therefore free, unless recordings or measured values determine the scale. s is chosen such that as many base parameters
 of the file as possible are unchanged. u are the estimated base parameters at b = 1, and x are the base parameters of
-the file. x_i is unchanged if |s u_i / x_i - 1| is within its tolerance, and s is one of x_i / u_i.
+the file. x_i is unchanged if |s u_i / x_i - 1| is below the tolerance of x_i, and s is one of the values x_i / u_i.
 
 If only known torques determine the scale, these torques were computed with the gears of the file. Multiplying all
 torques by s / b is then equivalent to dividing all masses, inertias and frictions by s / b. Each gear changes by the

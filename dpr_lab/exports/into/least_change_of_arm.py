@@ -2,8 +2,8 @@
 
 `least_change` does the same for a clamped arm. All inertias, frictions and gravity torques, and the torque per input of
 the drive, are determined only up to a common factor s. u are the estimated `SWING_PARAMETERS`, divided by the scale,
-and x are the `SWING_PARAMETERS` of the file. x_i is unchanged if |s u_i / x_i - 1| is within its tolerance; s is chosen
-among the values x_i / u_i. If the torque per input is unchanged, s is the scale that known torques determine. If most
+and x are the `SWING_PARAMETERS` of the file. x_i is unchanged if |s u_i / x_i - 1| is below the tolerance of x_i. s is
+one of the values x_i / u_i. If the torque per input is unchanged, s is the scale that known torques determine. If most
 other parameters are unchanged instead, the gear of the motor changes.
 """
 
@@ -139,9 +139,9 @@ def _tolerances(model: MovingArmModel) -> dict[str, float]:
 def _changed(
     chain: ModelChain, arm: ChainArm, values: Values, of_file: Values
 ) -> Iterator[tuple[list[ModelCause], Values]]:
-    """Yield the numbers that differ from the file, by cause.
+    """Yield the causes whose numbers differ from the file.
 
-    Each cause is yielded with all values in which the numbers of this cause are those of the file.
+    Each cause is yielded with a copy of all values, in which the numbers of this cause are those of the file.
     """
     base, old = (np.array([parameters[name] for name in BASE]) for parameters in (values, of_file))
     for number, terms in enumerate(BODY_TERMS[: len(chain.rods)]):

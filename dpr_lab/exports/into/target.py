@@ -117,7 +117,7 @@ class BodyChange:
 
 
 def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None:
-    """Check that a file has the L1, m, and the g, m/s^2, of a rig.
+    """Check that L1, m, and g, m/s^2, of a file are those of a rig.
 
     The length of a single rod is not compared.
 

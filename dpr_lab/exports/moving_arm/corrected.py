@@ -35,7 +35,7 @@ def corrected_arm_model(
     runs: Sequence[Run],
     rig: Rig,
 ) -> MovingArmModel:
-    """Build the corrected model of `model.json`, which contains its effects in the table `effects`.
+    """Build the corrected model that is written to `model.json`, with its effects in the table `effects`.
 
     Args:
         diagnosis: ratios with their intervals

@@ -147,7 +147,7 @@ def step(x, u, h):
 def arm_module_text(model: MovingArmModel, rig: Rig, more: Mapping[str, Any], rewritten: Mapping[str, Rewrite]) -> str:
     """Generate the source of the module, with additional functions of dpr-lab.
 
-    `more` and `rewritten` are the arguments of `sources`.
+    `more` and `rewritten` are passed to `sources`.
     """
     model = model.with_arm_effects()
     sizes, outer = model.sizes, model.mounted == "both"

@@ -154,9 +154,9 @@ def residual_near(t: Array, rods: Array, torques: Array | None, rig: Rig) -> flo
     """Compute the residual of the balance of `energy_fit` after a small correction of the zeros.
 
     The result is infinite if the motion is too small. An error delta of a zero changes the potential energy of a small
-    swing of amplitude A by the fraction delta / A. Both zeros are therefore moved towards the best ones, by at most
-    `ENERGY.zero_error_rad`. The residual is computed with short and with long windows. The smaller residual is
-    returned, so that the noise of the readings has little influence.
+    swing of amplitude A by the fraction delta / A. Both zeros are therefore moved towards the zeros with the smallest
+    residual, by at most `ENERGY.zero_error_rad`. The residual is computed with short and with long windows. The smaller
+    residual is returned, so that the noise of the readings has little influence.
     """
     return min((_residual_near(terms, rig) for terms in _balances(t, rods, torques, rig)), default=math.inf)
 

@@ -71,7 +71,7 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
 
 
 def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
-    """Sentence on the most probable cause of an energy increase on this rig, and its remedy.
+    """Compose a sentence on the most probable cause of an energy increase on this rig, and on its remedy.
 
     A known torque, a motor in the rig file and a moving encoder 0 are evidence for their own cause. Without such
     evidence, the readings are the most probable cause.

@@ -47,7 +47,7 @@ TORQUES = TorqueBalanceSettings()
 
 @dataclass(frozen=True, slots=True)
 class TorqueBalance:
-    """Equations of motion for the accelerations of a table, with the known torques."""
+    """Equations of motion that are fitted to the accelerations in a table."""
 
     moving: LocalMotion
     torques: Array | None

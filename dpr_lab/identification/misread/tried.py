@@ -22,7 +22,7 @@ from dpr_lab.shown import percent
 
 @dataclass(frozen=True, slots=True)
 class MisreadSettings:
-    """Thresholds of the test of other interpretations of recordings."""
+    """Thresholds for testing other interpretations of recordings."""
 
     looked_at_s: float = 5.0
     """Duration of each run that is examined, s; an incorrect interpretation is detectable from the start."""

@@ -50,7 +50,9 @@ DOUBTS = DoubtSettings()
 
 
 def failures(fit: ArmFit, recordings: Sequence[ArmRecording], rig: Rig, *, gain_seen: bool = True) -> list[str]:
-    """Describe probable faults of the recordings or of their description; the cause is the first sentence.
+    """Describe probable faults of the recordings or of their description.
+
+    The first sentence names the cause. The list is empty if there are no faults.
 
     Args:
         fit: fit of the recordings with the given description

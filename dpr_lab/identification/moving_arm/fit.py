@@ -108,7 +108,7 @@ class ArmFit:
 
 
 def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
-    """Fit the unknowns to segments of a quarter of a second, then merge segments as long as the model follows.
+    """Fit the unknowns to segments of 0.25 s, then merge segments as long as the model follows the readings.
 
     Raises:
         IdentificationError: the values of the rig file cannot be simulated.

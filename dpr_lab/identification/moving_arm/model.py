@@ -20,7 +20,7 @@ CONFIG = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
 
 class ArmFitSummary(BaseModel):
-    """Quality of a fit of the runs to segments with free initial states."""
+    """Quality of the fit to the runs, which are cut into segments with free initial states."""
 
     model_config = CONFIG
 

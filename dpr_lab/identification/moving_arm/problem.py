@@ -98,7 +98,10 @@ class ArmSwings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmProblem(Problem):
-    """Fitting problem for segments of recordings with a moving arm; the axes are joints 0, 1 and 2."""
+    """Fitting problem for segments of recordings with a moving arm.
+
+    The columns of the readings belong to joints 0, 1 and 2.
+    """
 
     model: ArmSwings
     """Model of rods, arm and drive."""

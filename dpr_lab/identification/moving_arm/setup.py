@@ -1,4 +1,7 @@
-"""Convert the input of the arm of a run to a torque on the arm, of known or unknown scale, for a diagnosis."""
+"""Convert the input of a run's arm to a torque on the arm.
+
+The scale of this torque may be unknown.
+"""
 
 import math
 from dataclasses import dataclass, replace

@@ -35,9 +35,9 @@ def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
 
 
 def deciding_sentence(acceptance: Acceptance) -> str:
-    """Compose a sentence that introduces the releases with which a result on the open limits is expected.
+    """Compose a sentence that introduces the releases that should show whether the remaining limits are met.
 
-    The sentence is empty if there are none.
+    The sentence is empty if there are no such releases.
     """
     if not acceptance.would_decide:
         return ""

@@ -112,7 +112,10 @@ def causes(diagnosis: Diagnosis) -> dict[str, NamedEffect]:
 
 
 def summary_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS, *, brief: bool = False) -> list[tuple[str, ...]]:
-    """Return one row for each probable cause, in the columns `SUMMARY_COLUMNS`; `brief` is that of `sizes_cell`."""
+    """Return one row for each probable cause, in the columns `SUMMARY_COLUMNS`.
+
+    `brief` is passed to `sizes_cell`.
+    """
     return [
         (words, sizes_cell(diagnosis, effect, angles, brief=brief), percent(effect.probability))
         for words, effect in causes(diagnosis).items()
@@ -234,7 +237,10 @@ def _percent(probability: float) -> str:
 
 
 def step_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[tuple[str, ...]]:
-    """Return rows with the gap and the cumulative explained share of the excess, from the bare to the full model."""
+    """Return one row for each model, from the bare to the full model.
+
+    A row contains the gap and the cumulative explained share of the excess.
+    """
     gaps, explained = steps(diagnosis), diagnosis.gap.explained_share
     shares = [1 - (gap / gaps[0][1]) ** 2 if gaps[0][1] > 0 else 0.0 for _, gap in gaps[:-1]]
     shares += [explained] if len(gaps) > 1 else [0.0]
@@ -300,7 +306,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
 
 
 def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """Return the checks that belong to an advice, for example ` [check 1-47d7, expected information 0.98 bits]`.
+    """Return the checks that belong to a recommendation, for example ` [check 1-47d7, expected information 0.98 bits]`.
 
     The text is empty if there are none.
     """

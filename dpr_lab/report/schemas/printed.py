@@ -48,7 +48,7 @@ class PrintedSimulator(BaseModel):
 
 
 class PrintedDiagnosis(Diagnosis):
-    """Output of `dpr-lab diagnose --json`, and `diagnosis.json` in the folder of a diagnosis."""
+    """Output of `dpr-lab diagnose --json`; the file `diagnosis.json` of a diagnosis has the same structure."""
 
     files: dict[str, str] = Field(default={})
     """Name of each written file -> its path."""
@@ -64,14 +64,14 @@ class CheckedDiagnosis(Diagnosis):
 
 
 class PrintedPlan(Plan):
-    """Output of `dpr-lab plan --json`, and `plan.json` in the folder of a plan."""
+    """Output of `dpr-lab plan --json`; the file `plan.json` of a plan has the same structure."""
 
     files: dict[str, str] = Field(default={})
     """Name of each written file -> its path."""
 
 
 class PrintedModel(Model):
-    """Output of `dpr-lab identify --json`, and `model.json`."""
+    """Output of `dpr-lab identify --json`; the file `model.json` has the same structure."""
 
     model: str = ""
     """Path of the model file; empty in the file itself."""

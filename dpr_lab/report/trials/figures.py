@@ -42,7 +42,7 @@ def confusion_figure(summary: Summary) -> Figure:
 def reliability_figure(summary: Summary) -> Figure:
     """Draw the reliability diagram: observed frequency against stated probability.
 
-    Each point has the number of its claims.
+    Each point is labelled with the number of its claims.
     """
     with style.house_style():
         rows = summary["reliability"]

@@ -1,8 +1,12 @@
 """Convert data files to tables; each format has one module and one entry in `READERS`.
 
-arrays        named arrays as columns of a table; limits of their size points        points tracked in a video (Tracker,
-DeepLabCut) as angles matlab        .mat up to version 7: arrays, structs hdf5          HDF5, .mat of version 7.3 npz
-NumPy's .npz and .npy parquet       Apache Parquet joint_states  sensor_msgs/JointState in MCAP files and ROS 2 bags
+arrays        named arrays as columns of a table; limits of their size
+points        points that were tracked in a video (Tracker, DeepLabCut), as angles
+matlab        .mat up to version 7: arrays, structs
+hdf5          HDF5, .mat of version 7.3
+npz           NumPy's .npz and .npy
+parquet       Apache Parquet
+joint_states  sensor_msgs/JointState in MCAP files and ROS 2 bags
 records       JSON: records of a logger, or lists of numbers
 """
 

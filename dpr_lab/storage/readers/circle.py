@@ -67,7 +67,7 @@ def most_of_a_circle(points: Array) -> tuple[Array, Flags] | None:
 def _distances(points: Array, centre: Array) -> tuple[Array, float]:
     """Return the distances (n,) of points from a circle, and the radius of the circle.
 
-    The circle has the given centre and the median distance of the points as radius.
+    The radius is the median distance of the points from the given centre.
     """
     radii = np.hypot(*(points - centre).T)
     return np.abs(radii - np.median(radii)), float(np.median(radii))

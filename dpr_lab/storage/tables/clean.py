@@ -61,7 +61,7 @@ def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimi
 
 
 def _numbers(fields: list[str]) -> Array | None:
-    """Convert text fields to numbers, NaN for missing values.
+    """Convert text fields to numbers; missing values become NaN.
 
     The result is None if a field is neither a number nor a missing value.
     """

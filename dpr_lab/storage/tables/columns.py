@@ -80,7 +80,7 @@ def is_time(name: str) -> bool:
 def counter(table: Table) -> str:
     """Return the name of the column that counts the rows, for example the frames of a video.
 
-    Empty if there is none.
+    The text is empty if there is no such column.
     """
     for name, column in zip(table.names, table.values, strict=True):
         steps = np.diff(column)
