@@ -18,7 +18,7 @@ WORDS = frozenset({"friction", "offset", "added_length", "tilt"})
 def urdf(model: AnyModel, rig: Rig, lost: Mapping[str, str]) -> str:
     """Generate URDF text with the links `world`, `base`, `arm` (if the arm moves), `inner`, `encoder2` and `outer`.
 
-    All joint angles are 0 with the rods upright; joint 2 is relative to the inner rod.
+    All joint angles are 0 with the rods upright. The angle of joint 2 is relative to the inner rod.
     """
     made = bodies(model, rig, in_words(model, rig, WORDS))
     return rendered("urdf.xml", name=model.rig.name, made=made, notes=notes(model, made, lost), thin=THIN)

@@ -107,8 +107,6 @@ def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
 
     The first segments have a length of 0.25 s.
 
-    The first segments have a length of 0.25 s.
-
     Args:
         Z: (9,) initial parameters
         runs: runs with their states and noise

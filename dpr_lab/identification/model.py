@@ -79,7 +79,7 @@ class ParameterValue(_Record):
     interval90: tuple[Number, Number] | None = None
     """90 % interval from the recordings and the rig file.
 
-    If only the bounds determine a value, they are its prior.
+    If only the bounds determine a value, the interval is that of the prior.
     """
 
 

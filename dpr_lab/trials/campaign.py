@@ -53,8 +53,8 @@ class Campaign:
     strategies: tuple[str, ...] = ()
     """Names of the sequential strategies, keys of `STRATEGIES`.
 
-    With strategies, each plant is recorded by each of them, release by release, until its causes are decided. Without
-    strategies, each plant is recorded once from each pose of the rig file.
+    With strategies, each plant is recorded by each strategy, release by release, until the causes are determined.
+    Without strategies, each plant is recorded once from each pose of the rig file.
     """
 
     def cases(self, numbers: Sequence[int]) -> list[Case]:

@@ -54,8 +54,6 @@ def plant_of(case: dict[str, Any], *, direct: bool = True) -> Iterator[HeldPlant
 
     `direct` is passed to `sealed_in_memory`.
 
-    `direct` is that of `sealed_in_memory`.
-
     Raises:
         DprError: the device failed, or another version is installed here.
     """

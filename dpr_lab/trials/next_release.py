@@ -22,7 +22,7 @@ class SequentialSettings:
     duration_s: float = 10.0
     """Duration of every release, s; the strategy `free` chooses its own durations."""
     most: int = 6
-    """Number of releases after which a plant counts as undecided."""
+    """Number of releases after which the causes of a plant count as undetermined."""
 
 
 SEQUENTIAL = SequentialSettings()

@@ -129,7 +129,10 @@ class TrialOutcome:
         return bool(self.causes) and small and not self.invented and self.verdict in ("no_gap", "named")
 
     def to_json(self) -> dict[str, Any]:
-        """Convert the outcome to a dict, with null for non-finite numbers; `read_outcome` is the inverse."""
+        """Convert the outcome to a dict; non-finite numbers become null.
+
+        `read_outcome` is the inverse.
+        """
         numbers = {name: value for name in _NUMBERS if math.isfinite(value := getattr(self, name))}
         return asdict(self) | dict.fromkeys(_NUMBERS) | numbers
 

@@ -72,11 +72,11 @@ class SequentialLook:
     diagnosis: Diagnosis
     """Diagnosis of all runs recorded so far."""
     decided: bool
-    """Whether the recordings decide the causes."""
+    """Whether the recordings determine the causes."""
     bench_check: bool
-    """Whether all causes are decided, except between causes that no release, but only a bench check, separates."""
+    """Whether only a bench check, but no further release, can separate the remaining causes."""
     forecast: tuple[float, ...]
-    """Probabilities that the causes are decided after this release, after the next release, and so on.
+    """Probabilities that the causes are determined after this release, after the next release, and so on.
 
     The plan that recommended the release computed these probabilities.
     """

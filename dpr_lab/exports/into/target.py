@@ -165,9 +165,9 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
 
 
 def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
-    """Compute target values of the rods with which the file has the moments of the corrected model.
+    """Compute target values of the rods, so that the moments of the rods are those of the corrected model.
 
-    The masses are those of the file.
+    The masses of the file are kept.
 
     Args:
         chain: the rods of the file
@@ -190,9 +190,9 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
 
 
 def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
-    """Compute target values of the arm with which the file has the inertia of the corrected model.
+    """Compute target values of the arm, so that the inertia of the arm is that of the corrected model.
 
-    The masses are those of the file.
+    The masses of the file are kept.
 
     Args:
         chain: the rods of the file

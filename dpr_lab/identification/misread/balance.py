@@ -55,11 +55,11 @@ class EnergySettings:
     friction: float = 100.0
     """Maximum factor of a viscous coefficient, which is poorly known, relative to its value in the rig file."""
     dry: float = 0.5
-    """Maximum dry friction torque relative to the gravity torque of the rods."""
+    """Maximum Coulomb friction torque, relative to the gravity torque of the rods."""
     zero_error_rad: float = 0.1
     """Maximum zero error that may be a property of the rig, rad.
 
-    Dry friction can hold a rod away from the vertical by this angle, and a camera can be tilted by it.
+    Coulomb friction can hold a rod away from the vertical by this angle. A camera can also be tilted by this angle.
     """
     exchanged: float = 0.9
     """Minimum correlation of kinetic and potential energy, without trend and friction, for a judgement of the times."""
@@ -133,7 +133,7 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
-    """Find the angles to be added to both rods with which the energy of a free swing balances best.
+    """Find the angles to be added to both rods so that the energy of a free swing balances best.
 
     The angles are less than one turn. The result is None if the motion is too small.
 
@@ -188,7 +188,7 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
 
 
 def best_zeros(residual: Callable[[Array], float], rig: Rig, *, nearest: bool = False) -> tuple[float, float]:
-    """Find the angles to be added to both rods with which a residual is smallest.
+    """Find the angles that minimise a residual when they are added to both rods.
 
     The angles are less than one turn. Both angles are equal for one degree of freedom. The local minima on a grid of
     both angles are refined. Grid points next to a lower one are excluded, because a search from there would end in the

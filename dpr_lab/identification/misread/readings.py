@@ -26,7 +26,7 @@ class Misreading:
     read: Callable[[Run], Run | None]
     """Function that converts a run to this interpretation; it returns None if the interpretation does not apply."""
     arm: bool = False
-    """Whether the arm moves in this interpretation; a compliant arm moves, too."""
+    """Whether the arm moves in this interpretation; a compliant arm also moves."""
     time_factor: float = 1.0
     """Factor on the times in this interpretation."""
 

@@ -146,7 +146,8 @@ class ArmComparison(Shown):
     measured: Array
     """(n, 3) readings of the joints, rad, as the encoders read them; nan without an encoder."""
     simulated: Array
-    """(n, 3) readings predicted by the model, with an initial state fitted for each segment, rad; nan likewise."""
+    """(n, 3) readings that the model predicts with an initial state fitted for each segment, rad; nan without an
+    encoder."""
     segment_s: float
     """Length of a segment, s."""
     rms_rad: dict[str, float]

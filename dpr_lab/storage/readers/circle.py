@@ -22,8 +22,8 @@ class CircleSettings:
     """Number of circles through three random points. If a third of the points are wrong, about 30 of them pass only
     through correct points."""
     near: float = 6.0
-    """Maximum distance of a point from the circle to count as on the circle, in median distances; about 4 standard
-    deviations."""
+    """Maximum distance from the circle at which a point counts as on the circle, in median distances. It is about 4
+    standard deviations."""
     fits: int = 20
     """Maximum number of least-squares fits. Each fit uses the points near the previous circle."""
     rounding: float = 1e-9

@@ -103,9 +103,9 @@ def _arrays(path: Path, within: str, held: Mapping[str, Any]) -> Iterator[tuple[
 
 
 def _class_of(opaque: Any) -> str:
-    """Return the MATLAB class of an object, which is the last text in its header.
+    """Return the MATLAB class of an object, which is the last text in the header of the object.
 
-    Before scipy 1.18, these texts are bytes.
+    Before scipy 1.18, the texts of the header are bytes.
     """
     header = opaque.reshape(-1)[0]
     texts = [part for part in header if isinstance(part, bytes | str)]

@@ -158,7 +158,10 @@ def _points(table: Table) -> tuple[str, list[_Point]]:
 
 
 def _coordinate(name: str) -> tuple[str, str]:
-    """Return the point and the axis that the name of a column states; two empty texts for other columns."""
+    """Return the point and the axis that the name of a column states.
+
+    For other columns, both texts are empty.
+    """
     if match := _IN_WORDS.fullmatch(name):
         return match["point"].lower(), match["axis"].lower()
     match = _BY_NAME.fullmatch(name)

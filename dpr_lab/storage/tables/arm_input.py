@@ -174,7 +174,7 @@ def stated_arm(rig: Rig, options: ImportOptions, path: object, angles: Mapping[s
 
 
 def find_input(names: Sequence[str], motor: MotorTable, given: str | None, path: object) -> tuple[str, float]:
-    """Find the column of the input of a driven arm, and its factor to SI units.
+    """Find the column of the input of a driven arm, and the factor that converts the input to SI units.
 
     Args:
         names: names of the columns
