@@ -57,7 +57,7 @@ class AngleUnit:
 def _rounded(value: float, digits: int) -> float:
     """Round a value.
 
-    A value that rounds to zero loses its sign, which would be displayed as -0.0.
+    If the result is zero, the sign is removed, so that the result is not displayed as -0.0.
     """
     return round(value, digits) + 0.0
 

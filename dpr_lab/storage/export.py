@@ -119,7 +119,7 @@ def write_parquet(run: Run, path: Path) -> None:
 
 
 def write_hdf5(run: Run, path: Path) -> None:
-    """Write HDF5 with one compressed data set for each column, with checksums.
+    """Write HDF5 with one data set for each column; the data sets are compressed and have checksums.
 
     The file is created in memory, because the library aborts the whole program if the disk is full.
     """

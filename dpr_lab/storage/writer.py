@@ -393,7 +393,10 @@ def _sample_messages(
     counts: Integers | None,
     torques: Array,
 ) -> Iterator[bytes]:
-    """Format rows as JSON, three times as fast as `json.dumps`."""
+    """Format rows as JSON.
+
+    This is three times as fast as `json.dumps`.
+    """
     rows = zip(tick.tolist(), t.tolist(), theta.tolist(), strict=True)
     ends = [""] * len(tick)
     for key, pairs in zip(TORQUE_KEYS, torques.tolist(), strict=False):

@@ -95,7 +95,7 @@ class Preview:
         return self.rate_hz if self.gaps else (len(self.t) - 1) / float(self.t[-1] - self.t[0])
 
     def first_rows(self, rows: int = 5) -> list[tuple[float, ...]]:
-        """Return times, s, and angles of `joints`, rad, in the first rows."""
+        """Return the times, s, and the angles of `joints`, rad, in the first rows of the recording."""
         angles = self.theta[:rows, list(self.joints)]
         return [(t, *theta) for t, theta in zip(self.t[:rows].tolist(), angles.tolist(), strict=True)]
 
