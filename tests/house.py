@@ -35,13 +35,19 @@ def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@cache
+def nodes_of(tree: ast.Module) -> list[ast.AST]:
+    """All nodes of a syntax tree."""
+    return list(ast.walk(tree))
+
+
 def imports(trees: Mapping[str, ast.Module], *, deferred: bool = False) -> dict[str, set[str]]:
     """Modules among `trees` that each module imports; `deferred` also counts imports inside functions."""
     return {name: set(_imported(tree, trees, deferred)) - {name} for name, tree in trees.items()}
 
 
 def _imported(tree: ast.Module, trees: Mapping[str, ast.Module], deferred: bool) -> Iterator[str]:
-    for node in ast.walk(tree) if deferred else tree.body:
+    for node in nodes_of(tree) if deferred else tree.body:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in trees)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -99,7 +105,7 @@ def class_names(trees: Mapping[str, ast.Module]) -> dict[str, list[str]]:
     """Modules that define each public class name."""
     found: dict[str, list[str]] = defaultdict(list)
     for name, tree in trees.items():
-        for node in ast.walk(tree):
+        for node in nodes_of(tree):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 found[node.name].append(name)
     return found
@@ -131,8 +137,8 @@ def effects_named(trees: Mapping[str, ast.Module], effects: Iterable[str]) -> li
     anywhere, quoted = re.compile(rf"(?<!\w)({words})(?!\w)"), re.compile(rf"[`'\"]({words})[`'\"]")
     found = []
     for name, tree in trees.items():
-        told = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        for node in ast.walk(tree):
+        told = {id(node.value) for node in nodes_of(tree) if isinstance(node, ast.Expr)}
+        for node in nodes_of(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 said = (quoted if id(node) in told else anywhere).findall(node.value)
                 found += [f"{name}:{node.lineno} {effect}" for effect in said]

@@ -3,8 +3,9 @@
 import ast
 import re
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
+
+from tests.house import nodes_of, tree_of
 
 ROOT = Path(__file__).parents[1]
 SOURCES = sorted(path for top in ("dpr_lab", "firmware_protocol", "sim_device") for path in (ROOT / top).rglob("*.py"))
@@ -86,26 +87,21 @@ def test_shares_are_written_with_a_space_before_the_percent_sign() -> None:
     formatted = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in SOURCES
-        for node in _nodes(path)
+        for node in nodes_of(tree_of(path))
         if isinstance(node, ast.FormattedValue) and node.format_spec and ast.unparse(node.format_spec).endswith("%'")
     ]
     assert formatted == [], "use dpr_lab.shown.percent"
 
 
-@cache
-def _nodes(path: Path) -> list[ast.AST]:
-    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-
-
 def _texts(path: Path) -> Iterator[tuple[int, str]]:
-    for node in _nodes(path):
+    for node in nodes_of(tree_of(path)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
             yield node.lineno, node.value
 
 
 def _defined(path: Path) -> Iterator[str]:
     """Names of variables, arguments, attributes, functions and classes."""
-    for node in _nodes(path):
+    for node in nodes_of(tree_of(path)):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
             yield node.id
         elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
@@ -118,7 +114,7 @@ def _defined(path: Path) -> Iterator[str]:
 
 def _locals(path: Path) -> Iterator[str]:
     """Names that functions bind: arguments, and variables of loops and comprehensions too."""
-    for function in _nodes(path):
+    for function in nodes_of(tree_of(path)):
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             for node in ast.walk(function):
                 if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
