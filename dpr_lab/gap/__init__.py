@@ -1,6 +1,6 @@
 """Diagnosis of the gap between simulation and rig: size, location, causes, probabilities, reduction.
 
-`diagnose.diagnose` runs the stages; each stage extends the frozen record of `state`.
+`diagnose.diagnose` runs the stages; each stage returns a frozen record of `state`.
 
     stage (reported as)        entry point                       question
     screen                     screen.record.record              which readings are faulty?
@@ -15,11 +15,11 @@
     evidence                   evidence.evidence.evidence        what supports the result?
     conclusion                 conclusion.conclusion.conclude    verdict, intervals, assumptions
 
-Reading order. These modules contain the decisions, about 14,700 words of text and code, a little more than an hour:
+Reading order. These modules contain the decisions, about 13,600 words of text and code, less than an hour:
 `state`, `diagnose`, `bare_model`, `hypothesis.hypothesis`, `hypothesis.score_test`, `hypothesis.thresholds`,
-`which.search`, `which.moves`, `which.forward`, `which.select`, `corrections`, `transfer.transfer`,
-`conclusion.verdict`, `conclusion.conclusion`. The other modules contain about 68,000 words. They are the computations
-behind one decision each, and can be read when they are changed.
+`which.search`, `which.moves`, `which.forward`, `which.select`, `which.removals`, `corrections`, `transfer.transfer`,
+`conclusion.verdict`. The other modules contain about 70,500 words. They are the computations behind one decision each,
+and can be read when they are changed.
 
 Terms of all modules:
 
@@ -30,7 +30,7 @@ Terms of all modules:
     excess            chi2 above the noise; `bounded_excess` is at least the random variation of the noise
     inflation         variance inflation n / n_eff: chi2 that corresponds to one independent reading
     curve             an effect of three or more amplitudes, which can imitate a sum of other effects
-    held out          not fitted: `Request.held_out` contains the runs, `state.held_out` the screened runs
+    held out          not fitted: `Request.held_out` contains the runs, `Fitted.held_out` the screened runs
 
 docs/how-the-diagnosis-decides.md explains the decisions; docs/theory.md, sections 5 and 7 to 10, contains the
 equations.

@@ -16,7 +16,8 @@ import numpy as np
 
 from dpr_lab.effects import param_index, without_events
 from dpr_lab.effects.input_delay import INPUT_DELAY
-from dpr_lab.fitting.gauss_newton import fit
+from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.bare_model import with_likeliest_noise
 from dpr_lab.gap.damage.disturbances import without_jumps
 from dpr_lab.gap.damage.jumps import JUMP
@@ -24,7 +25,7 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, far_from_noise
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.state import Drafted, ScreenedRuns
+from dpr_lab.gap.state import Drafted, Fitted, ScreenedRuns
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +49,9 @@ ROWS = RowRules()
 class Correction:
     """Correction of one property of the recordings that the result of a search shows to be wrong."""
 
-    correct: Callable[[Drafted], Drafted | None]
-    """Function that returns the state with corrected recordings; None if no correction is needed."""
-    better: Callable[[Drafted, Drafted], bool]
+    correct: Callable[[Fitted, Hypothesis], ScreenedRuns | None]
+    """Function of the fitted recordings and the selected set: the corrected recordings; None if none are needed."""
+    better: Callable[[Drafted, Drafted], bool] = lambda before, after: True
     """Function of the previous and the corrected state: whether the search of the corrected recordings is used."""
     most: int = 1
     """Maximum number of times that the correction is applied."""
@@ -65,7 +66,7 @@ def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Dr
     """
     for correction in CORRECTIONS:
         for _ in range(correction.most):
-            changed = correction.correct(drafted)
+            changed = correction.correct(drafted.fitted, drafted.search.current)
             if changed is None:
                 break
             again = search(changed)
@@ -73,20 +74,20 @@ def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Dr
     return drafted
 
 
-def with_other_noise(state: Drafted, model: Hypothesis) -> Drafted | None:
+def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     """State with a smaller noise of known torques, or with exact torques, if a model requires it; otherwise None."""
-    if state.problem.disturbance is not None and far_from_noise(model):
-        return replace(state, recordings=replace(state.recordings, exact_torques=True))
-    recordings = with_likeliest_noise(state.recordings, state.problem, model)
-    return recordings and replace(state, recordings=recordings)
+    if fitted.problem.disturbance is not None and far_from_noise(model):
+        return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
+    recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
+    return recordings and replace(fitted, recordings=recordings)
 
 
-def _earlier_torques(state: Drafted) -> Drafted | None:
-    share = _earlier_share(state.recordings, state.search.current)
+def _earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
+    share = _earlier_share(fitted.recordings, model)
     if not share:
         return None
-    recordings, held_out = (runs.with_earlier_torques(share) for runs in (state.recordings, state.held_out))
-    return replace(state, recordings=recordings, held_out=held_out)
+    recordings, held_out = (runs.with_earlier_torques(share) for runs in (fitted.recordings, fitted.held_out))
+    return replace(fitted, recordings=recordings, held_out=held_out)
 
 
 def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
@@ -103,52 +104,53 @@ def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
     return min(share, ROWS.earlier) if 0.0 < share <= ROWS.earlier + ROWS.slack else 0.0
 
 
-def _no_worse(held: Hypothesis, earlier: Hypothesis) -> bool:
+def _no_worse(before: Drafted, after: Drafted) -> bool:
     """Whether torques that act before their rows fit as well as held torques with a delay, up to the noise."""
+    held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation
 
 
-def _jumps(state: Drafted) -> Drafted | None:
+def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
     """State without kicks and steps of readings; None if there are none, or if their exclusion explains too little.
 
     Missed counts are in the model only if a reading shows them. The held-out runs remain as they were screened with the
     bare model: a model must not choose the readings that test it.
     """
-    estimate = state.search.current.fit.estimate
-    if not any(record.screened.breaks for record in state.recordings.records):
+    estimate = model.fit.estimate
+    if not any(record.screened.breaks for record in fitted.recordings.records):
         estimate = estimate.changed(params=without_events(estimate.params))
-    recordings = without_jumps(state.recordings, estimate)
-    if recordings is state.recordings or not _explains_better(state, recordings):
+    recordings = without_jumps(fitted.recordings, estimate)
+    if recordings is fitted.recordings or not _explains_better(fitted.problem, model.fit, recordings):
         return None
-    return replace(state, recordings=recordings)
+    return replace(fitted, recordings=recordings)
 
 
-def _explains_better(state: Drafted, recordings: Recordings) -> bool:
+def _explains_better(before: Problem, model: Fit, recordings: Recordings) -> bool:
     """Whether chi2 decreases by more than the smaller number of readings explains.
 
     With effects that have internal states (hysteresis, backlash), the residual jumps if a segment begins at another
     instant.
     """
-    model = state.search.current.fit
     problem, initial = recordings.cut(recordings.working_length)
     other = fit(problem, model.estimate.changed(initial=initial), (), iterations=20)
-    level = max(1.0, model.chi2 / state.problem.evidence)
-    return model.chi2 - other.chi2 > JUMP.gain + level * (state.problem.evidence - problem.evidence)
+    level = max(1.0, model.chi2 / before.evidence)
+    return model.chi2 - other.chi2 > JUMP.gain + level * (before.evidence - problem.evidence)
 
 
-def _shutter(state: Drafted, model: Hypothesis) -> Drafted | None:
-    shutter = likeliest_shutter(state.recordings, state.problem, model)
-    return shutter and replace(state, recordings=state.recordings.with_shutter(shutter))
+def _shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
+    shutter = likeliest_shutter(fitted.recordings, fitted.problem, model)
+    return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))
 
 
 def _shutter_explains_more(before: Drafted, after: Drafted) -> bool:
-    return before.recordings.shutter is not None or explains_more(before.search.current, after.search.current)
+    refined = before.fitted.recordings.shutter is not None
+    return refined or explains_more(before.search.current, after.search.current)
 
 
 CORRECTIONS = (
-    Correction(lambda state: with_other_noise(state, state.search.current), lambda before, after: True, most=2),
-    Correction(_earlier_torques, lambda before, after: _no_worse(before.search.current, after.search.current)),
-    Correction(_jumps, lambda before, after: True),
-    Correction(lambda state: _shutter(state, state.bare), _shutter_explains_more),
-    Correction(lambda state: _shutter(state, state.search.current), _shutter_explains_more),
+    Correction(with_other_noise, most=2),
+    Correction(_earlier_torques, _no_worse),
+    Correction(_jumps),
+    Correction(lambda fitted, model: _shutter(fitted, fitted.bare), _shutter_explains_more),
+    Correction(_shutter, _shutter_explains_more),
 )

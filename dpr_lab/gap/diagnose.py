@@ -27,7 +27,7 @@ from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.time_scale import with_time_scale
-from dpr_lab.gap.state import Advised, Drafted, Event, Fitted, Request, ScreenedRuns, Selected, Transferred
+from dpr_lab.gap.state import Drafted, Event, Fitted, Request, ScreenedRuns, Selected, Transferred
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
 from dpr_lab.gap.transfer.gap_size import gap
@@ -88,16 +88,14 @@ def diagnose(
         max_effects=max_effects,
         start=nominal_ratios(rig) if start is None else start,
         seed=seed,
-        on_progress=on_progress or _silent,
+        on_progress=on_progress or (lambda event: None),
     )
-    screened = _screened(request)
-    drafted = corrected(_drafted(screened), _drafted)
-    selected = _selected(drafted)
-    transferred = _transferred(selected)
-    advised = _advised(transferred)
+    drafted = corrected(_drafted(_screened(request)), _drafted)
+    state = _transferred(_selected(drafted))
+    _begin(request, "advice")
+    advice = advise(state.fitted.recordings, state.selection.chosen, state.posteriors)
     _begin(request, "evidence")
-    support = evidence(advised)
-    return conclude(advised, support, seconds=time.perf_counter() - started)
+    return conclude(state, advice, evidence(state), started)
 
 
 def _begin(request: Request, stage: str) -> None:
@@ -122,18 +120,20 @@ def _screened(request: Request) -> ScreenedRuns:
 
 
 def _fitted(screened: ScreenedRuns) -> Fitted:
-    _begin(screened.request, "bare model")
-    recordings, problem, bare = fit_bare_model(screened.recordings, screened.request.start)
+    request = screened.request
+    _begin(request, "bare model")
+    recordings, problem, bare = fit_bare_model(screened.recordings, request.start)
     recordings = with_time_scale(recordings, bare.fit.estimate.ratios)
     held_out = without_disturbances(screened.held_out, bare.fit.estimate.ratios)
     held_out = replace(held_out, ratios=recordings.ratios, torque_noise_Nm=recordings.torque_noise_Nm)
     held_out = held_out.with_tracking(recordings.tracking).with_shutter(recordings.shutter)
     prediction = held_out_prediction(held_out, bare) if held_out.records else None
-    _begin(screened.request, "where")
-    return Fitted.after(
-        screened,
+    _begin(request, "where")
+    return Fitted(
+        request=request,
         recordings=recordings,
         held_out=held_out,
+        cut=screened.cut,
         problem=problem,
         bare=bare,
         held_out_prediction=prediction,
@@ -142,7 +142,7 @@ def _fitted(screened: ScreenedRuns) -> Fitted:
 
 
 def _drafted(screened: ScreenedRuns) -> Drafted:
-    """State with the bare model and the result of forward selection."""
+    """Fit the bare model to the recordings, and select effects forward."""
     fitted = _fitted(screened)
     request, prediction = fitted.request, fitted.held_out_prediction
     _begin(request, "which")
@@ -156,60 +156,51 @@ def _drafted(screened: ScreenedRuns) -> Drafted:
         expected=frozenset(expected_of(request.rig.joints.geared)) & library.keys(),
         held_out_chi2=None if prediction is None else lambda model: float(prediction.chi2(model).sum()),
     )
-    return Drafted.after(fitted, search=forward(sets, request.max_effects))
+    return Drafted(fitted, forward(sets, request.max_effects))
 
 
 def _selected(drafted: Drafted) -> Selected:
-    """State with the selected set of effects and their classes.
+    """Refine the selected set, and compute the class of each of its effects.
 
     Other corrections of the recordings precede this stage, because the refinement takes most of the time. Only the
     noise of known torques is corrected once more, for the refined set.
     """
     selection = refined(drafted.search)
-    if changed := with_other_noise(drafted, selection.chosen):
+    if changed := with_other_noise(drafted.fitted, selection.chosen):
         drafted = _drafted(changed)
         selection = refined(drafted.search)
-    request = drafted.request
-    chosen = selection.chosen
-    refuse_impossible_scale(chosen.fit.estimate.ratios, request.runs, request.rig, chosen.effects)
-    _begin(request, "classes")
-    posteriors = tuple(effect_posterior(selection, name) for name, _ in selection.path)
-    bare = selection.bare
-    places = drafted.places if bare is drafted.bare else locate(drafted.problem, bare)
-    return Selected.after(drafted, selection=selection, posteriors=posteriors, bare=bare, places=places)
+    fitted, bare, chosen = drafted.fitted, selection.bare, selection.chosen
+    refuse_impossible_scale(chosen.fit.estimate.ratios, fitted.request.runs, fitted.request.rig, chosen.effects)
+    _begin(fitted.request, "classes")
+    if bare is not fitted.bare:
+        fitted = replace(fitted, bare=bare, places=locate(fitted.problem, bare))
+    return Selected(
+        fitted=fitted,
+        selection=selection,
+        posteriors=tuple(effect_posterior(selection, name) for name, _ in selection.path),
+    )
 
 
-def _transferred(before: Selected) -> Transferred:
-    request, recordings, problem, selection = before.request, before.recordings, before.problem, before.selection
-    _begin(request, "transfer")
-    everything = recordings.only([*recordings.records, *before.held_out.records])
+def _transferred(selected: Selected) -> Transferred:
+    fitted, selection = selected.fitted, selected.selection
+    rig, recordings, problem, chosen = fitted.request.rig, fitted.recordings, fitted.problem, selection.chosen
+    _begin(fitted.request, "transfer")
+    everything = recordings.only([*recordings.records, *fitted.held_out.records])
     runs_by_model = {name: free_runs(everything, model.fit.estimate) for name, model in selection.models.items()}
     swings = free_swings(runs_by_model["before"], selection.bare)
     expected = expected_errors(swings, selection.bare.residuals.independent_noise)
-    transferred = transfer(before, runs_by_model, expected)
+    transferred = transfer(selected, runs_by_model, expected)
     budget = gap_budget(recordings, everything, problem, selection)
-    remainder = discrepancy(problem, selection.chosen)
-    return Transferred.after(
-        before,
-        posteriors=transferred.judged(before.posteriors),
+    remainder = discrepancy(problem, chosen)
+    return Transferred(
+        fitted=fitted,
+        selection=selection,
+        posteriors=transferred.judged(selected.posteriors),
         free_runs=runs_by_model,
         transfer=transferred,
-        description=description(recordings.records, request.rig, problem, selection, transferred),
+        description=description(recordings.records, rig, problem, selection, transferred),
         remainder=remainder,
-        gap=gap(before, transferred, runs_by_model, budget, remainder),
+        gap=gap(selected, transferred, runs_by_model, budget, remainder),
+        covariance=covariance(problem, chosen, rig, remainder)
+        + second_moments(problem, chosen.fit, chosen.residuals.inflation),
     )
-
-
-def _advised(before: Transferred) -> Advised:
-    _begin(before.request, "advice")
-    chosen = before.selection.chosen
-    return Advised.after(
-        before,
-        advice=tuple(advise(before.recordings, chosen, before.posteriors)),
-        covariance=covariance(before.problem, chosen, before.request.rig, before.remainder)
-        + second_moments(before.problem, chosen.fit, chosen.residuals.inflation),
-    )
-
-
-def _silent(event: Event) -> None:
-    """Ignore an event of the progress."""

@@ -1,20 +1,18 @@
-"""State of a diagnosis: one frozen record, which each stage extends by its results.
+"""State of a diagnosis: frozen records, one for each stage.
 
     ScreenedRuns    request, recordings, held-out recordings
-    Fitted        + segments, bare model, locations of the gap
-    Drafted       + result of forward selection
-    Selected      + selected set of effects, classes with their probabilities (without the fields of Drafted)
-    Transferred   + performance on held-out recordings, size of the gap
-    Advised       + covariance, advice
+    Fitted          + segments, bare model, locations of the gap
+    Drafted         result of forward selection for the fitted recordings
+    Selected        selected set of effects for the fitted recordings, classes with their probabilities
+    Transferred     + performance on held-out recordings, size of the gap, covariance
 
-A function that accepts a state also accepts every later state.
+A function that accepts `ScreenedRuns` or `Selected` also accepts the record that extends it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Self
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,7 +22,6 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.estimate import SCALE, UNKNOWN_RATIOS, alone_share
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Gap, Where
@@ -76,12 +73,6 @@ class ScreenedRuns:
     cut: str
     """Sentence on the pieces of a long record; empty if the record was not divided."""
 
-    @classmethod
-    def after(cls, before: ScreenedRuns, **results: Any) -> Self:
-        """State of this stage: the previous state, extended by the results of the stage."""
-        earlier = {field.name: getattr(before, field.name) for field in fields(cls) if field.name not in results}
-        return cls(**earlier, **results)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted(ScreenedRuns):
@@ -96,27 +87,30 @@ class Fitted(ScreenedRuns):
     """Residual maps of the locations at which the gap may arise."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Drafted(Fitted):
+@dataclass(frozen=True, slots=True)
+class Drafted:
     """State after forward selection; the result may show that the recordings need a correction."""
 
+    fitted: Fitted
     search: SearchState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Selected(Fitted):
+class Selected:
     """State with the selected set of effects, and with the class of each effect.
 
     A class contains effects that are indistinguishable in these recordings, with their probabilities.
     """
 
+    fitted: Fitted
+    """Recordings and their bare model, which the selection may have replaced by a better fit."""
     selection: Selection
     posteriors: tuple[EffectPosterior, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transferred(Selected):
-    """State with the performance of the selected set on recordings that were not fitted."""
+    """State with the performance of the selected set on other recordings, and the uncertainty of its fitted values."""
 
     free_runs: Mapping[str, FreeRuns]
     """Free runs along all recordings, by model: `before` and `after` the correction."""
@@ -126,13 +120,6 @@ class Transferred(Selected):
     remainder: Discrepancy | None
     """Discrepancy term of the selected set; None if only noise remains."""
     gap: Gap
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Advised(Transferred):
-    """State with the recommended measurements, and the uncertainty of the fitted values."""
-
-    advice: tuple[NextStep, ...]
     covariance: Array
     """(free, free) covariance of the fitted values of the selected set."""
 
@@ -156,7 +143,7 @@ class Advised(Transferred):
     @property
     def scale(self) -> Scale:
         """Value of b that absolute sizes assume, fitted or from the rig file; of a if only the inner rod is mounted."""
-        alone = only_inner(self.problem.segments.setups)
+        alone = only_inner(self.fitted.problem.segments.setups)
         share = alone_share(self.selection.chosen.fit.estimate.ratios)
         return self._scale_b.as_inertia("a", share) if alone else self._scale_b
 
@@ -165,11 +152,11 @@ class Advised(Transferred):
         unknown, intervals = self.selection.chosen.fit.estimate.ratios, self.intervals
         b = float(unknown[SCALE])
         if ("", "b") in intervals:
-            driven = any(setup.torques is not None and setup.arm_moves for setup in self.problem.segments.setups)
-            of_drive = drive_gain(self.recordings.rig).relative_std if driven else 0.0
+            driven = any(setup.torques is not None and setup.arm_moves for setup in self.fitted.problem.segments.setups)
+            of_drive = drive_gain(self.fitted.recordings.rig).relative_std if driven else 0.0
             reach = float(np.hypot(intervals["", "b"], NORMAL_Q90 * b * of_drive))
             ends = (max(b - reach, 1e-3 * b), b + reach)
             return Scale(b=b, interval90=ends, fixed_by="data", constants_std=of_drive)
         visible = [i for i, name in enumerate(UNKNOWN_RATIOS) if ("", name) in intervals]
-        assumed = assumed_b(self.selection.bare.fit.estimate.ratios, self.recordings.rig)
-        return scale_of(assumed.model_copy(update={"value": b}), unknown, self.recordings.rig, visible)
+        assumed = assumed_b(self.selection.bare.fit.estimate.ratios, self.fitted.recordings.rig)
+        return scale_of(assumed.model_copy(update={"value": b}), unknown, self.fitted.recordings.rig, visible)

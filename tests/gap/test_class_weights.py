@@ -31,7 +31,7 @@ def test_alternatives_are_weighted_by_their_costs_and_the_prior_of_a_drift(monke
     alternatives = [Alternative(name, 0.5, 100.0 + cost) for name, cost in costs.items()]
     monkeypatch.setattr(posterior, "_class_members", lambda *_: ({"stribeck_joint2": 0.3}, ("friction_curve_joint2",)))
     monkeypatch.setattr(posterior, "_alternatives", lambda *_: alternatives)
-    monkeypatch.setattr(posterior, "_prior_odds", lambda *args: 0.1 if "drift" in args[2].name else 1.0)
+    monkeypatch.setattr(posterior, "_prior_odds", lambda _, other: 0.1 if "drift" in other else 1.0)
     monkeypatch.setattr(posterior, "plausibility", lambda *_: 0.1)
     monkeypatch.setattr(posterior, "outside", lambda *_, **__: 0.2)
     selection: Any = Mock(

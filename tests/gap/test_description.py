@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 from dpr_lab.effects import EFFECTS, effect_params, plausibility
 from dpr_lab.errors import RunError
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.conclusion.verdict import _in_noise, listed_causes
+from dpr_lab.gap.conclusion.sentence import _in_noise
+from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.plain import as_json

@@ -4,7 +4,7 @@ import pytest
 
 from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.hypothesis.hypothesis import refit_with
+from dpr_lab.gap.hypothesis.refits import refit_with
 from dpr_lab.gap.which.forms import own_share
 from sim_device.plant.config import PlantConfig, load_plant
 from sim_device.trials.offline_recorder import record as recorded_from

@@ -135,7 +135,8 @@ def test_a_drift_is_compared_with_an_offset_by_their_typical_sizes() -> None:
     chosen = Mock(fit=Mock(estimate=Mock(params=params)))
     selection = Mock(chosen=chosen, final_test=Mock(ranking=[Mock(effect=drift)]))
     for rate, hidden in ((1e-3, (drift.name,)), (2e-4, ())):
-        assert _hidden(selection, offset, {drift.name: {"offset_rad": None, "rate_rad_per_s": rate}}) == hidden
+        selection.detectable = {drift.name: {"offset_rad": None, "rate_rad_per_s": rate}}
+        assert _hidden(selection, offset) == hidden
 
 
 def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> None:

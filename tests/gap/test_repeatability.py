@@ -11,7 +11,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_budget import GapBudget
-from dpr_lab.gap.transfer.repeatability import split
+from dpr_lab.gap.transfer.repeatability import budget_of
 from dpr_lab.report.gap.summary import repeatability_bar, repeatability_sentences
 from tests.background_rigs import Law, law, record, recordings, rig_and_base
 from tests.thinned import candidates
@@ -40,7 +40,7 @@ def of(found: Diagnosis) -> GapBudget:
 
 def test_shares_sum_to_one_for_any_remainder() -> None:
     for levels in ([5.0, 9.0, 1.0, -3.0], [np.inf, 2.0, np.nan, 1.0], [0.0, 0.0, 0.0, 0.0]):
-        budget = split(levels, 2.0, ["a", "b"], (), "")
+        budget = budget_of(levels, 2.0, ["a", "b"], (), "")
         shares = [budget.explained, budget.varying, budget.unmodelled, budget.not_reproducible, budget.noise]
         assert sum(shares) == pytest.approx(1.0)
         assert min(shares) >= 0

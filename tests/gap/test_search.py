@@ -16,12 +16,13 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.result.diagnosis import Diagnosis, SearchStep
 from dpr_lab.gap.screen.recordings import LENGTHS
+from dpr_lab.gap.which import moves, removals, replacements
 from dpr_lab.gap.which.effort import Effort
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forward import Beam, forward_selection
-from dpr_lab.gap.which.moves import MOVES, START
+from dpr_lab.gap.which.moves import START
 from dpr_lab.gap.which.replacements import fit_alternatives
-from dpr_lab.gap.which.search import Decision, Proposal, SearchState, apply, run
+from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.select import short_segments
 from dpr_lab.report.gap.trials_of_search import TRIAL_COLUMNS, trial_rows
 from dpr_lab.rig import Rig, load_rig
@@ -51,7 +52,13 @@ TRUTHS: dict[str, Truth] = {
     },
 }
 
-EVERY_MOVE = (forward_selection(4), short_segments(4), *MOVES)
+MOVES = {
+    move.name: move
+    for module in (moves, removals, replacements)
+    for move in vars(module).values()
+    if isinstance(move, Move)
+}
+EVERY_MOVE = (forward_selection(4), short_segments(4), *MOVES.values())
 FAST = ("clean", "two effects")
 LIKELY = ("coulomb", "stribeck", "load_friction", "encoder", "latency", "base_tilt")
 
@@ -150,7 +157,7 @@ def test_a_move_does_not_change_the_state_and_is_repeatable(sets: FittedSets) ->
     grown = run((forward_selection(2),), start)
     assert dict(start.sets.fits) == {frozenset(): sets.bare}
     fits, fitted_more = dict(grown.sets.fits), False
-    for move in MOVES:
+    for move in MOVES.values():
         one, other = apply(move, grown), apply(move, grown)
         assert dict(grown.sets.fits) == fits, move.name
         assert one.trace == other.trace, move.name

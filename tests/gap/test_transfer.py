@@ -12,8 +12,8 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.conclusion import verdict
-from dpr_lab.gap.conclusion.verdict import how_far
+from dpr_lab.gap.conclusion import sentence
+from dpr_lab.gap.conclusion.sentence import how_far
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.thresholds import small_effects
 from dpr_lab.gap.result.diagnosis import Basis
@@ -70,13 +70,13 @@ def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], pape
 
 
 def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("_classes", "an effect"), ("_fitted_only", True), ("how_far", "Not closed.")):
-        monkeypatch.setattr(verdict, name, lambda *_, value=value: value)
+    for name, value in (("_classes", "an effect"), ("fitted_only", True), ("how_far", "Not closed.")):
+        monkeypatch.setattr(sentence, name, lambda *_, value=value: value)
     selection = Mock(share_explained=0.96, chosen=Mock(residuals=Mock(noise_ratio=3.0)))
     states = {b: Mock(selection=selection, posteriors=[Mock()]) for b in ("one release", "releases left out")}
     for basis, state in states.items():
         state.transfer.basis = basis
-    said = {basis: verdict._unexplained(state) for basis, state in states.items()}
+    said = {basis: sentence._unexplained(state) for basis, state in states.items()}
     assert "but not in the quarters that were not fitted." in said["one release"]
     assert "but not in other recordings." in said["releases left out"]
 
@@ -138,7 +138,7 @@ def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
     causes = [EffectPosterior(name, (name,), (), p) for name, p in zip("abc", probabilities, strict=False)]
     selection = Mock(expected=frozenset(), bare=Mock(residuals=Mock(excess=1.0, uncertainty=0.0)), path=())
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
-    assert [cause.name for cause in verdict._causes_named(state)] == named
+    assert [cause.name for cause in sentence._causes_named(state)] == named
 
 
 def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> None:
@@ -146,7 +146,7 @@ def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> Non
     selection = Mock(expected=frozenset(), bare=base, path=[("a", large), ("b", both)])
     causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
-    assert [cause.name for cause in verdict._causes_named(state)] == ["a"]
+    assert [cause.name for cause in sentence._causes_named(state)] == ["a"]
 
 
 def test_small_effects_explain_less_than_a_hundredth_of_the_gap_together() -> None:

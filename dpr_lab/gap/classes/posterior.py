@@ -46,6 +46,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     follows_remainder,
     form_indifference,
     indifference,
+    indistinguishable,
     substitute_curve,
 )
 from dpr_lab.gap.which.selected import Selection
@@ -155,21 +156,21 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         selection: the selected set and all fitted sets
         name: the effect
     """
-    without, chosen, test = selection.without[name], selection.chosen, selection.tests_without[name]
-    named_score = test.of(name)
-    others = {score.effect.name: score for score in test.ranking if score is not named_score}
+    place, chosen = _Place(selection, name), selection.chosen
+    named_score = place.test.of(name)
+    others = {score.effect.name: score for score in place.test.ranking if score is not named_score}
     if named_score is None:  # without the effect, no shape of it is proposed, and no signature can be compared with it
         plausibilities, forms, alternatives = dict[str, float](), (), list[Alternative]()
     else:
-        plausibilities, forms = _class_members(selection, without, test, named_score, others)
+        plausibilities, forms = _class_members(place, named_score, others)
         rest = {other: others[other] for other in others if other not in plausibilities and other not in forms}
-        alternatives = _alternatives(selection, without, test, named_score, rest)
+        alternatives = _alternatives(place, named_score, rest)
     prior = np.array([plausibility(chosen.fit.estimate.params, name), *plausibilities.values()])
-    costs = [_added_cost(selection, name, alternative) for alternative in alternatives]
+    costs = [_added_cost(place, alternative) for alternative in alternatives]
     added_cost = np.array([0.0, *costs, selection.without_substitute[name].cost - chosen.cost])
     scaled = -added_cost / (2 * chosen.residuals.inflation * CALIBRATION.temperature)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
-    weights[1:-1] *= [_prior_odds(selection, without, alternative) for alternative in alternatives]
+    weights[1:-1] *= [_prior_odds(place, alternative.name) for alternative in alternatives]
     of_outside = outside(selection, name, members=plausibilities)
     weights *= (1 - of_outside) / weights.sum()
     return EffectPosterior(
@@ -187,89 +188,49 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Place of one effect in the selected set, in which other effects are compared with it."""
+
+    selection: Selection
+    name: str
+
+    @property
+    def without(self) -> Hypothesis:
+        """The selected set without the effect."""
+        return self.selection.without[self.name]
+
+    @property
+    def test(self) -> ScoreTest:
+        """Score test of all effects for the set without the effect."""
+        return self.selection.tests_without[self.name]
+
+    def filled(self, other: str) -> Hypothesis | None:
+        """Set in which another effect replaces the effect; None if it was not fitted."""
+        return self.selection.fitted.get(self.without.key | {other})
+
+
 def _class_members(
-    selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
+    place: _Place, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Effects indistinguishable from the named one, and richer forms that count as a member.
 
     The indistinguishable effects are given with the prior of their sizes, the most plausible one first.
     """
-    least = selection.detectable
-    same = [other for other, score in others.items() if _in_one_class(selection, without, test, named, score)]
-    hidden = [other for other in _hidden(selection, named.effect, least) if other in others and other not in same]
+    same = [other for other, score in others.items() if _in_one_class(place, named, score)]
+    hidden = [other for other in _hidden(place.selection, named.effect) if other in others and other not in same]
     forms = tuple(
         other
         for other in others
         if other not in hidden and {named.effect.name, *same}.intersection(EFFECTS[other].nested)
-        if _adds_nothing(selection, without, other, least.get(other, {}))
+        if _adds_nothing(place, other)
     )
     members = [other for other in (*same, *hidden) if other not in forms]
-    sizes = {other: _plausibility(selection, without, others[other]) for other in members}
+    sizes = {other: _plausibility(place, others[other]) for other in members}
     return dict(sorted(sizes.items(), key=lambda member: (-member[1], member[0]))), forms
 
 
-def _alternatives(
-    selection: Selection, without: Hypothesis, test: ScoreTest, named: Score, others: Mapping[str, Score]
-) -> list[Alternative]:
-    """Best alternatives to the named effect, by increasing cost and, at equal cost, in alphabetical order."""
-    alternatives = (
-        Alternative(other, test.cosine(named, score), _cost(selection, without, score))
-        for other, score in others.items()
-        if other not in selection.misleading
-        and without.key | {other} not in selection.impossible
-        and not _takes_over(selection, without, other)
-    )
-    ranked = sorted(alternatives, key=lambda alternative: (alternative.cost, alternative.name))
-    return ranked[: CALIBRATION.alternatives]
-
-
-def _prior_odds(selection: Selection, without: Hypothesis, alternative: Alternative) -> float:
-    """Prior odds of an alternative against the named effect; below one for a drift that one decay cannot separate."""
-    instead = selection.fitted.get(without.key | {alternative.name})
-    drifts = instead is not None and follows_decay(selection.bare, instead, selection.chosen)
-    return CALIBRATION.drifting if drifts else 1.0
-
-
-def _added_cost(selection: Selection, name: str, alternative: Alternative) -> float:
-    """Cost of an alternative minus the cost of the selected set, at least zero.
-
-    The search has compared both. An alternative that fits better is not significantly better, so it is at most as
-    probable as the named effect. The cost of a richer form of the effect is increased, because such a form also fits
-    the error of the integrator or the remainder.
-    """
-    chosen = selection.chosen
-    added = max(alternative.cost - chosen.cost, 0.0)
-    if name not in EFFECTS[alternative.name].nested:
-        return added
-    return added + form_indifference(selection.bare, chosen) - THRESHOLDS.chance * chosen.residuals.inflation
-
-
-def _takes_over(selection: Selection, without: Hypothesis, other: str) -> bool:
-    """Whether another effect is a curve that would only imitate the named effect or fit small unknown causes."""
-    with_both = selection.fitted.get(selection.chosen.key | {other})
-    instead = selection.fitted.get(without.key | {other})
-    if instead is None or follows_decay(selection.bare, instead, selection.chosen):
-        return False
-    if follows_remainder(selection.bare, instead, selection.chosen):
-        return True
-    return with_both is not None and substitute_curve(with_both, instead) == other
-
-
-def _plausibility(selection: Selection, without: Hypothesis, score: Score) -> float:
-    """Prior of the size of an effect that replaces a named effect.
-
-    The size comes from a fit, or from the linear score if the effect was not fitted.
-    """
-    fitted = selection.fitted.get(without.key | {score.effect.name})
-    if fitted is not None:
-        return plausibility(fitted.fit.estimate.params, score.effect.name)
-    params = effect_params({})
-    for name, value in score.named_amplitudes.items():
-        params[param_index(score.effect.name, name)] = value
-    return plausibility(params, score.effect.name)
-
-
-def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, score: Score, other: Score) -> bool:
+def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
     """Whether two effects with the same signature fit equally well, by their fits or by their linear scores.
 
     At the fit without the named effect, the remaining effects may imitate it and hide that both effects are equal. An
@@ -279,13 +240,12 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
     the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect
     explains beyond this form less than remains unexplained: the cause of the remainder can imitate the difference.
     """
-    fitted = selection.fitted.get(without.key | {other.effect.name})
+    selection, fitted = place.selection, place.filled(other.effect.name)
     is_form = other.effect.name in score.effect.nested
     if is_form and adds_less_than_remains(selection.chosen, fitted):
         return True
     absorbed = not other.absorbed and selection.final_test.absorbs(other.effect, score.effect)
-    alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
-    if not (alike or absorbed) or score.effect.name in other.effect.nested:
+    if not (indistinguishable(place.test, score, other) or absorbed) or score.effect.name in other.effect.nested:
         return False
     margin = indifference(selection.bare, selection.chosen)
     if fitted is not None:
@@ -294,41 +254,101 @@ def _in_one_class(selection: Selection, without: Hypothesis, test: ScoreTest, sc
     return not is_form and (as_good or absorbed)
 
 
-def _adds_nothing(selection: Selection, without: Hypothesis, richer: str, sizes: Mapping[str, float | None]) -> bool:
-    """Whether all detectable amplitudes that a richer form adds to the selected set are excluded.
-
-    If the richer form was fitted, its additional amplitudes must not be worth their penalty together either.
-    """
-    score, fitted = selection.final_test.of(richer), selection.fitted.get(without.key | {richer})
-    better = fitted is not None and fitted.cost_at(selection.chosen.residuals.inflation) < selection.chosen.cost
-    if score is None or richer in selection.chosen.effects or better:
-        return False
-    added = linear_exclusions(selection.final_test, score, sizes)
-    return bool(added) and all(amplitude.is_excluded for amplitude in added)
-
-
-def _hidden(selection: Selection, effect: Effect, least: Mapping[str, Mapping[str, float | None]]) -> tuple[str, ...]:
+def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
     """Richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.fit.estimate.params
     return tuple(
         form.name
         for form in (score.effect for score in selection.final_test.ranking if effect.name in score.effect.nested)
         if all(
-            (minimum := least[form.name][p.name]) is None
+            (minimum := selection.detectable[form.name][p.name]) is None
             or minimum > CALIBRATION.hidden * comparable_size(params, effect, p)
             for p in form.amplitudes
         )
     )
 
 
-def _cost(selection: Selection, without: Hypothesis, score: Score) -> float:
-    fitted = selection.fitted.get(without.key | {score.effect.name})
+def _adds_nothing(place: _Place, richer: str) -> bool:
+    """Whether all detectable amplitudes that a richer form adds to the selected set are excluded.
+
+    If the richer form was fitted, its additional amplitudes must not be worth their penalty together either.
+    """
+    selection, fitted = place.selection, place.filled(richer)
+    score = selection.final_test.of(richer)
+    better = fitted is not None and fitted.cost_at(selection.chosen.residuals.inflation) < selection.chosen.cost
+    if score is None or richer in selection.chosen.effects or better:
+        return False
+    added = linear_exclusions(selection.final_test, score, selection.detectable.get(richer, {}))
+    return bool(added) and all(amplitude.is_excluded for amplitude in added)
+
+
+def _plausibility(place: _Place, score: Score) -> float:
+    """Prior of the size of an effect that replaces a named effect.
+
+    The size comes from a fit, or from the linear score if the effect was not fitted.
+    """
+    fitted = place.filled(score.effect.name)
+    if fitted is not None:
+        return plausibility(fitted.fit.estimate.params, score.effect.name)
+    params = effect_params({})
+    for name, value in score.named_amplitudes.items():
+        params[param_index(score.effect.name, name)] = value
+    return plausibility(params, score.effect.name)
+
+
+def _alternatives(place: _Place, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
+    """Best alternatives to the named effect, by increasing cost and, at equal cost, in alphabetical order."""
+    alternatives = (
+        Alternative(other, place.test.cosine(named, score), _cost(place, score))
+        for other, score in others.items()
+        if other not in place.selection.misleading
+        and place.without.key | {other} not in place.selection.impossible
+        and not _takes_over(place, other)
+    )
+    ranked = sorted(alternatives, key=lambda alternative: (alternative.cost, alternative.name))
+    return ranked[: CALIBRATION.alternatives]
+
+
+def _cost(place: _Place, score: Score) -> float:
+    chosen, without, fitted = place.selection.chosen, place.without, place.filled(score.effect.name)
     if fitted is not None:  # every set is compared with the residual of the selected one as noise
-        return fitted.cost_at(selection.chosen.residuals.inflation)
+        return fitted.cost_at(chosen.residuals.inflation)
     price = PENALTY.parameter * without.residuals.inflation * (len(score.columns) + len(score.effect.shapes))
     # a linear score is too optimistic; an effect that was not worth a fit can be nearly as good at best
-    near = selection.chosen.cost + THRESHOLDS.chance * selection.chosen.residuals.inflation
+    near = chosen.cost + THRESHOLDS.chance * chosen.residuals.inflation
     return max(without.cost - score.gain + price, near)
+
+
+def _takes_over(place: _Place, other: str) -> bool:
+    """Whether another effect is a curve that would only imitate the named effect or fit small unknown causes."""
+    bare, chosen, instead = place.selection.bare, place.selection.chosen, place.filled(other)
+    if instead is None or follows_decay(bare, instead, chosen):
+        return False
+    if follows_remainder(bare, instead, chosen):
+        return True
+    with_both = place.selection.fitted.get(chosen.key | {other})
+    return with_both is not None and substitute_curve(with_both, instead) == other
+
+
+def _added_cost(place: _Place, alternative: Alternative) -> float:
+    """Cost of an alternative minus the cost of the selected set, at least zero.
+
+    The search has compared both. An alternative that fits better is not significantly better, so it is at most as
+    probable as the named effect. The cost of a richer form of the effect is increased, because such a form also fits
+    the error of the integrator or the remainder.
+    """
+    chosen = place.selection.chosen
+    added = max(alternative.cost - chosen.cost, 0.0)
+    if place.name not in EFFECTS[alternative.name].nested:
+        return added
+    return added + form_indifference(place.selection.bare, chosen) - THRESHOLDS.chance * chosen.residuals.inflation
+
+
+def _prior_odds(place: _Place, other: str) -> float:
+    """Prior odds of an alternative against the named effect; below one for a drift that one decay cannot separate."""
+    instead = place.filled(other)
+    drifts = instead is not None and follows_decay(place.selection.bare, instead, place.selection.chosen)
+    return CALIBRATION.drifting if drifts else 1.0
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:

@@ -8,7 +8,7 @@ from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
 from dpr_lab.fitting.disturbance import most_noise
-from dpr_lab.gap.state import Advised
+from dpr_lab.gap.state import Transferred
 from dpr_lab.shown import listed
 
 SURELY = 3.0
@@ -16,36 +16,36 @@ SURELY = 3.0
 file is wrong."""
 
 
-def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+def assumptions(state: Transferred, least: Mapping[str, Mapping[str, float | None]]) -> list[str]:
     """All assumptions of a diagnosis, one sentence each.
 
     Args:
         state: the diagnosis so far
         least: minimum detectable size by effect and amplitude; None if the amplitude is undetectable at any size
     """
-    records = state.recordings.records
+    records = state.fitted.recordings.records
     sentences = [
-        *([state.cut] if state.cut else []),
+        *([state.fitted.cut] if state.fitted.cut else []),
         _length(state),
         _scale(state),
         "Encoder noise is white apart from the faults of the sensor screening; readings at 300 Hz or more were averaged"
         " over at most 5 ms.",
         "The initial states of all segments are free; the first 30 ms after each release are excluded.",
     ]
-    if state.recordings.arm_moves:
+    if state.fitted.recordings.arm_moves:
         sentences.append(_arm(state))
     elif all(record.encoder0_moves is False for record in records):
         sentences.append("According to encoder 0 the arm stood still, so compliance of the arm was not considered.")
     elif any(record.encoder0_moves is None for record in records):
         sentences.append("The arm's angle was not recorded.")
-    if share := state.recordings.torques_earlier:
+    if share := state.fitted.recordings.torques_earlier:
         sentences.append(
             "The known torques change between rows. Holding each value until the next row would delay the"
             f" torques. Each value was therefore assumed to act earlier than its time stamp, by {share:.2f}"
             " of the row interval (fitted). A delay of the drive shorter than this interval is"
             " indistinguishable from this assumption."
         )
-    if state.recordings.exact_torques:
+    if state.fitted.recordings.exact_torques:
         sentences.append(
             "The measured torques were assumed to be exact: the remainder is far above the influence of their noise."
         )
@@ -59,12 +59,12 @@ def assumptions(state: Advised, least: Mapping[str, Mapping[str, float | None]])
     ]
 
 
-def _length(state: Advised) -> str:
+def _length(state: Transferred) -> str:
     """Sentence on the length L1: as measured, or fitted within its uncertainty."""
-    rig, estimate = state.recordings.rig, state.selection.chosen.fit.estimate
+    rig, estimate = state.fitted.recordings.rig, state.selection.chosen.fit.estimate
     if rig.rig.L1_std is None:
         return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are as measured."
-    name = next(name for name in state.problem.always if EFFECTS[name].corrects == "L1")
+    name = next(name for name in state.fitted.problem.always if EFFECTS[name].corrects == "L1")
     (added,) = named_params(estimate.params).get(name, {"": 0.0}).values()
     reach = max(state.intervals[key] for key in state.intervals if key[0] == name)
     text = (
@@ -74,12 +74,13 @@ def _length(state: Advised) -> str:
     return text if abs(added) < SURELY * rig.rig.L1_std else f"{text} This contradicts the uncertainty in the file."
 
 
-def _scale(state: Advised) -> str:
+def _scale(state: Transferred) -> str:
     """Sentence on the source of the scale of all torques."""
-    if drives := [setup.torques for setup in state.problem.segments.setups if setup.torques and setup.torques.scaled]:
+    setups = state.fitted.problem.segments.setups
+    if drives := [setup.torques for setup in setups if setup.torques and setup.torques.scaled]:
         kinds = " and ".join(sorted({drive.kind for drive in drives} - {""}))
         return f"The known torques{f', as {kinds},' if kinds else ''} fix the scale of all torques."
-    if any(setup.added for setup in state.problem.segments.setups):
+    if any(setup.added for setup in setups):
         return "The known added mass fixes the scale of all torques."
     if ("", "b") in state.intervals:
         return "Load-dependent friction fixes the scale of all torques, because the masses were weighed."
@@ -87,14 +88,14 @@ def _scale(state: Advised) -> str:
     return assumed.sentence if assumed.known else f"{assumed.sentence} A release with a known added mass fixes b."
 
 
-def _arm(state: Advised) -> str:
+def _arm(state: Transferred) -> str:
     """Sentence on the assumptions about an arm that moves."""
-    rig, setups = state.recordings.rig, state.problem.segments.setups
+    rig, setups = state.fitted.recordings.rig, state.fitted.problem.segments.setups
     text = "The angle of the arm is measured; its inertia and viscous friction are fitted"
     if not any(setup.torques and setup.torques.on_arm is not None for setup in setups):
         return f"{text}. Only friction, springs and the rods act on it."
     kind = rig.motor.input if rig.motor else "torque"
-    if DRIVE_GAIN.name in state.problem.always:
+    if DRIVE_GAIN.name in state.fitted.problem.always:
         return (
             f"{text}. The ratio of torque to {kind} is fitted too, because the rig file contains no measured motor"
             " constants."
@@ -110,22 +111,22 @@ def _arm(state: Advised) -> str:
     )
 
 
-def _torque_noise(state: Advised) -> list[str]:
+def _torque_noise(state: Transferred) -> list[str]:
     """Sentence on the noise of measured torques that the fits assume."""
-    if state.problem.disturbance is None or not (most := most_noise(state.problem)).any():
+    if state.fitted.problem.disturbance is None or not (most := most_noise(state.fitted.problem)).any():
         return []
-    inner, outer = np.minimum(most, state.recordings.torque_noise_Nm)
+    inner, outer = np.minimum(most, state.fitted.recordings.torque_noise_Nm)
     text = f"Noise of the measured torques of joints 1 and 2, standard deviation: {inner:.2g} and {outer:.2g} N m"
     differences = "differences of the recorded torques"
-    if not np.isfinite(state.recordings.torque_noise_Nm).all():
+    if not np.isfinite(state.fitted.recordings.torque_noise_Nm).all():
         return [f"{text}, estimated from {differences}."]
     bound = f"{most[0]:.2g} and {most[1]:.2g} N m"
     return [f"{text}, estimated by maximum likelihood of the residuals. Upper bound from {differences}: {bound}."]
 
 
-def _zeros(state: Advised) -> list[str]:
+def _zeros(state: Transferred) -> list[str]:
     """Sentence on the fitted zeros of encoders that are set to zero before each recording."""
-    runs, zeros = state.recordings.records, 1e3 * state.selection.chosen.fit.estimate.zeros
+    runs, zeros = state.fitted.recordings.records, 1e3 * state.selection.chosen.fit.estimate.zeros
     texts = [
         f"{record.run.name}: {offsets[0]:.3g} and {offsets[1]:.3g}"
         for record, offsets in zip(runs, zeros, strict=False)
@@ -134,10 +135,10 @@ def _zeros(state: Advised) -> list[str]:
     return [f"{text}: {'; '.join(texts)}."] if texts else []
 
 
-def _geared(state: Advised) -> list[str]:
+def _geared(state: Transferred) -> list[str]:
     """Sentence on effects that are in the model because the rig is known to have them."""
     names = [name for name in state.selection.chosen.effects if name in state.selection.expected]
-    joints = listed([f"joint {joint}" for joint in state.recordings.rig.joints.geared])
+    joints = listed([f"joint {joint}" for joint in state.fitted.recordings.rig.joints.geared])
     are = "is" if len(names) == 1 else "are"
     return (
         [(f"The rig file has a geared motor on {joints}: {listed(names)} {are} always in the model, even if small.")]
@@ -146,7 +147,7 @@ def _geared(state: Advised) -> list[str]:
     )
 
 
-def _misleading(state: Advised) -> list[str]:
+def _misleading(state: Transferred) -> list[str]:
     """Sentence on effects that are excluded because they worsen the prediction of held-out runs."""
     names = state.selection.misleading
     was, them = ("was", "it") if len(names) == 1 else ("were", "them")

@@ -11,14 +11,15 @@ from dpr_lab.effects.effect import Effect, Params
 from dpr_lab.effects.families import FAMILIES
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, RivalEffect
-from dpr_lab.gap.state import Advised
+from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.scaling.scale import Scale
 
 
-def named_effect(state: Advised, posterior: EffectPosterior) -> NamedEffect:
+def named_effect(state: Transferred, posterior: EffectPosterior) -> NamedEffect:
     """One effect of the selected set with its class, its sizes, and its share of the excess chi-square."""
     selection = state.selection
     values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})

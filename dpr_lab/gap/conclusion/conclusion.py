@@ -1,10 +1,12 @@
 """Assembly of the result of a diagnosis: sentences and numbers."""
 
 import hashlib
+import time
 from collections.abc import Sequence
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
+from dpr_lab.gap.advice.check_kind import NextStep
 from dpr_lab.gap.advice.expected import expected_size
 from dpr_lab.gap.classes.posterior import probabilities
 from dpr_lab.gap.conclusion.assumptions import assumptions
@@ -13,13 +15,14 @@ from dpr_lab.gap.conclusion.components import components
 from dpr_lab.gap.conclusion.notes import notes
 from dpr_lab.gap.conclusion.ratios import determined, ratio_covariance, ratios
 from dpr_lab.gap.conclusion.remedies import remedies
-from dpr_lab.gap.conclusion.verdict import listed_causes, sentence, verdict
+from dpr_lab.gap.conclusion.sentence import sentence
+from dpr_lab.gap.conclusion.verdict import listed_causes, verdict
 from dpr_lab.gap.hypothesis.detectable import visible
 from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.gap.result.diagnosis import Diagnosis, RollingShutter, SensorFinding
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.state import Advised
+from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.where.locate import where_sentence
 from dpr_lab.setup import only_inner
 
@@ -27,22 +30,23 @@ PLACES_SHOWN = 6
 """Maximum number of residual maps in a diagnosis; they are sorted by share, largest first."""
 
 
-def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
+def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence, started: float) -> Diagnosis:
     """Build the result of a diagnosis.
 
     Args:
         state: results of all stages
+        advice: recommended checks
         evidence: evidence for the result
-        seconds: computing time, s
+        started: value of `time.perf_counter` at the start of the diagnosis, s
     """
     chosen, minimum_sizes = state.selection.chosen, state.selection.detectable
     withheld, transfer = state.description.withholds, state.transfer
-    visible_counts = visible(minimum_sizes, state.recordings.prior.limits)
+    visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
     kind = verdict(state, visible_counts)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
     named = [named_effect(state, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
-    named_families = families(state.problem, state.selection, named)
-    estimate, residuals, setups = chosen.fit.estimate, chosen.residuals, state.problem.segments.setups
+    named_families = families(state.fitted.problem, state.selection, named)
+    estimate, residuals, setups = chosen.fit.estimate, chosen.residuals, state.fitted.problem.segments.setups
     sizes, all_ratios = named_params(estimate.params), ratios(state)
     shown_ratios, of_ratios = determined(state)
     alone = only_inner(setups)
@@ -55,8 +59,8 @@ def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
         transfer={effect: dict(shares) for effect, shares in transfer.effects.items()},
         withdrawn=list(transfer.withdrawn),
         gap=state.gap,
-        where=list(state.places[:PLACES_SHOWN]),
-        where_sentence=where_sentence(state.places),
+        where=list(state.fitted.places[:PLACES_SHOWN]),
+        where_sentence=where_sentence(state.fitted.places),
         effects=named,
         families=named_families,
         rivals=[] if withheld else rivals(state.posteriors, closest=kind == "unexplained"),
@@ -64,9 +68,9 @@ def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
         detectable={name: dict(least) for name, least in minimum_sizes.items()},
         absorbed=state.absorbed,
         sensor_findings=_sensor_findings(state),
-        remedies=remedies(named, sizes, state.recordings.constants, {*transfer.withdrawn, *transfer.oversized}),
-        advice=[step.text for step in state.advice],
-        checks=_checks(state, [effect.name for effect in named]),
+        remedies=remedies(named, sizes, state.fitted.recordings.constants, {*transfer.withdrawn, *transfer.oversized}),
+        advice=[step.text for step in advice],
+        checks=_checks(state, advice, [effect.name for effect in named]),
         ratios=shown_ratios if alone else all_ratios,
         fitted=[*all_ratios.values()] if alone else [],
         ratio_covariance=ratio_covariance(state).tolist(),
@@ -74,31 +78,31 @@ def conclude(state: Advised, evidence: Evidence, seconds: float) -> Diagnosis:
         determined_covariance=of_ratios.tolist(),
         p_over_b=float(estimate.ratios[ON_ELBOW]) if any(setup.alone for setup in setups) else None,
         chi2_per_dof=residuals.chi2 / residuals.dof,
-        exact_torques=state.recordings.exact_torques,
-        torques_earlier=state.recordings.torques_earlier,
+        exact_torques=state.fitted.recordings.exact_torques,
+        torques_earlier=state.fitted.recordings.torques_earlier,
         shutter=_shutter(state),
-        segments=len(state.problem.segments),
+        segments=len(state.fitted.problem.segments),
         scale_b=float(estimate.ratios[SCALE]),
         scale=state.scale,
         search=list(state.selection.trace),
-        posterior=components(state.problem, state.selection, state.recordings.rig, state.remainder),
+        posterior=components(state.fitted.problem, state.selection, state.fitted.recordings.rig, state.remainder),
         model_effects=sizes,
         assumptions=assumptions(state, minimum_sizes),
         evidence=evidence,
-        seconds=seconds,
+        seconds=time.perf_counter() - started,
     )
 
 
-def _shutter(state: Advised) -> RollingShutter | None:
-    shutter = state.recordings.shutter
+def _shutter(state: Transferred) -> RollingShutter | None:
+    shutter = state.fitted.recordings.shutter
     return shutter and RollingShutter(lines=shutter.lines, delay_s_per_m=shutter.delay)
 
 
-def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:
+def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]) -> list[AdvisedCheck]:
     """All checks of the advice in its order, without repetitions, with ids that are unique among diagnoses."""
     estimate = state.selection.chosen.fit.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
-    checks = {(check.kind, check.text, check.about): check for step in state.advice for check in step.checks}
+    checks = {(check.kind, check.text, check.about): check for step in advice for check in step.checks}
     checks = {key: check for key, check in checks.items() if check.about in named and check.expected_bits > 0}
     return [
         check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, state.scale, check)})
@@ -106,7 +110,7 @@ def _checks(state: Advised, named: Sequence[str]) -> list[AdvisedCheck]:
     ]
 
 
-def _sensor_findings(state: Advised) -> list[SensorFinding]:
+def _sensor_findings(state: Transferred) -> list[SensorFinding]:
     """Sensor faults of all recordings, including held-out ones, without the steps that a fitted effect explains."""
     values = named_params(state.selection.chosen.fit.estimate.params)
     hidden = [0.0, 0.0, 0.0]
@@ -116,7 +120,7 @@ def _sensor_findings(state: Advised) -> list[SensorFinding]:
                 hidden[joint] = max(hidden[joint], effect.hides_step(values[name]))
     return [
         SensorFinding(name=f.name, run=f.run, axis=f.axis, at_s=f.at_s, evidence=f.evidence, count=f.count)
-        for record in (*state.recordings.records, *state.held_out.records)
+        for record in (*state.fitted.recordings.records, *state.fitted.held_out.records)
         for f in record.screened.findings
         if f.step is None or f.axis not in ALL_AXES or abs(f.step) > hidden[ALL_AXES.index(f.axis)]
     ]

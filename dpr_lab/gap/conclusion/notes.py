@@ -8,26 +8,26 @@ from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, small_effects
 from dpr_lab.gap.result.causes import PROBABLE, NamedFamily
 from dpr_lab.gap.result.diagnosis import Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
-from dpr_lab.gap.state import Advised
+from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.transfer.lone_recording import LONE
 from dpr_lab.shown import listed, percent
 
 
-def notes(state: Advised, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
+def notes(state: Transferred, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
     """All notes; none if the description of the recordings is wrong."""
     if state.description.withholds:
         return []
     return [
         *_restrictions(state, kind),
         *_small_effects(state, kind),
-        *component_notes(named_families, state.recordings.rig.joints.geared),
+        *component_notes(named_families, state.fitted.recordings.rig.joints.geared),
         *_varying_sizes(state),
         *_lone_recording(state),
         *_remainder(state, kind),
     ]
 
 
-def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
+def _restrictions(state: Transferred, kind: Verdict) -> Iterator[str]:
     if kind != "partly_explained":
         return
     if withdrawn := state.transfer.withdrawn:
@@ -39,7 +39,7 @@ def _restrictions(state: Advised, kind: Verdict) -> Iterator[str]:
         )
 
 
-def _small_effects(state: Advised, kind: Verdict) -> Iterator[str]:
+def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
     """Sentence on the effects that the verdict omits because they explain little of the gap."""
     of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
@@ -66,7 +66,7 @@ def component_notes(named_families: Sequence[NamedFamily], geared: Collection[in
             )
 
 
-def _varying_sizes(state: Advised) -> Iterator[str]:
+def _varying_sizes(state: Transferred) -> Iterator[str]:
     """Sentences on effects that do not carry over because their size differs between the recordings."""
     budget = state.gap.budget
     if budget is None or budget.basis != "recordings":
@@ -78,7 +78,7 @@ def _varying_sizes(state: Advised) -> Iterator[str]:
             yield f"The recordings differ in the size of {parameter.effect} ({size.words} {listed(values)})."
 
 
-def _lone_recording(state: Advised) -> Iterator[str]:
+def _lone_recording(state: Transferred) -> Iterator[str]:
     """Sentence on the only recording that the model leaves unexplained, with the next step."""
     if (lone := state.transfer.lone) is None:
         return
@@ -92,7 +92,7 @@ def _lone_recording(state: Advised) -> Iterator[str]:
     )
 
 
-def _remainder(state: Advised, kind: Verdict) -> Iterator[str]:
+def _remainder(state: Transferred, kind: Verdict) -> Iterator[str]:
     """Sentence on the size and location of the unmodelled remainder, or on a rig that seems to have been changed."""
     if kind not in ("partly_explained", "unexplained"):
         return

@@ -9,11 +9,11 @@ from dpr_lab.fitting.estimate import FRICTION
 from dpr_lab.gap.conclusion.uncertainty import by_unseen_ratios
 from dpr_lab.gap.mounted_ratios import ratio_of
 from dpr_lab.gap.result.saved import Interval
-from dpr_lab.gap.state import Advised
+from dpr_lab.gap.state import Transferred
 from dpr_lab.setup import only_inner
 
 
-def ratios(state: Advised) -> dict[str, Interval]:
+def ratios(state: Transferred) -> dict[str, Interval]:
     """Ratios to b with 90 % intervals.
 
     The interval of a friction ratio contains no negative values. An interval that the bounds of the rig
@@ -21,7 +21,7 @@ def ratios(state: Advised) -> dict[str, Interval]:
     """
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
-    prior_variance = by_unseen_ratios(state.problem, state.selection.chosen, state.recordings.rig)
+    prior_variance = by_unseen_ratios(state.fitted.problem, state.selection.chosen, state.fitted.recordings.rig)
     reaches = np.hypot(reaches, NORMAL_Q90 * np.sqrt(prior_variance)).tolist()
     positive = (prior_variance > 0.0) | np.isin(np.arange(len(RATIOS)), FRICTION)
     floors = np.where(positive, 0.0, -np.inf).tolist()
@@ -31,7 +31,7 @@ def ratios(state: Advised) -> dict[str, Interval]:
     }
 
 
-def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
+def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
     """Ratios that the recordings determine: to b, or to a if only the inner rod is mounted.
 
     Value and covariance of a fitted parameter are divided by the inertia to which the ratio refers.
@@ -39,7 +39,7 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     Returns:
         the ratios, and their (n, n) covariance
     """
-    setups, fit, rig = state.problem.segments.setups, state.selection.chosen.fit, state.recordings.rig
+    setups, fit, rig = state.fitted.problem.segments.setups, state.selection.chosen.fit, state.fitted.recordings.rig
     alone = only_inner(setups)
     parameter_of, places, divisors = {}, list[int](), list[float]()
     for place, parameter in enumerate(fit.free):
@@ -53,7 +53,7 @@ def determined(state: Advised) -> tuple[dict[str, Interval], Array]:
     return parameter_of, state.covariance[np.ix_(places, places)] / np.outer(divisors, divisors)
 
 
-def ratio_covariance(state: Advised) -> Array:
+def ratio_covariance(state: Transferred) -> Array:
     """(5, 5) covariance of the ratios; zero for ratios that no run determines and that come from the rig file."""
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}

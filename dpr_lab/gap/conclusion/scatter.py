@@ -22,12 +22,11 @@ the ratio Q / nu; W. G. Cochran (1954), The combination of estimates from differ
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dpr_lab.arrays import Array, Flags
+from dpr_lab.arrays import Array
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.gap.hypothesis.cross_validation import folds
+from dpr_lab.gap.hypothesis.cross_validation import folds, split
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,21 +49,19 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
         problem: segments and noise
         fit: the common fit
     """
-    inside = list(fit.inside)
-    fold = folds(problem)
-    followed = np.isfinite(fit.linear.chi2_by_segment)
+    inside, followed = list(fit.inside), np.isfinite(fit.linear.chi2_by_segment)
     covariance = np.zeros((len(fit.free), len(fit.free)))
-    parts = [(fit.linear.A[segments][:, :, inside], fit.linear.e[segments]) for segments in _masks(fold, followed)]
-    columns = [(A.reshape(-1, len(inside)), e.ravel()) for A, e in parts]
-    normal = sum((X.T @ X for X, _ in columns), np.zeros((len(inside), len(inside))))
+    A, e = fit.linear.A[followed][:, :, inside], fit.linear.e[followed]
+    parts = split(A, e, folds(problem)[followed])
+    normal = sum((part.H for part in parts), np.zeros((len(inside), len(inside))))
     if len(parts) < 2 or not inside or not np.isfinite(normal).all():
         return covariance
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
     Q, rank = 0.0, 0
-    for X, e in columns:
-        eigenvalues, vectors = np.linalg.eigh(X.T @ X / np.outer(scale, scale))
+    for part in parts:
+        eigenvalues, vectors = np.linalg.eigh(part.H / np.outer(scale, scale))
         determined = eigenvalues > SCATTER.singular * eigenvalues.max()
-        Q += float(np.sum((vectors[:, determined].T @ (X.T @ e / scale)) ** 2 / eigenvalues[determined]))
+        Q += float(np.sum((vectors[:, determined].T @ (part.gradient / scale)) ** 2 / eigenvalues[determined]))
         rank += int(determined.sum())
     nu = rank - len(inside)
     if nu < 1 or not Q > nu + SCATTER.significant * (2 * nu) ** 0.5:
@@ -89,28 +86,18 @@ def left_out_values(problem: Problem, fit: Fit) -> Array:
         problem: segments and noise
         fit: the common fit
     """
-    inside = list(fit.inside)
-    A, e, prior = fit.linear.A[:, :, inside], fit.linear.e, fit.prior[:, inside]
-    followed = np.isfinite(fit.linear.chi2_by_segment)
-    names = np.unique(problem.segments.run)
-    if len(names) < 2:
+    inside, followed = list(fit.inside), np.isfinite(fit.linear.chi2_by_segment)
+    A = np.where(followed[:, None, None], fit.linear.A[:, :, inside], 0.0)
+    parts = split(A, np.where(followed[:, None], fit.linear.e, 0.0), problem.segments.run)
+    if len(parts) < 2:
         return np.zeros((0, len(fit.free)))
-    values = np.repeat(fit.values[None], len(names), axis=0)
-    lower, upper = (np.array([getattr(p, end) for p in fit.free]) for end in ("lower", "upper"))
-    for row, run in enumerate(names):
-        of_run = problem.segments.run == run
-        rest = np.concatenate([A[followed & ~of_run].reshape(-1, len(inside)), prior])
-        columns, residual = A[followed & of_run].reshape(-1, len(inside)), e[followed & of_run].ravel()
-        normal, gradient = rest.T @ rest, columns.T @ residual
-        if not (np.isfinite(normal).all() and np.isfinite(gradient).all()):
+    values = np.repeat(fit.values[None], len(parts), axis=0)
+    prior = fit.prior[:, inside].T @ fit.prior[:, inside]
+    for row, part in enumerate(parts):
+        normal = sum((other.H for other in parts if other is not part), prior)
+        if not (np.isfinite(normal).all() and np.isfinite(part.gradient).all()):
             continue
-        scale = np.sqrt(np.maximum(np.diag(normal + columns.T @ columns), np.finfo(np.float64).tiny))
+        scale = np.sqrt(np.maximum(np.diag(normal + part.H), np.finfo(np.float64).tiny))
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=SCATTER.singular, hermitian=True)
-        values[row, inside] -= inverse @ (gradient / scale) / scale
-    return np.clip(values, lower, upper)
-
-
-def _masks(fold: NDArray[np.intp], followed: Flags) -> list[Flags]:
-    """Mask of the segments that can be simulated, for each recording that has such segments."""
-    masks = [(fold == r) & followed for r in range(int(fold.max()) + 1)]
-    return [mask for mask in masks if mask.any()]
+        values[row, inside] -= inverse @ (part.gradient / scale) / scale
+    return np.clip(values, [p.lower for p in fit.free], [p.upper for p in fit.free])

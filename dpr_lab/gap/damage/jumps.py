@@ -23,7 +23,7 @@ from dpr_lab.arrays import Array, Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
-from dpr_lab.gap.hypothesis.steps import step_gain
+from dpr_lab.gap.hypothesis.steps import SEEN, step_gains, sums_to_end
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,6 @@ class JumpRules:
     """Time before and after the middle of a kick within which a hand touches a rod, s."""
     near_s: float = 0.1
     """Distance in time from a jump within which another segment may still contain a part of it, s."""
-    seen: float = 1e-6
-    """Minimum fraction of a change that must remain after the projection."""
 
 
 JUMP = JumpRules()
@@ -198,14 +196,14 @@ class _Changes:
         Returns:
             (samples,) gain, and (samples, 2) impulses on theta1 and theta2, N m s
         """
-        score = self._later(np.einsum("nas,na->ns", self.out, self.e))
-        power = self._later(np.einsum("nas,nar->nsr", self.out, self.out))
-        shared = self._later(np.einsum("nas,naq->nsq", self.out, self.Q))
+        score = sums_to_end(np.einsum("nas,na->ns", self.out, self.e), self.ends)
+        power = sums_to_end(np.einsum("nas,nar->nsr", self.out, self.out), self.ends)
+        shared = sums_to_end(np.einsum("nas,naq->nsq", self.out, self.Q), self.ends)
         across = self.into.transpose(0, 2, 1)
         along = (across @ score[:, :, None])[:, :, 0]
         total, remaining = across @ power @ self.into, across @ (power - shared @ shared.transpose(0, 2, 1)) @ self.into
         sizes, axes = np.linalg.eigh(remaining)
-        visible = sizes > JUMP.seen * np.trace(total, axis1=1, axis2=2)[:, None]
+        visible = sizes > SEEN * np.trace(total, axis1=1, axis2=2)[:, None]
         components = np.einsum("nij,ni->nj", axes, along)
         weights = np.where(visible, components / np.where(visible, sizes, 1.0), 0.0)
         return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
@@ -216,21 +214,14 @@ class _Changes:
         Returns:
             (samples,) gain, and (samples,) size, rad
         """
-        weight, Q = self.weight[:, joint], self.Q[:, joint]
-        score, power = self._later(weight * self.e[:, joint]), self._later(weight**2)
-        gain, size = step_gain(score, power, self._later(weight[:, None] * Q), JUMP.seen * np.maximum(power, 1.0))
+        gain, size = step_gains(self.weight[:, joint], self.e[:, joint], self.Q[:, joint], self.ends)
         return self._inside(gain), size
 
     def lone(self) -> Array:
         """Return the (samples,) gain by the exclusion of a single wrong reading at the sample or next to it."""
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
-        gain = np.max(self.e**2 / np.maximum(remaining, JUMP.seen), axis=1)
+        gain = np.max(self.e**2 / np.maximum(remaining, SEEN), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))
-
-    def _later(self, values: Array) -> Array:
-        """Return the sums over the samples from each sample to the end of its segment."""
-        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-        return np.asarray(sums[self.ends] - sums[:-1])
 
     def _inside(self, gain: Array) -> Array:
         sample = np.arange(len(gain))
@@ -251,4 +242,4 @@ def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: in
     response /= np.maximum(np.linalg.norm(response, axis=1, keepdims=True), np.finfo(np.float64).tiny)
     response -= Q @ (Q.transpose(0, 2, 1) @ response)
     left, sizes, _ = np.linalg.svd(response, full_matrices=False)
-    return np.asarray(left * (sizes > JUMP.seen)[:, None, :])
+    return np.asarray(left * (sizes > SEEN)[:, None, :])

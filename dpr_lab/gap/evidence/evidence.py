@@ -9,13 +9,13 @@ from dpr_lab.gap.evidence.residuals import residual_look
 from dpr_lab.gap.evidence.validation import validation
 from dpr_lab.gap.result.evidence import Evidence, RecordingUsed
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.state import Advised
+from dpr_lab.gap.state import Transferred
 from dpr_lab.version import __version__
 
 
-def evidence(state: Advised) -> Evidence:
+def evidence(state: Transferred) -> Evidence:
     """Compute the evidence of a diagnosis."""
-    recordings, problem, selection = state.recordings, state.problem, state.selection
+    recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
     budget, curves = validation(recordings, problem, selection.models, state.free_runs)
     rig = recordings.rig
     return Evidence(
@@ -23,8 +23,8 @@ def evidence(state: Advised) -> Evidence:
         made_utc=datetime.now(UTC).isoformat(timespec="seconds"),
         rig=rig.name,
         rig_sha256=rig.sha256,
-        recordings=[*_used(recordings, held_out=False), *_used(state.held_out, held_out=True)],
-        coverage=coverage(recordings, state.held_out),
+        recordings=[*_used(recordings, held_out=False), *_used(state.fitted.held_out, held_out=True)],
+        coverage=coverage(recordings, state.fitted.held_out),
         closing=list(state.transfer.closing),
         residuals=residual_look(problem, selection.models),
         exclusions=exclusions(problem, selection.chosen, selection.final_test, selection.detectable),

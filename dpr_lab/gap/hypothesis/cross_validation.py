@@ -75,13 +75,24 @@ def scaled_columns(fit: Fit, columns: Sequence[int]) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fold:
-    """Normal equations of one fold, for parameters divided by their prior standard deviations."""
+class Fold:
+    """Normal equations of the segments of one fold."""
 
     segments: Flags
     H: Array
     gradient: Array
     chi2: float
+
+
+def split(A: Array, e: Array, fold: Integers) -> list[Fold]:
+    """Compute the normal equations of each fold, from whitened columns (segments, m, k) and residuals (segments, m)."""
+    parts = []
+    for r in np.unique(fold):
+        segments = fold == r
+        residual = e[segments].ravel()
+        columns = A[segments].reshape(len(residual), A.shape[2])
+        parts.append(Fold(segments, columns.T @ columns, columns.T @ residual, float(residual @ residual)))
+    return parts
 
 
 class _Folds:
@@ -99,21 +110,21 @@ class _Folds:
         self.shapes = np.array([bool(name) and name in effects[:k] for k, name in enumerate(effects)], dtype=np.bool_)
         lost = ~np.isfinite(fit.linear.chi2_by_segment)
         self.e = np.where(lost[:, None], ASSUMPTIONS.wildest, fit.linear.e)
-        self.folds = [self._fold(fold == r) for r in np.unique(fold)]
+        self.folds = split(self.A, self.e, fold)
         self.H, self.gradient = self._total(self.folds)
 
-    def without(self, left_out: _Fold) -> tuple[Array, Array]:
+    def without(self, left_out: Fold) -> tuple[Array, Array]:
         """Normal equations of all other folds.
 
         They are summed, because rounding in a difference could remove the prior.
         """
         return self._total([part for part in self.folds if part is not left_out])
 
-    def _total(self, parts: Sequence[_Fold]) -> tuple[Array, Array]:
+    def _total(self, parts: Sequence[Fold]) -> tuple[Array, Array]:
         k = self.A.shape[2]
         return sum((part.H for part in parts), np.eye(k)), sum((part.gradient for part in parts), np.zeros(k))
 
-    def seen_by_one_alone(self, fold: _Fold, V: Array) -> Flags:
+    def seen_by_one_alone(self, fold: Fold, V: Array) -> Flags:
         """(free,) mask of the parameters that are free in a held-out run, like its initial state.
 
         These parameters are the encoder zeros that are set before the run, and the shape parameters whose variance V
@@ -123,10 +134,6 @@ class _Folds:
         if not self.shapes.any():
             return zeros
         return zeros | (self.shapes & (np.diag(V) > FOLDS.alone * np.diag(np.linalg.inv(self.H))))
-
-    def _fold(self, segments: Flags) -> _Fold:
-        A, e = self.A[segments].reshape(-1, self.A.shape[2]), self.e[segments].ravel()
-        return _Fold(segments, A.T @ A, A.T @ e, float(e @ e))
 
 
 def _within_bounds(fit: Fit) -> list[int]:

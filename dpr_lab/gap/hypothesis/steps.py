@@ -7,17 +7,16 @@ cases, however, the readings before and after the instant lie on one smooth curv
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from dpr_lab.arrays import Array
+from dpr_lab.arrays import Array, Integers
 from dpr_lab.effects.effect import Recorded
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
-from dpr_lab.fitting.whitening import padded
 from dpr_lab.gap.screen.record import Record
 
 
@@ -30,8 +29,6 @@ class StepSettings:
     fit."""
     before_s: float = 1e-4
     """Time between a step and the first reading that contains it, s; shorter than any sample period."""
-    blind: float = 1e-6
-    """Minimum fraction of the squared norm of a visible step that remains after the initial state is projected out."""
     side: int = 8
     """Number of readings on either side of a step to which a polynomial is fitted."""
     degree: int = 5
@@ -54,6 +51,9 @@ class StepSettings:
 
 
 STEPS = StepSettings()
+
+SEEN = 1e-6
+"""Minimum fraction of the squared norm of a visible change that remains after the projection."""
 
 
 class ReadingStep(NamedTuple):
@@ -128,48 +128,44 @@ _STEP_POWER = float(_STEP_SHAPE @ _STEP_SHAPE)
 
 
 def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
-    """Best step of each segment, largest gain first, by cumulative sums from the end of the segment.
+    """Find the best step of each segment, largest gain first; the nonlinear fit determines its exact size.
 
-    A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs. The
-    nonlinear fit determines the exact size of the step.
+    A segment that lies entirely after the step contains a constant, which its initial state nearly absorbs.
     """
     segments, steps = problem.segments, list[ReadingStep]()
-    firsts, lengths = segments.offsets[:-1], np.diff(segments.offsets)
-    every = padded(np.ones((*problem.weight.shape, 1)), problem.weight, segments.offsets)[..., 0]
+    e, ends = problem.by_sample(fit.linear.e), segments.offsets[problem.owner + 1]
+    Q = np.stack([problem.by_sample(column) for column in np.moveaxis(fit.linear.Q, 2, 0)], axis=2)
     for joint in range(2):
-        weight, e, Q = (
-            every[:, :, joint],
-            fit.linear.e[:, joint :: problem.axes],
-            fit.linear.Q[:, joint :: problem.axes],
-        )
-        projection, on_initial = _from_end(e * weight), _from_end(Q * weight[:, :, None])
-        least = STEPS.blind * weight.sum(axis=1) ** 2 / lengths
-        gain, size = step_gain(projection, _from_end(weight**2), on_initial, least[:, None])
-        best = np.argmax(gain[:, 1:], axis=1) + 1
-        rows, instants = np.arange(len(best)), problem.t[firsts + best] - STEPS.before_s
-        columns = gain[rows, best].tolist(), segments.run.tolist(), instants.tolist(), size[rows, best].tolist()
-        steps += [ReadingStep(most, joint, *times) for most, *times in zip(*columns, strict=True)]
+        gain, size = step_gains(problem.weight[:, joint], e[:, joint], Q[:, joint], ends)
+        for run, (first, last) in zip(segments.run.tolist(), pairwise(segments.offsets.tolist()), strict=True):
+            i = first + 1 + int(np.argmax(gain[first + 1 : last]))
+            steps.append(ReadingStep(float(gain[i]), joint, run, float(problem.t[i]) - STEPS.before_s, float(size[i])))
     return sorted(steps, reverse=True)
 
 
-def step_gain(score: Array, power: Array, on_nuisances: Array, least: Array) -> tuple[Array, Array]:
-    """Gain and size of a change h of the readings, for each instant of the change.
+def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array, Array]:
+    """Compute gain and size of a step in the readings of one joint, just before each sample.
+
+    The step lasts to the end of its segment.
 
     Args:
-        score: (...) inner product h e with the whitened and projected residual e
-        power: (...) squared norm h^2
-        on_nuisances: (..., q) components of h along the orthonormal columns that are projected out
-        least: (...) squared norm after the projection from which a change is visible
+        weight: (samples,) weights of the readings, 1/rad
+        e: (samples,) whitened residual, with the columns Q projected out
+        Q: (samples, q) orthonormal columns that are projected out
+        ends: (samples,) index of the first sample of the next segment
 
     Returns:
-        (...) reduction of chi2, (h e)^2 / h^2 with the projected h, and (...) size (h e) / h^2; zero if not visible
+        (samples,) reduction of chi2, (h e)^2 / h^2 with the projected step h, and (samples,) size (h e) / h^2, rad;
+        zero where the projection leaves nothing of the step
     """
-    remaining = power - np.sum(on_nuisances**2, axis=-1)
-    visible = remaining > least
+    score, power = sums_to_end(weight * e, ends), sums_to_end(weight**2, ends)
+    remaining = power - np.sum(sums_to_end(weight[:, None] * Q, ends) ** 2, axis=1)
+    visible = remaining > SEEN * np.maximum(power, 1.0)
     size = np.where(visible, score / np.where(visible, remaining, 1.0), 0.0)
     return score * size, size
 
 
-def _from_end(values: Array) -> Array:
-    """Cumulative sums over the samples, from the last sample backwards, of (segments, samples, ...) values."""
-    return np.cumsum(values[:, ::-1], axis=1)[:, ::-1]
+def sums_to_end(values: Array, ends: Integers) -> Array:
+    """Sum over the samples from each sample to the end of its segment, from values (samples, ...)."""
+    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    return np.asarray(sums[ends] - sums[:-1])

@@ -8,6 +8,7 @@ import numpy as np
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +240,11 @@ def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> f
     before = [bare, *(model for _, model in path)]
     least = THRESHOLDS.small * bounded_excess(bare) + bounded_excess(before[-1])
     return frozenset(name for (name, _), smaller in zip(path, before, strict=False) if bounded_excess(smaller) < least)
+
+
+def indistinguishable(test: ScoreTest, first: Score, second: Score) -> bool:
+    """Whether each of two effects can imitate the other in these recordings."""
+    return min(test.cosine(first, second), test.cosine(second, first)) > THRESHOLDS.indistinguishable
 
 
 def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:

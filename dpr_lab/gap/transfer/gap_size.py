@@ -53,7 +53,7 @@ def gap(
         budget: reproducible and other shares of the gap
         remainder: discrepancy term of the selected set; None if only noise remains
     """
-    problem, selection = state.problem, state.selection
+    problem, selection = state.fitted.problem, state.selection
     bare, chosen = selection.bare, selection.chosen
     errors = {name: runs.errors_rad for name, runs in runs_by_model.items()}
     return Gap(
@@ -68,7 +68,7 @@ def gap(
             per_run={name: share.value for name, share in transferred.left_out.items()},
             held_out={name: share.value for name, share in transferred.held_out.items()},
         ),
-        by_horizon=by_horizon(state.recordings, problem, selection.models),
+        by_horizon=by_horizon(state.fitted.recordings, problem, selection.models),
         free_run_rad={
             run: {name: of_model[run] for name, of_model in errors.items()}
             for run in errors["before"]

@@ -34,7 +34,7 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import TINY
-from dpr_lab.gap.hypothesis.cross_validation import PRIOR, folds, left_out_chi2, scaled_columns
+from dpr_lab.gap.hypothesis.cross_validation import PRIOR, Fold, folds, left_out_chi2, scaled_columns, split
 from dpr_lab.gap.hypothesis.residuals import degrees_of_freedom, residual_statistics
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.mounted_ratios import ratio_of
@@ -90,7 +90,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     dof = degrees_of_freedom(problem)
     noise, total = residuals.level * float(dof[followed].sum()), float(left_out_chi2(before, fold)[followed].sum())
     if residual_statistics(problem, before).z < REPEATABILITY.gap_from or not followed.any() or total <= noise:
-        return split(
+        return budget_of(
             [total] * 4, noise, names, (), "There is no gap above the noise whose repeatability could be computed."
         )
     parts = _Parts.of(problem, after, fold, followed)
@@ -99,7 +99,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
         length = everything.working_length
         fewer = f"Recordings of fewer than {REPEATABILITY.segments} segments of {length:.2g} s"
         reason = f"{fewer} do not show which part of the gap is reproducible."
-        return split([total, *[float(explained.sum())] * 3], noise, names, (), reason)
+        return budget_of([total, *[float(explained.sum())] * 3], noise, names, (), reason)
     if residuals.z > THRESHOLDS.noise_floor:
         parts = parts.with_discrepancy(discrepancy_columns(problem, after))
     unmodelled = parts.left_out()
@@ -107,7 +107,7 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
     by_chance = sum(parameter.chance for parameter in varying)
     freed = float(parts.left_out([parameter.column for parameter in varying]).sum()) + by_chance
     levels = [total, float(explained.sum()), float(unmodelled.sum()), freed]
-    return split(levels, noise, names, _shown(varying, everything, problem, after), "")
+    return budget_of(levels, noise, names, _shown(varying, everything, problem, after), "")
 
 
 def _shown(
@@ -125,10 +125,13 @@ def _shown(
     return shown
 
 
-def split(
+def budget_of(
     levels: Sequence[float], noise: float, names: Sequence[str], varying: Sequence[VaryingParameter], undecided: str
 ) -> GapBudget:
-    """Shares of the gap, from the chi2 after each step: bare model, corrected model, free torques, own parameters."""
+    """Compute the shares of the gap from the chi2 after each step.
+
+    The steps are the bare model, the corrected model, free torques, and own parameters of each recording.
+    """
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=REPEATABILITY.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
     total = max(float(falling[0]), np.finfo(np.float64).tiny)
@@ -226,31 +229,22 @@ class _Parts:
         others = tuple(i for i in range(len(inside)) if i not in columns and _used(A[:, :, i]).any())
         return cls(A, e, fold, np.ones(len(inside)), columns, others, block(problem))
 
-    @property
-    def by_fold(self) -> list[tuple[Flags, Array, Array]]:
-        """Segments of each recording, with its normal matrix and gradient."""
-        parts = []
-        for r in range(int(self.fold.max()) + 1):
-            segments = self.fold == r
-            X, e = self.X[segments].reshape(-1, self.X.shape[2]), self.e[segments].ravel()
-            parts.append((segments, X.T @ X, X.T @ e))
-        return parts
-
     def left_out(self, freed: Sequence[int] = ()) -> Array:
         """(segments,) chi2 of the prediction from the other recordings.
 
         The columns `freed` are fitted to the predicted recording itself.
         """
         removed = [*self.own, *freed]
-        parts, chi2 = [(segments, *_without(H, g, removed)) for segments, H, g in self.by_fold], np.zeros(len(self.e))
-        H, gradient = sum((part[1] for part in parts), np.diag(self.precision)), sum(part[2] for part in parts)
-        for segments, H_own, of_own in parts:
-            error = self.e[segments] - self.X[segments] @ np.linalg.solve(H - H_own, gradient - of_own)
+        parts, chi2 = [_without(part, removed) for part in split(self.X, self.e, self.fold)], np.zeros(len(self.e))
+        H, gradient = sum((part.H for part in parts), np.diag(self.precision)), sum(part.gradient for part in parts)
+        for part in parts:
+            X, e = self.X[part.segments], self.e[part.segments]
+            error = e - X @ np.linalg.solve(H - part.H, gradient - part.gradient)
             if removed:
-                columns = self.X[segments][:, :, removed]
+                columns = X[:, :, removed]
                 flat = columns.reshape(error.size, -1)
                 error = error - columns @ np.linalg.lstsq(flat, error.ravel(), rcond=REPEATABILITY.singular)[0]
-            chi2[segments] = np.sum(error**2, axis=1)
+            chi2[part.segments] = np.sum(error**2, axis=1)
         return chi2
 
     def with_discrepancy(self, columns: Array) -> Self:
@@ -311,12 +305,13 @@ class _Parts:
         return _Varying(column, values, std, float(gradient @ values) / size, size * runs)
 
 
-def _without(H: Array, gradient: Array, removed: Sequence[int]) -> tuple[Array, Array]:
+def _without(part: Fold, removed: Sequence[int]) -> Fold:
     """Normal equations of a recording, with some columns fitted to this recording alone."""
     if not removed:
-        return H, gradient
+        return part
+    H, gradient = part.H, part.gradient
     taken = H[:, removed] @ np.linalg.pinv(H[np.ix_(removed, removed)], rcond=REPEATABILITY.singular, hermitian=True)
-    return H - taken @ H[removed], gradient - taken @ gradient[removed]
+    return replace(part, H=H - taken @ H[removed], gradient=gradient - taken @ gradient[removed])
 
 
 def _used(values: Array) -> Flags:

@@ -54,8 +54,8 @@ def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: M
         runs_by_model: free runs of the models before and after correction along all recordings
         expected: free-run error of the bare model caused by the noise of the first readings
     """
-    recordings, problem, selection = state.recordings, state.problem, state.selection
-    held_out, rng = state.held_out_prediction, np.random.default_rng(state.request.seed)
+    recordings, problem, selection = state.fitted.recordings, state.fitted.problem, state.selection
+    held_out, rng = state.fitted.held_out_prediction, np.random.default_rng(state.fitted.request.seed)
     basis: Basis = "held-out runs" if held_out else "releases left out"
     if not held_out and len(recordings.records) == 1:
         basis = "one release"

@@ -1,18 +1,72 @@
-"""Free functions of one coordinate (angle, speed, time or load of a joint), as sums of hat functions."""
+"""Free torques of a joint and free errors of its encoder: sums of hat functions of angle, speed, time or load."""
 
 import math
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.rig_constants import constants_of_run
 from dpr_lab.effects.effect import ARM
+from dpr_lab.effects.quantities import SMOOTHING
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import Trajectory
 
 BINS = 10
 """Number of hat functions over a coordinate. This number resolves a friction curve, and the readings still determine
 each function."""
+
+Kind = Literal["torque", "friction", "error"]
+"""Torque or friction of a joint, or error of its encoder."""
+
+Coordinate = Literal["angle", "speed", "time", "load"]
+
+
+@dataclass(frozen=True, slots=True)
+class FreeFunctions:
+    """Hat functions of one coordinate, whose sum is a torque or friction of a joint, or an error of its encoder."""
+
+    joint: int
+    kind: Kind
+    coordinate: Coordinate
+    values: Array
+    """(n, k) torques along the trajectory, or (samples, k) errors of the encoder, per unit of each function."""
+    knots: Array
+    """(k,) coordinates of the maxima of the functions, SI."""
+    unit: str
+    """Unit of the coefficients: N m, N m s/rad (friction over time), m (friction radius over load) or rad (error)."""
+
+    def readings(self, problem: Problem, reference: Trajectory) -> Array:
+        """Compute the (segments, m, k) whitened change of the readings by each function."""
+        if self.kind == "error":
+            return under_error(problem, self.joint, self.values)
+        return under_torque(problem, reference, self.joint, self.values)
+
+
+def free_functions(
+    problem: Problem, reference: Trajectory, joint: int, kind: Kind, coordinate: Coordinate
+) -> FreeFunctions:
+    """Compute hat functions of one kind over a coordinate of a joint."""
+    speed = reference.joint_speed[:, joint]
+    unit = "rad" if kind == "error" else "N m"
+    match kind, coordinate:
+        case "torque", "angle":
+            values, knots = angle_hats(reference.joint_angle[:, joint])
+        case "torque", "speed":
+            values, knots = speed_hats(speed)
+        case "friction", "time":
+            values, knots = time_hats(reference.motion.t)
+            values, unit = -values * speed[:, None], "N m s/rad"
+        case "friction", "load":
+            force = joint_force(problem, reference, joint)
+            values, knots = load_hats(force)
+            values, unit = -values * (force * np.tanh(speed / SMOOTHING))[:, None], "m"
+        case "error", "angle":
+            values, knots = angle_hats(encoder_angle(problem, joint))
+        case _:
+            values, knots = speed_hats(encoder_speed(reference, joint))
+    return FreeFunctions(joint, kind, coordinate, values, knots, unit)
 
 
 def hats(x: Array, knots: Array) -> Array:

@@ -17,8 +17,8 @@ Source: M. C. Kennedy & A. O'Hagan (2001), Bayesian calibration of computer mode
 D. A. Harville (1977), Maximum likelihood approaches to variance component estimation, JASA 72, 320-338.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.where.coordinates import angle_hats, encoder_angle, speed_hats, time_hats, under_error, under_torque
+from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, free_functions
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +39,13 @@ class DiscrepancyRules:
 
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
     """Tested ratios of the noise variance to the prior variance: from a negligible term to a nearly free term."""
+    kinds: tuple[tuple[Kind, Coordinate], ...] = (
+        ("torque", "angle"),
+        ("torque", "speed"),
+        ("friction", "time"),
+        ("error", "angle"),
+    )
+    """Kinds of the free functions, each with its coordinate."""
     likelier: float = 10.0
     """Minimum reduction of -2 log likelihood for which the discrepancy term is included in the model."""
     mostly: float = 2.0
@@ -73,66 +80,15 @@ class Discrepancy:
         return f"Unmodelled remainder: {text}."
 
 
-@dataclass(frozen=True, slots=True)
-class _Hats:
-    """Hat functions of one kind for one joint, and the changes of the readings that they cause."""
-
-    joint: int
-    torque: bool
-    """Whether the functions are torques, (n, k) along the trajectory.
-
-    Otherwise they are reading errors, (samples, k).
-    """
-    values: Array
-    columns: Array
-    """(segments, m, k) whitened change of the readings by these functions."""
-
-
-def _hats(problem: Problem, reference: Trajectory) -> Iterator[_Hats]:
-    prescribed = all(setup.inner is not None for setup in problem.segments.setups)
-    for joint in np.flatnonzero(problem.read.any(axis=0)).tolist():
-        speed = reference.joint_speed[:, joint]
-        torques = (
-            angle_hats(reference.joint_angle[:, joint])[0],
-            speed_hats(speed)[0],
-            -time_hats(reference.motion.t)[0] * speed[:, None],
-        )
-        for torque in () if joint == 0 and prescribed else torques:
-            yield _Hats(joint, True, torque, under_torque(problem, reference, joint, torque))
-        errors = angle_hats(encoder_angle(problem, joint))[0]
-        yield _Hats(joint, False, errors, under_error(problem, joint, errors))
-
-
-def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> list[_Hats]:
-    """Return the groups of hat functions; in each group, the mean squared norm of a column is one."""
-    groups = []
-    for hats in _hats(problem, reference):
-        columns = fit.linear.projected(np.nan_to_num(hats.columns))
-        size = float(np.sqrt(np.sum(columns**2) / columns.shape[2]))
-        if size > 0:
-            groups.append(_Hats(hats.joint, hats.torque, hats.values / size, columns / size))
-    return groups
-
-
-def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
-    """Return the (segments, m, q) whitened change of the readings by each hat function.
-
-    The columns of a group have a common scale.
-    """
-    groups = _scaled(problem, fit, trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
-    return np.concatenate([np.zeros((*fit.linear.e.shape, 0)), *(hats.columns for hats in groups)], axis=2)
-
-
 def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     """Return the discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
     linear = model.fit.linear
     if at_noise_floor(model) or not np.isfinite(linear.residual).all():
         return None
     reference = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    groups = _scaled(problem, model.fit, reference)
+    groups, M = _scaled(problem, model.fit, reference)
     if not groups:
         return None
-    M = np.concatenate([hats.columns for hats in groups], axis=2)
     fitted = len(model.fit.inside)
     space = ColumnSpace.of(np.concatenate([linear.A[:, :, model.fit.inside], M], axis=2), linear.e)
     space = space.given(slice(0, fitted), slice(fitted, None))
@@ -155,13 +111,41 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
     return _discrepancy(groups, M * np.sqrt(max(variance, 1.0) / ridge), m, reference, problem.axes)
 
 
-def _discrepancy(groups: list[_Hats], columns: Array, m: Array, reference: Trajectory, axes: int) -> Discrepancy:
+def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
+    """Return the (segments, m, q) whitened change of the readings by each hat function.
+
+    The columns of a group have a common scale.
+    """
+    return _scaled(problem, fit, trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))[1]
+
+
+def _scaled(problem: Problem, fit: Fit, reference: Trajectory) -> tuple[list[FreeFunctions], Array]:
+    """Return the groups of free functions, and their columns (segments, m, q).
+
+    In each group, the mean squared norm of a column is one.
+    """
+    groups, columns = list[FreeFunctions](), [np.zeros((*fit.linear.e.shape, 0))]
+    prescribed = all(setup.inner is not None for setup in problem.segments.setups)
+    for joint, (kind, coordinate) in product(np.flatnonzero(problem.read.any(axis=0)).tolist(), DISCREPANCY.kinds):
+        if kind != "error" and joint == 0 and prescribed:
+            continue
+        free = free_functions(problem, reference, joint, kind, coordinate)
+        projected = fit.linear.projected(np.nan_to_num(free.readings(problem, reference)))
+        size = float(np.sqrt(np.sum(projected**2) / projected.shape[2]))
+        if size > 0:
+            groups.append(replace(free, values=free.values / size))
+            columns.append(projected / size)
+    return groups, np.concatenate(columns, axis=2)
+
+
+def _discrepancy(
+    groups: list[FreeFunctions], columns: Array, m: Array, reference: Trajectory, axes: int
+) -> Discrepancy:
     torque, reading, slow, first = [0.0] * axes, [0.0] * axes, [1.0] * axes, 0
     sums: dict[tuple[int, bool], Array] = {}
-    for hats in groups:
-        last = first + hats.values.shape[1]
-        coefficients = hats.values @ m[first:last]
-        sums[hats.joint, hats.torque] = sums.get((hats.joint, hats.torque), 0.0) + coefficients
+    for free in groups:
+        last, key = first + free.values.shape[1], (free.joint, free.kind != "error")
+        sums[key] = sums.get(key, 0.0) + free.values @ m[first:last]
         first = last
     for (joint, of_torque), values in sums.items():
         rms = float(np.sqrt(np.mean(values**2)))

@@ -6,35 +6,32 @@ as for any effect. No torque is computed from differentiated angles. The share o
 the largest share of the gap that this location can cause.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from dpr_lab.arrays import Array
-from dpr_lab.effects.quantities import SMOOTHING
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.gap_size import Where
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
-from dpr_lab.gap.where.coordinates import (
-    angle_hats,
-    encoder_angle,
-    encoder_speed,
-    joint_force,
-    load_hats,
-    speed_hats,
-    time_hats,
-    under_error,
-    under_torque,
-)
+from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, free_functions
 from dpr_lab.shown import percent
 
 CONVINCING = 0.6
 """Minimum share of the excess chi-square that a location must explain to be the location of the gap."""
+
+MAPS: Sequence[tuple[Kind, Coordinate]] = (
+    ("torque", "angle"),
+    ("torque", "speed"),
+    ("friction", "time"),
+    ("friction", "load"),
+    ("error", "angle"),
+    ("error", "speed"),
+)
+"""Kinds of the maps, each with the coordinate on which the torque, the friction or the error depends."""
 
 SIGNIFICANT = 3.0
 """Minimum residual that counts as a gap to locate, in standard deviations."""
@@ -45,27 +42,30 @@ def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
     if bare.residuals.z < SIGNIFICANT:
         return ()
     reference = trajectory(problem, bare.fit.estimate, spacing=TRAJECTORY.coarse_s)
-    places = [_place(problem, bare, reference, joint, residual_map) for joint, residual_map in _maps(problem)]
+    places = [
+        _place(problem, bare, reference, free_functions(problem, reference, joint, kind, coordinate))
+        for joint, kind, coordinate in _maps(problem)
+    ]
     return tuple(sorted(places, key=lambda place: -place.share))
 
 
-def _maps(problem: Problem) -> Iterator[tuple[int, "ResidualMap"]]:
+def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
     """Yield the maps that these recordings allow, each with the index of its joint (0, 1 and 2 for joints 1, 2 and 0).
 
     Three kinds of maps are omitted. The load on an arm's joint is unknown, so friction of this joint by load is
-    omitted. If
-    no outer rod rotates in joint 2, all its maps are omitted. Torques do not move a prescribed joint 1, so they are
-    omitted.
+    omitted. If no outer rod rotates in joint 2, all its maps are omitted. Torques do not move a prescribed joint 1, so
+    they are omitted.
     """
     setups = problem.segments.setups
-    of_torques = [residual_map for residual_map in MAPS if residual_map.kind != "error"]
-    omitted = (
-        of_torques if all(setup.inner is not None for setup in setups) else [],
-        MAPS if all(setup.alone for setup in setups) else of_torques if all(setup.held for setup in setups) else [],
-        [residual_map for residual_map in MAPS if residual_map.coordinate == "load"],
+    of_errors = [(kind, coordinate) for kind, coordinate in MAPS if kind == "error"]
+    outer = [] if all(setup.alone for setup in setups) else of_errors if all(setup.held for setup in setups) else MAPS
+    allowed = (
+        of_errors if all(setup.inner is not None for setup in setups) else MAPS,
+        outer,
+        [(kind, coordinate) for kind, coordinate in MAPS if coordinate != "load"],
     )
     for joint in range(problem.axes):
-        yield from ((joint, residual_map) for residual_map in MAPS if residual_map not in omitted[joint])
+        yield from ((joint, *one) for one in allowed[joint])
 
 
 def where_sentence(places: tuple[Where, ...]) -> str:
@@ -81,91 +81,24 @@ def where_sentence(places: tuple[Where, ...]) -> str:
     return best.sentence
 
 
-@dataclass(frozen=True, slots=True)
-class _Columns:
-    readings: Array
-    """(segments, m, k) whitened change of the readings by each of the hat functions."""
-    knots: Array
-    """(k,) coordinates of the knots of the hat functions, SI."""
-    unit: str
-    """Unit of the values: N m, N m s/rad (friction over time), m (friction radius over load) or rad (encoder error)."""
-
-
-def _torque_by_angle(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
-    hats, knots = angle_hats(reference.joint_angle[:, joint])
-    return _Columns(under_torque(problem, reference, joint, hats), knots, "N m")
-
-
-def _torque_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
-    hats, knots = speed_hats(reference.joint_speed[:, joint])
-    return _Columns(under_torque(problem, reference, joint, hats), knots, "N m")
-
-
-def _friction_by_time(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
-    hats, knots = time_hats(reference.motion.t)
-    return _Columns(
-        under_torque(problem, reference, joint, -hats * reference.joint_speed[:, joint, None]), knots, "N m s/rad"
-    )
-
-
-def _friction_by_load(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
-    force = joint_force(problem, reference, joint)
-    hats, knots = load_hats(force)
-    slides = np.tanh(reference.joint_speed[:, joint] / SMOOTHING)
-    return _Columns(under_torque(problem, reference, joint, -hats * (force * slides)[:, None]), knots, "m")
-
-
-def _error_by_angle(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
-    hats, knots = angle_hats(encoder_angle(problem, joint))
-    return _Columns(under_error(problem, joint, hats), knots, "rad")
-
-
-def _error_by_speed(problem: Problem, reference: Trajectory, joint: int) -> _Columns:
-    hats, knots = speed_hats(encoder_speed(reference, joint))
-    return _Columns(under_error(problem, joint, hats), knots, "rad")
-
-
-@dataclass(frozen=True, slots=True)
-class ResidualMap:
-    """Kind of a residual map: the mapped quantity, and the coordinate over which it is mapped."""
-
-    kind: Literal["torque", "friction", "error"]
-    """Torque or friction of a joint, or error of an encoder."""
-    coordinate: Literal["angle", "speed", "time", "load"]
-    columns: Callable[[Problem, Trajectory, int], _Columns]
-    """Function that computes the columns of the hat functions for a joint."""
-
-
-MAPS: Sequence[ResidualMap] = (
-    ResidualMap("torque", "angle", _torque_by_angle),
-    ResidualMap("torque", "speed", _torque_by_speed),
-    ResidualMap("friction", "time", _friction_by_time),
-    ResidualMap("friction", "load", _friction_by_load),
-    ResidualMap("error", "angle", _error_by_angle),
-    ResidualMap("error", "speed", _error_by_speed),
-)
-
-
-def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, joint: int, residual_map: ResidualMap) -> Where:
+def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: FreeFunctions) -> Where:
     """Fit the residual map of one kind for one joint, together with the ratios and the initial states."""
-    columns, linear, fitted = residual_map.columns(problem, reference, joint), bare.fit.linear, len(bare.fit.free)
-    projected = linear.projected(columns.readings)
+    linear, fitted = bare.fit.linear, len(bare.fit.free)
+    projected = linear.projected(free.readings(problem, reference))
     space = ColumnSpace.of(np.concatenate([linear.A, projected], axis=2), linear.e)
     space = space.given(slice(0, fitted), slice(fitted, None))
     values, std = space.solution(), np.sqrt(np.diag(space.covariance()) * bare.residuals.inflation)
     share = float(np.clip((space.gain() - len(space)) / bare.residuals.excess, 0.0, 1.0))
-    kind, coordinate = residual_map.kind, residual_map.coordinate
-    site = ALL_AXES[joint].replace("joint", "encoder") if kind == "error" else ALL_AXES[joint]
-    sentence = _sentence(site, kind, coordinate, share, columns.knots, values, std)
+    site = ALL_AXES[free.joint].replace("joint", "encoder") if free.kind == "error" else ALL_AXES[free.joint]
     return Where(
         site=site,
-        coordinate=coordinate,
+        coordinate=free.coordinate,
         share=share,
-        sentence=sentence,
-        knots=columns.knots.tolist(),
+        sentence=_sentence(site, free.kind, free.coordinate, share, free.knots, values, std),
+        knots=free.knots.tolist(),
         values=np.nan_to_num(values).tolist(),
         std=np.nan_to_num(std).tolist(),
-        unit=columns.unit,
+        unit=free.unit,
     )
 
 

@@ -24,13 +24,11 @@ from dpr_lab.fitting.cut import carried
 from dpr_lab.fitting.gauss_newton import Fit, fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.robust import relative_chi2, without_outstanding
-from dpr_lab.gap.hypothesis.hypothesis import (
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
+from dpr_lab.gap.hypothesis.refits import (
     PRELIMINARY,
-    Hypothesis,
     beating,
     best_start,
-    free_parameters,
-    hypothesis,
     preliminary_fit,
     refit,
     refit_with,

@@ -1,4 +1,4 @@
-"""Moves of the search except forward selection, and their order; `MOVES`, at the end, lists them.
+"""Order of the moves of the search, and the moves that neither remove nor replace effects.
 
 A move consists of a generator of proposed sets and a rule that accepts or rejects them. Moves that remove effects are
 in `removals`, moves that replace effects in `replacements`.
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.removals import CROSS_VALIDATION, DROP, HELD_OUT, OWN_SHARE, SMALLEST_ADEQUATE
+from dpr_lab.gap.which.removals import CROSS_VALIDATION, DROP, OWN_SHARE, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import (
     BETTER_ALTERNATIVE,
     EXCHANGE,
@@ -36,6 +36,14 @@ def _known(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisio
     return Decision(True, "present in every rig of this kind")
 
 
+START = Move(
+    "known effects",
+    "effects that every rig of this kind has are included first, as far as the recordings show them",
+    _with_known_effects,
+    _known,
+)
+
+
 def _converged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     converged = sets.converged(current)
     if converged is not current:
@@ -49,12 +57,6 @@ def _fitted_to_the_end(sets: FittedSets, current: Hypothesis, proposal: Proposal
     )
 
 
-START = Move(
-    "known effects",
-    "effects that every rig of this kind has are included first, as far as the recordings show them",
-    _with_known_effects,
-    _known,
-)
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
 
 REFINE = (
@@ -78,21 +80,3 @@ SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
 
 REVISIONS = ((BETTER_ALTERNATIVE, (DROP, OWN_SHARE, CONVERGE)), (MORE_PLAUSIBLE, (CONVERGE,)))
 """Revisions of the selected set, each with the moves that follow it if it changes the set."""
-
-MOVES = (
-    START,
-    SMALLEST_ADEQUATE,
-    DROP,
-    RICHER_FORM,
-    SIMPLER_FORM,
-    SECOND_CAUSE,
-    SEVERAL_CAUSES,
-    EXCHANGE,
-    CROSS_VALIDATION,
-    OWN_SHARE,
-    CONVERGE,
-    BETTER_ALTERNATIVE,
-    MORE_PLAUSIBLE,
-    HELD_OUT,
-)
-"""All moves except `forward.forward_selection` and `select.short_segments`, which depend on the number of effects."""

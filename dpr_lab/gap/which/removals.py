@@ -50,6 +50,14 @@ def _adequate(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Deci
     return Decision(True, "fewer effects explain nearly as much")
 
 
+SMALLEST_ADEQUATE = Move(
+    "smallest adequate set",
+    "an earlier, smaller set that explains nearly as much replaces the current one",
+    _smaller_adequate,
+    _adequate,
+)
+
+
 def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
@@ -69,6 +77,15 @@ def _not_needed(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> De
     return Decision(True, f"the criterion grows by less than {chance:.3g}, which is not significant")
 
 
+DROP = Move(
+    "drop",
+    "backward elimination: an effect is removed if the excess chi-square hardly increases without it",
+    _without_least_needed,
+    _not_needed,
+    then="repeat",
+)
+
+
 def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """All sets that result from removing one effect."""
     for name in current.effects:
@@ -83,6 +100,15 @@ def _predicts_better(sets: FittedSets, current: Hypothesis, proposal: Proposal) 
     if (current.predictive_loss - smaller.predictive_loss > tolerance).any():
         return Decision(True, "without it, a run is predicted better from the other runs")
     return Decision(False, "with it, no run is predicted worse")
+
+
+CROSS_VALIDATION = Move(
+    "cross-validation",
+    "an effect is removed if it worsens the prediction of a run from the other runs",
+    _without_each,
+    _predicts_better,
+    then="repeat",
+)
 
 
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -164,6 +190,16 @@ def _compensates_for_another_form(sets: FittedSets, current: Hypothesis, proposa
     return Decision(proposal.value < THRESHOLDS.own_share, share)
 
 
+OWN_SHARE = Move(
+    "own share",
+    "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
+    " effects explain the same residual; of two such effects the one with fewer amplitudes is kept",
+    _without_least_own,
+    _compensates_for_another_form,
+    then="repeat",
+)
+
+
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Set without misleading effects, or with replacements of them that predict held-out runs better."""
     smaller = sets.predictive(current)
@@ -188,34 +224,6 @@ def _predicts_held_out_runs(sets: FittedSets, current: Hypothesis, proposal: Pro
     return Decision(True, "held-out runs are predicted better " + ("with the other effect" if others else "without it"))
 
 
-SMALLEST_ADEQUATE = Move(
-    "smallest adequate set",
-    "an earlier, smaller set that explains nearly as much replaces the current one",
-    _smaller_adequate,
-    _adequate,
-)
-DROP = Move(
-    "drop",
-    "backward elimination: an effect is removed if the excess chi-square hardly increases without it",
-    _without_least_needed,
-    _not_needed,
-    then="repeat",
-)
-CROSS_VALIDATION = Move(
-    "cross-validation",
-    "an effect is removed if it worsens the prediction of a run from the other runs",
-    _without_each,
-    _predicts_better,
-    then="repeat",
-)
-OWN_SHARE = Move(
-    "own share",
-    "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
-    " effects explain the same residual; of two such effects the one with fewer amplitudes is kept",
-    _without_least_own,
-    _compensates_for_another_form,
-    then="repeat",
-)
 HELD_OUT = Move(
     "held-out runs",
     "at the end, effects that worsen the prediction of held-out runs are removed, or replaced by others",

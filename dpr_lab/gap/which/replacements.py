@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Mapping
 
 from dpr_lab.effects import plausibility
-from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis, refit_with, refit_without
+from dpr_lab.gap.hypothesis.hypothesis import PENALTY, Hypothesis
+from dpr_lab.gap.hypothesis.refits import refit_with, refit_without
 from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
@@ -13,6 +14,7 @@ from dpr_lab.gap.hypothesis.thresholds import (
     follows_remainder,
     form_indifference,
     indifference,
+    indistinguishable,
     significance,
 )
 from dpr_lab.gap.which.effort import EFFORT
@@ -41,6 +43,11 @@ def _better_than_chance(sets: FittedSets, current: Hypothesis, proposal: Proposa
     return Decision(better, f"the criterion falls by {'more' if better else 'less'} than {chance:.3g}")
 
 
+RICHER_FORM = Move(
+    "richer form", "an effect is replaced by a richer one that contains it", _richer, _better_than_chance
+)
+
+
 def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Sets in which a simpler form replaces an effect that contains it."""
     for name in current.effects:
@@ -65,6 +72,15 @@ def _as_good(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decis
     if alike and model.cost - current.cost < margin:
         return Decision(True, f"the criterion grows by less than {margin:.3g}")
     return Decision(False, "explains less")
+
+
+SIMPLER_FORM = Move(
+    "simpler form",
+    "an effect is replaced by a simpler one that it contains and that explains as much",
+    _simpler,
+    _as_good,
+    then="repeat",
+)
 
 
 def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -137,11 +153,32 @@ def _better_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposa
     return Decision(better, f"fewer parameters explain {'more' if better else 'less'}")
 
 
+SECOND_CAUSE = Move(
+    "second cause",
+    "an effect is replaced by a simpler one and a second effect that explain more with fewer parameters",
+    _second_cause,
+    _better_with_fewer_parameters,
+    then="repeat",
+)
+
+
 def _nearly_as_good_with_fewer_parameters(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
     decision = _better_with_fewer_parameters(sets, current, proposal)
     if not decision.accepted and follows_remainder(sets.bare, current, proposal.model):
         return Decision(True, "the additional effect only fits the remainder of small unknown causes")
     return decision
+
+
+SEVERAL_CAUSES = Move(
+    "several causes",
+    (
+        "an effect with many parameters is replaced by others that explain more, or nearly as much, with fewer"
+        " parameters"
+    ),
+    _several_for_one,
+    _nearly_as_good_with_fewer_parameters,
+    then="repeat",
+)
 
 
 def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -168,6 +205,15 @@ def _closer(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decisi
     if model.key == current.key:
         return Decision(True, "the same effects with a better shape")
     return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")
+
+
+EXCHANGE = Move(
+    "exchange",
+    "while the residual exceeds the noise, each effect is replaced in turn by other effects and other shapes",
+    _exchanged,
+    _closer,
+    then="repeat",
+)
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -198,6 +244,15 @@ def _explains_more(sets: FittedSets, current: Hypothesis, proposal: Proposal) ->
     return Decision(False, f"the criterion falls by less than {chance:.3g}, which is not significant")
 
 
+BETTER_ALTERNATIVE = Move(
+    "better alternative",
+    "alternatives of each effect are fitted; a set of the same or smaller size that explains more replaces"
+    " the current one",
+    _better_alternative,
+    _explains_more,
+)
+
+
 def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
     """Sets in which an indistinguishable effect of more plausible size replaces one effect."""
     chosen = sets.predictive(current)
@@ -211,8 +266,7 @@ def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]
             model = sets.fits.get(smaller.key | {other.effect.name})
             if model is None or model.key == chosen.key or abs(model.cost - chosen.cost) > margin:
                 continue
-            alike = min(test.cosine(score, other), test.cosine(other, score)) > THRESHOLDS.indistinguishable
-            if alike:
+            if indistinguishable(test, score, other):
                 yield Proposal(model, plausibility(model.fit.estimate.params, other.effect.name) / plausibility_here)
 
 
@@ -221,6 +275,14 @@ def _far_more_plausible(sets: FittedSets, current: Hypothesis, proposal: Proposa
         proposal.value > THRESHOLDS.likelier,
         f"indistinguishable; the ratio of the prior probabilities of the sizes is {proposal.value:.2g}",
     )
+
+
+MORE_PLAUSIBLE = Move(
+    "more plausible size",
+    "of two indistinguishable effects, the one with the far more plausible size is named",
+    _more_plausible,
+    _far_more_plausible,
+)
 
 
 def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[str], Hypothesis]:
@@ -258,52 +320,3 @@ def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
 
 def _criterion(model: Hypothesis) -> float:
     return model.cost
-
-
-RICHER_FORM = Move(
-    "richer form", "an effect is replaced by a richer one that contains it", _richer, _better_than_chance
-)
-SIMPLER_FORM = Move(
-    "simpler form",
-    "an effect is replaced by a simpler one that it contains and that explains as much",
-    _simpler,
-    _as_good,
-    then="repeat",
-)
-SECOND_CAUSE = Move(
-    "second cause",
-    "an effect is replaced by a simpler one and a second effect that explain more with fewer parameters",
-    _second_cause,
-    _better_with_fewer_parameters,
-    then="repeat",
-)
-SEVERAL_CAUSES = Move(
-    "several causes",
-    (
-        "an effect with many parameters is replaced by others that explain more, or nearly as much, with fewer"
-        " parameters"
-    ),
-    _several_for_one,
-    _nearly_as_good_with_fewer_parameters,
-    then="repeat",
-)
-EXCHANGE = Move(
-    "exchange",
-    "while the residual exceeds the noise, each effect is replaced in turn by other effects and other shapes",
-    _exchanged,
-    _closer,
-    then="repeat",
-)
-BETTER_ALTERNATIVE = Move(
-    "better alternative",
-    "alternatives of each effect are fitted; a set of the same or smaller size that explains more replaces"
-    " the current one",
-    _better_alternative,
-    _explains_more,
-)
-MORE_PLAUSIBLE = Move(
-    "more plausible size",
-    "of two indistinguishable effects, the one with the far more plausible size is named",
-    _more_plausible,
-    _far_more_plausible,
-)

@@ -13,7 +13,8 @@ from functools import reduce
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.detectable import detectable
-from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refit_without
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.hypothesis.thresholds import (
     THRESHOLDS,
     at_noise_floor,
@@ -25,7 +26,8 @@ from dpr_lab.gap.hypothesis.thresholds import (
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection, refutes_process_noise
-from dpr_lab.gap.which.moves import HELD_OUT, REFINE, REVISIONS, SHORT, START
+from dpr_lab.gap.which.moves import REFINE, REVISIONS, SHORT, START
+from dpr_lab.gap.which.removals import HELD_OUT
 from dpr_lab.gap.which.replacements import fit_alternatives
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply, run
 from dpr_lab.gap.which.selected import Selection

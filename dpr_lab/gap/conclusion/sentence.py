@@ -1,0 +1,177 @@
+"""Verdict in up to three sentences: the causes, the reduction of the gap, and the remainder."""
+
+from collections.abc import Sequence
+
+from dpr_lab.gap.classes.posterior import EffectPosterior
+from dpr_lab.gap.conclusion.verdict import VERDICT, fitted_only, listed_causes, small, undecided
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, small_effects
+from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
+from dpr_lab.gap.screen.pieces import are_pieces
+from dpr_lab.gap.state import Transferred
+from dpr_lab.gap.transfer.outcome import Transfer
+from dpr_lab.shown import listed, percent
+
+
+def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
+    """Verdict in sentences; arguments as for `verdict`."""
+    hint = state.description.hint
+    if kind == "inconclusive":
+        return _inconclusive(visible_counts)
+    if state.description.withholds:
+        return f"Unexplained: a gap of {_in_noise(state.selection.bare.residuals.noise_ratio)}. {hint}"
+    return f"{_sentence(kind, state)} {hint}".rstrip()
+
+
+def _inconclusive(visible_counts: tuple[int, int]) -> str:
+    detectable, effects = visible_counts
+    return (
+        f"Inconclusive: these recordings cannot show a gap. Of {effects} effects only {detectable} are detectable"
+        f" at their typical size. Record more releases, longer, with larger swings, at a higher rate or"
+        f" with less noise."
+    )
+
+
+def _sentence(kind: Verdict, state: Transferred) -> str:
+    if kind == "no_gap":
+        return _no_gap(state.selection.bare)
+    if kind == "unexplained":
+        return _unexplained(state)
+    causes, reduction = _causes_named(state), how_far(state.transfer)
+    if kind == "named":
+        least = min(cause.probability for cause in causes)
+        return (
+            f"The gap is explained by {_classes(causes)} (probability {percent(least)}). {reduction}"
+            " Nothing above the noise floor remains."
+        )
+    causes = listed_causes(causes) or listed_causes(state.posteriors)
+    remains = _remainder(state.selection.chosen, state.transfer)
+    return f"The gap is partly explained by {_classes(causes, doubts=True)}. {reduction} {remains}"
+
+
+def _unexplained(state: Transferred) -> str:
+    """Sentences with the reason why no effect is the cause.
+
+    Either no effect fits, or the closest ones explain too little or only the fitted runs.
+    """
+    selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
+    share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
+    if not posteriors and small(selection.chosen):
+        return (
+            "Unexplained: the fitted recordings show no gap, but the held-out recordings show a gap of"
+            f" {_in_noise(transferred.gap_ratio)}. Fit these recordings too, or check that nothing on the rig"
+            " was changed."
+        )
+    if not posteriors:
+        return f"Unexplained: a gap of {remainder}, and no effect of the library fits it."
+    closest, several = _classes(posteriors), len(posteriors) > 1
+    verb = "explain" if several else "explains"
+    if share >= VERDICT.partly_share:
+        alone = transferred.basis == "one release"
+        doubt = "not in the quarters that were not fitted" if alone else "not in other recordings"
+        if not fitted_only(posteriors, transferred):
+            doubt = f"a remainder of {remainder} makes a cause outside the library more probable"
+        return (
+            f"Unexplained: {closest} {verb} {percent(share)} of the excess chi-square in the fitted"
+            f" recordings, but {doubt}. {how_far(transferred)}"
+        )
+    candidate = "candidates" if several else "candidate"
+    return f"Unexplained: the closest {candidate}, {closest}, {verb} only {percent(share)} of the excess chi-square."
+
+
+def _in_noise(ratio: float) -> str:
+    """Ratio to the noise in words, as `110 times the noise`, with two significant digits and no exponent."""
+    rounded = float(f"{ratio:.2g}")
+    return "the size of the noise" if rounded == 1.0 else f"{rounded:g} times the noise"
+
+
+def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
+    """Sentence on the remainder, by the worse of two measures; an increased error of the free run comes first."""
+    if transferred.worse_free_run:
+        errors = transferred.worse_free_run
+        before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
+        compared = "held-out runs" if transferred.held_out else "recordings"
+        return (
+            f"But the free run of the {compared} becomes worse, from {before:.3g} to {after:.3g} mrad rms in the first"
+            f" {errors.until_s:.2g} s."
+        )
+    if at_noise_floor(chosen):
+        return UNCERTAIN
+    size = _in_noise(chosen.residuals.noise_ratio)
+    small = chosen.residuals.noise_ratio < 1.0
+    remainder = f"A small but significant remainder, {size}," if small else f"A remainder of {size}"
+    return f"{remainder} has another cause or another form."
+
+
+def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
+    """Causes that the sentence names: effects that carry over to held-out data and are not only expected of the rig.
+
+    Less probable effects are named only if no other effect is named. The table of the causes lists them, and the small
+    effects.
+    """
+    carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
+    unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
+    likely = [cause for cause in carrying if cause.probability >= VERDICT.rather]
+    small = small_effects(state.selection.bare, state.selection.path)
+    large = [cause for cause in likely if cause.name not in small]
+    return large or likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
+
+
+def _no_gap(bare: Hypothesis) -> str:
+    if at_noise_floor(bare):
+        return "No gap visible at this noise. The bare model explains the recordings down to the noise floor."
+    return (
+        "No gap above the noise. No effect of the library explains the remainder of"
+        f" {_in_noise(bare.residuals.noise_ratio)}."
+    )
+
+
+def how_far(transferred: Transfer) -> str:
+    """Sentence on the reduction of the gap on held-out data, with the kind of these data."""
+    if not transferred.tested:
+        return "The recordings are too short to predict one part from another, so no data validate this result."
+    estimate, (low, high) = transferred.closed.value, transferred.closed.interval90
+    if undecided(transferred):
+        return f"{_tested_on(transferred)} the gap is too small to show a reduction."
+    interval = f"90 % interval {percent(low)} to {percent(high)}"
+    if estimate > 0 and low < VERDICT.closes and transferred.basis == "one release":
+        return (
+            f"The quarters of the only release do not show how far the gap closes ({percent(estimate)}, {interval}):"
+            " record a second release."
+        )
+    if estimate > 0:
+        return f"{_tested_on(transferred)} the gap closes by {percent(estimate)} ({interval})."
+    return f"{_tested_on(transferred)} the gap does not close ({percent(estimate)}, {interval})."
+
+
+def _tested_on(transferred: Transfer) -> str:
+    pieces = transferred.basis == "held-out runs" and are_pieces(transferred.held_out)
+    return "On held-out pieces of the recording" if pieces else _BASIS[transferred.basis]
+
+
+_BASIS = {
+    "held-out runs": "On held-out runs",
+    "releases left out": "In cross-validation across the releases",
+    "one release": "In cross-validation across the quarters of the only release",
+}
+"""Phrase of the sentence for each kind of held-out data."""
+
+
+def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
+    """List of the classes in words; among several classes, one with two members is in parentheses."""
+    words = [_class(cause) for cause in causes]
+    if len(words) > 1:
+        words = [f"({text})" if " or " in text else text for text in words]
+    return listed([text + _doubt(cause) * doubts for text, cause in zip(words, causes, strict=True)])
+
+
+def _class(posterior: EffectPosterior) -> str:
+    """Members of a class in words; a class of three or more is named by its first member and the number of others."""
+    if len(posterior.members) > 2:
+        return f"{posterior.name} or one of {len(posterior.members) - 1} effects indistinguishable from it"
+    return " or ".join(posterior.members)
+
+
+def _doubt(cause: EffectPosterior) -> str:
+    """Clause with the probability of an effect that explains a part of the gap but is probably not its cause."""
+    return "" if cause.probability >= VERDICT.rather else f" (probability only {percent(cause.probability)})"

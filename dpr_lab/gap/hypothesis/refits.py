@@ -1,0 +1,163 @@
+"""Fits of a set with one effect more or one fewer, started from a fitted set or from the solution of a score test."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from dpr_lab.arrays import Array
+from dpr_lab.effects import without_effect
+from dpr_lab.fitting.cut import carried
+from dpr_lab.fitting.estimate import SCALE, Estimate, moved, with_scale
+from dpr_lab.fitting.gauss_newton import GaussNewton, Iteration, descend, fit
+from dpr_lab.fitting.problem import Problem
+from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis, scale_visible
+from dpr_lab.gap.hypothesis.score_test import Score, ScoreTest
+
+
+@dataclass(frozen=True, slots=True)
+class Refits:
+    """Settings of the preliminary fits that the search compares."""
+
+    preliminary: float = 3e-3
+    """Relative reduction of the cost at which a fit far from the noise ends.
+
+    Far from the noise, the residual is an error of the model, and the costs of two sets differ by factors. A change of
+    a thousandth is then irrelevant. The fit of the selected set is continued to its minimum.
+    """
+    lost: float = 10.0
+    """Maximum ratio of chi2 at the linear prediction to chi2 of the original set.
+
+    At a larger ratio the linear prediction is a worse initial value than the original set.
+    """
+
+
+REFITS = Refits()
+PRELIMINARY = GaussNewton(preliminary=REFITS.preliminary)
+
+preliminary_fit = partial(fit, settings=PRELIMINARY)
+
+
+def beating(model: Hypothesis) -> GaussNewton:
+    """Settings of a preliminary fit that is used only if it becomes better than a previous fit of the same set."""
+    return replace(PRELIMINARY, to_beat=model.fit.chi2)
+
+
+def refit(
+    problem: Problem,
+    start: Estimate,
+    effects: Sequence[str],
+    iterations: int,
+    predicted: Array | None = None,
+    settings: GaussNewton = PRELIMINARY,
+) -> Hypothesis:
+    """Fit a set of effects from an initial estimate; `predicted` are the readings at this estimate, if known."""
+    free = free_parameters(start, effects, problem)
+    end = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=settings)
+    return hypothesis(problem, effects, end)
+
+
+def started_with(
+    problem: Problem,
+    before: Hypothesis,
+    test: ScoreTest,
+    score: Score,
+    iterations: int = 0,
+    settings: GaussNewton = PRELIMINARY,
+) -> Iteration:
+    """Add one effect at the linear solution of its score test; continue with some Gauss-Newton iterations."""
+    linear = test.linear.chosen([*test.fitted_columns, *score.columns])
+    first = descend(problem, shaped(before, score), score.free, iterations=1, first=linear)
+    if not iterations:
+        return first
+    free = free_parameters(first.estimate, (*before.effects, score.effect.name), problem)
+    return descend(problem, first.estimate, free, iterations=iterations, predicted=first.predicted, settings=settings)
+
+
+def best_start(
+    problem: Problem, before: Hypothesis, test: ScoreTest, scores: Sequence[Score], iterations: int
+) -> Iteration:
+    """Best of several initial fits with one additional effect, each from another shape of the effect."""
+    best = started_with(problem, before, test, scores[0], iterations)
+    for score in scores[1:]:
+        race = replace(PRELIMINARY, to_beat=best.chi2)
+        best = min(best, started_with(problem, before, test, score, iterations, race), key=lambda end: end.chi2)
+    return best
+
+
+def refit_with(
+    problem: Problem,
+    before: Hypothesis,
+    test: ScoreTest,
+    score: Score,
+    iterations: int,
+    start: Iteration | None = None,
+) -> Hypothesis:
+    """Fit a set with one additional effect, from the linear solution of its score test or from `start`."""
+    start = start or started_with(problem, before, test, score)
+    effects = (*before.effects, score.effect.name)
+    return refit(problem, start.estimate, effects, iterations=iterations, predicted=start.predicted)
+
+
+def refit_with_from_short(
+    problem: Problem,
+    short: tuple[Problem, Array],
+    before: Hypothesis,
+    score: Score,
+    iterations: int,
+    settings: GaussNewton = PRELIMINARY,
+) -> Hypothesis:
+    """Fit a set with one additional effect, first to short segments.
+
+    This procedure is slower, but converges even if the effect is large.
+
+    Args:
+        problem: the segments
+        short: shorter segments of the same runs, with their initial states
+        before: fit without the effect
+        score: score of the effect in its initial shape
+        iterations: maximum number of iterations of each of the two fits
+        settings: settings of the second fit
+    """
+    short_problem, initial = short
+    short_start = replace(shaped(before, score), initial=initial)
+    short_fit = descend(short_problem, short_start, score.free, iterations=iterations, settings=PRELIMINARY)
+    initial_states = carried(
+        short_problem.segments, short_fit.estimate.initial, problem.segments, before.fit.estimate.initial
+    )
+    start = short_fit.estimate.changed(initial=initial_states)
+    return refit(problem, start, (*before.effects, score.effect.name), iterations, settings=settings)
+
+
+def shaped(before: Hypothesis, score: Score) -> Estimate:
+    """Estimate of a fit, with the shape parameters of an effect set to the values of its score."""
+    params = before.fit.estimate.params.copy()
+    for index, value in score.shape:
+        params[index] = value
+    return before.fit.estimate.changed(params=params)
+
+
+def refit_without(
+    problem: Problem, before: Hypothesis, effect: str, bare: Hypothesis, iterations: int = 15
+) -> Hypothesis:
+    """Refit a set without one effect, starting from the linearised solution.
+
+    If b is not identifiable without the effect, its value is taken from the bare model.
+    """
+    names = tuple(name for name in before.effects if name != effect)
+    free, linear, estimate = before.fit.free, before.fit.linear, before.fit.estimate
+    removed = np.array([-p.read(estimate) if p.effect == effect and p.amplitude else 0.0 for p in free])
+    remaining = [i for i, parameter in enumerate(free) if parameter.effect != effect]
+    A, e = linear.flat
+    step = removed.copy()
+    step[remaining] = np.linalg.lstsq(A[:, remaining], e - A @ removed, rcond=1e-10)[0]
+    without = estimate.changed(params=without_effect(estimate.params, effect))
+    start = moved(without, [free[i] for i in remaining], step[remaining], linear.initial_steps(step))
+    predicted, of_without = problem.predict(start), problem.predict(without)
+    if not problem.chi2_by_segment(predicted).sum() < REFITS.lost * problem.chi2_by_segment(of_without).sum():
+        start, predicted = without, of_without
+    b = bare.fit.estimate.ratios[SCALE]
+    if start.ratios[SCALE] != b and not scale_visible(names, problem):
+        return refit(problem, start.changed(ratios=with_scale(start.ratios, b)), names, iterations=iterations)
+    return refit(problem, start, names, iterations, predicted)
