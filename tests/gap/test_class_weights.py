@@ -8,7 +8,19 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.gap.classes import posterior
-from dpr_lab.gap.classes.posterior import CALIBRATION, Alternative, effect_posterior, probabilities, probability_outside
+from dpr_lab.gap.classes.posterior import (
+    CALIBRATION,
+    Alternative,
+    _added_cost,
+    _cost,
+    _Place,
+    _prior_odds,
+    _takes_over,
+    effect_posterior,
+    outside,
+    probabilities,
+    probability_outside,
+)
 
 NAME, INFLATION = "coulomb_joint2", 5.0
 UNIT = 2 * INFLATION * CALIBRATION.temperature
@@ -62,3 +74,67 @@ def test_an_alternative_of_two_effects_has_its_larger_probability(monkeypatch: p
     assert probabilities(Mock(), of_both, "named") == {"no_gap": 0.0, "unexplained": 0.1, **named}
     for kind, no_gap in (("no_gap", 0.98), ("inconclusive", 0.5), ("unexplained", 0.02)):
         assert probabilities(Mock(), (), kind) == pytest.approx({"no_gap": no_gap, "unexplained": 1 - no_gap})
+
+
+def place(fitted: dict[frozenset[str], Any] | None = None, **selection: Any) -> _Place:
+    """Place of an effect in a set of two; the selected set has a cost of 100 and an inflation of 5."""
+    chosen = Mock(cost=100.0, key=frozenset({NAME, "base_tilt"}), residuals=Mock(inflation=INFLATION))
+    without = Mock(cost=1000.0, key=frozenset({"base_tilt"}), residuals=Mock(inflation=2.0))
+    values: dict[str, Any] = {"chosen": chosen, "without": {NAME: without}, "fitted": fitted or {}, "bare": Mock()}
+    return _Place(Mock(**values | selection), NAME)
+
+
+def test_the_cost_of_an_alternative_comes_from_its_fit_or_from_its_score() -> None:
+    """Two amplitudes and one shape have a penalty of 9 times 2 each; 30 times 5 above the set is the best case."""
+    score = Mock(gain=500.0, columns=(3, 4))
+    score.effect = Mock(shapes=(Mock(),))
+    score.effect.name = "detent_joint1"
+    assert _cost(place(), score) == pytest.approx(1000.0 - 500.0 + 9.0 * 2.0 * 3)
+    score.gain = 900.0
+    assert _cost(place(), score) == pytest.approx(100.0 + 30.0 * 5.0)
+    other = Mock(cost_at=lambda inflation: 7.0 * inflation)
+    assert _cost(place({frozenset({"base_tilt", "detent_joint1"}): other}), score) == 35.0
+
+
+@pytest.mark.parametrize(
+    ("decay", "remainder", "substitute", "taken"),
+    [
+        (False, False, None, False),
+        (False, True, None, True),
+        (True, True, "detent_joint1", False),
+        (False, False, "detent_joint1", True),
+        (False, False, "another", False),
+    ],
+)
+def test_a_curve_that_imitates_the_effect_or_the_remainder_is_no_alternative(
+    monkeypatch: pytest.MonkeyPatch, decay: bool, remainder: bool, substitute: str | None, taken: bool
+) -> None:
+    monkeypatch.setattr(posterior, "follows_decay", lambda *_: decay)
+    monkeypatch.setattr(posterior, "follows_remainder", lambda *_: remainder)
+    monkeypatch.setattr(posterior, "substitute_curve", lambda *_: substitute)
+    other = "detent_joint1"
+    instead, with_both = frozenset({"base_tilt", other}), frozenset({"base_tilt", NAME, other})
+    assert _takes_over(place({instead: Mock(), with_both: Mock()}), other) is taken
+    assert _takes_over(place({instead: Mock()}), other) is (remainder and not decay)
+    assert not _takes_over(place({with_both: Mock()}), other)
+    assert _prior_odds(place({instead: Mock()}), other) == (CALIBRATION.drifting if decay else 1.0)
+    assert _prior_odds(place(), other) == 1.0
+
+
+def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(posterior, "form_indifference", lambda *_: 400.0)
+    assert _added_cost(place(), Alternative("latency_joint2", 0.5, 130.0)) == 30.0
+    assert _added_cost(place(), Alternative("latency_joint2", 0.5, 70.0)) == 0.0
+    assert _added_cost(place(), Alternative("stribeck_joint2", 0.5, 130.0)) == 30.0 + 400.0 - 30.0 * 5.0
+
+
+def test_the_own_share_counts_unless_every_rig_has_a_member_of_the_class() -> None:
+    selection: Any = Mock(
+        chosen=Mock(residuals=Mock(z=10.0, noise_ratio=2.0)), share_explained=0.9, own_shares={NAME: 0.01}
+    )
+    selection.unique_share = lambda name: 0.5
+    unexplained = (0.1 / 0.35) ** 4 * 2.0 + 0.25 * 0.1 / 0.5 * 2.0 / 8.0
+    odds = unexplained + (0.018 / 0.01) ** 2
+    assert outside(selection, NAME) == pytest.approx(odds / (1 + odds))
+    assert outside(selection, NAME, members=["viscous_ground_link2"]) == pytest.approx(odds / (1 + odds))
+    assert outside(selection, NAME, members=["encoder_offset_joint1"]) == pytest.approx(unexplained / (1 + unexplained))

@@ -1,14 +1,31 @@
 """Rules of the search, for sets of effects with given residuals; the expected limits are calculated by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from dpr_lab.fitting.gauss_newton import GAUSS_NEWTON
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
-from dpr_lab.gap.hypothesis.thresholds import accepted, most_excess, need, scatter, significance, small_effects
+from dpr_lab.gap.hypothesis.thresholds import (
+    accepted,
+    adds_less_than_remains,
+    curve_follows_remainder,
+    explains_as_much,
+    follows_decay,
+    follows_swing,
+    form_indifference,
+    most_excess,
+    need,
+    promising_gain,
+    scatter,
+    significance,
+    small_effects,
+    substitute_curve,
+)
 
 DOF = 10_000
 """Degrees of freedom; the excess of noise has the standard deviation 100."""
@@ -104,3 +121,82 @@ def test_an_effect_is_needed_by_the_growth_of_the_excess_without_it(
 def test_small_effects_add_less_than_one_percent_of_the_gap_together() -> None:
     path = [("a", fitted(5000.0)), ("b", fitted(1850.0)), ("c", fitted(1500.0)), ("d", fitted(1000.0))]
     assert small_effects(BARE, path) == {"c", "d"}  # 1850 and 1500 are below 1000 + 900
+
+
+VIBRATION, DRIFT, CURVE = "base_vibration", "friction_drift_joint1", "friction_curve_joint1"
+
+
+@pytest.mark.parametrize(("excess", "follows"), [(45_199.0, True), (45_200.0, False), (45_201.0, False)])
+def test_a_vibration_on_a_swing_line_follows_a_residual_that_another_set_halves(excess: float, follows: bool) -> None:
+    """The vibration explains 89 600, up to the floor of 400; half of it leaves 45 200."""
+    vibrating = replace(fitted(0.0, (VIBRATION,)), on_line=frozenset({VIBRATION}))
+    assert follows_swing(BARE, vibrating, fitted(excess)) is follows
+    assert not follows_swing(BARE, vibrating, fitted(excess, ()))
+    assert not follows_swing(BARE, vibrating, fitted(0.0, (VIBRATION,)))
+    assert not follows_swing(BARE, fitted(0.0, (VIBRATION,)), fitted(0.0))
+
+
+@pytest.mark.parametrize(("excess", "follows"), [(9_359.0, True), (9_360.0, False)])
+def test_a_drift_follows_a_decay_that_a_set_of_its_size_nearly_explains(excess: float, follows: bool) -> None:
+    drifting = replace(fitted(0.0, (DRIFT,), parameters=3), of_decay=frozenset({DRIFT}))
+    assert follows_decay(BARE, drifting, fitted(excess, parameters=3)) is follows
+    assert not follows_decay(BARE, drifting, fitted(excess, parameters=4))
+    assert not follows_decay(BARE, drifting, fitted(excess, ()))
+    assert not follows_decay(BARE, drifting, fitted(0.0, (DRIFT,)))
+    assert not follows_decay(BARE, fitted(0.0, (DRIFT,)), fitted(0.0))
+
+
+@pytest.mark.parametrize(
+    ("excess", "gain", "follows"),
+    [
+        (1_000.0, 32.0, True),  # 30 times the inflation of 1.1 is 33
+        (1_000.0, 33.0, False),
+        (9_359.0, 32.0, True),
+        (9_361.0, 32.0, False),  # explains less than 0.9 of what the curve explains
+    ],
+)
+def test_a_curve_follows_a_small_remainder_unless_it_is_significant(excess: float, gain: float, follows: bool) -> None:
+    simple = fitted(excess, cost=2_000.0)
+    curved = replace(fitted(0.0, (CURVE,), cost=2_000.0 - gain), curves={CURVE: 0.05})
+    assert curve_follows_remainder(BARE, curved, simple) is follows
+    assert not curve_follows_remainder(BARE, curved, fitted(excess, (), cost=2_000.0))
+    assert not curve_follows_remainder(BARE, curved, replace(simple, effects=(CURVE,)))
+    assert not curve_follows_remainder(BARE, curved, fitted(10_001.0, cost=2_000.0))  # larger than the noise
+
+
+def test_a_curve_that_grows_when_an_effect_is_removed_is_its_substitute() -> None:
+    model = replace(fitted(0.0, (CURVE, *EFFECT)), curves={CURVE: 0.2})
+    for size, curve in ((0.39, None), (0.4, None), (0.41, CURVE)):
+        assert substitute_curve(model, replace(fitted(100.0, (CURVE,)), curves={CURVE: size})) == curve
+    assert substitute_curve(model, replace(fitted(-100.0, (CURVE,)), curves={CURVE: 1.0})) is None  # not better
+    ordinary = replace(model, curves={CURVE: 0.01})  # sizes below the ordinary one are equal
+    assert substitute_curve(ordinary, replace(fitted(100.0, (CURVE,)), curves={CURVE: 0.19})) is None
+    assert substitute_curve(model, fitted(100.0)) is None
+
+
+def test_a_set_with_fewer_parameters_explains_as_much_within_the_indifference() -> None:
+    rich = fitted(0.0, parameters=6, cost=1_000.0)
+    for cost, as_much in ((1_053.0, True), (1_054.0, False)):  # a penalty of 9, and 5e-4 of the explained 90 000
+        assert explains_as_much(BARE, fitted(0.0, parameters=5, cost=cost), rich) is as_much
+    assert not explains_as_much(BARE, fitted(0.0, parameters=6, cost=0.0), rich)
+    assert not explains_as_much(BARE, fitted(9_361.0, parameters=5, cost=0.0), rich)  # less than 0.9
+
+
+def test_a_richer_form_must_add_more_while_a_residual_remains() -> None:
+    assert form_indifference(BARE, fitted(0.0)) == pytest.approx(45.0)
+    assert form_indifference(BARE, fitted(10_000.0)) == pytest.approx(240.0)
+
+
+@pytest.mark.parametrize(("simpler", "less"), [(1_999.0, True), (2_000.0, False), (2_001.0, False)])
+def test_a_richer_form_that_removes_less_than_it_leaves_is_no_better(simpler: float, less: bool) -> None:
+    assert adds_less_than_remains(fitted(1_000.0), fitted(simpler)) is less
+    assert not adds_less_than_remains(fitted(1_000.0), None)
+    assert not adds_less_than_remains(fitted(0.0), fitted(100.0))
+
+
+def test_a_candidate_is_promising_from_the_chance_level_or_from_half_of_the_excess() -> None:
+    assert promising_gain(fitted(0.0)) == 30.0
+    assert promising_gain(fitted(40.0)) == 30.0
+    assert promising_gain(fitted(90_000.0, rho=0.9)) == pytest.approx(30.0 * 10.0 / GAUSS_NEWTON.exceeded)
+    few = replace(fitted(0.0), residuals=ResidualStatistics(75.0, 5, level=1.0, autocorrelation=0.9))
+    assert promising_gain(few) == pytest.approx(0.5 * 70.0)

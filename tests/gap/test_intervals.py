@@ -1,0 +1,131 @@
+"""Shares, factors and intervals that follow from given numbers."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace as Fake
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dpr_lab.gap.conclusion import ratios
+from dpr_lab.gap.conclusion.causes import _implied, _size
+from dpr_lab.gap.conclusion.ratios import determined
+from dpr_lab.gap.result.saved import Interval
+from dpr_lab.gap.transfer.out_of_sample import block, reduction, share
+from dpr_lab.gap.transfer.outcome import Transfer
+from dpr_lab.gap.transfer.transfer import _of_fitted
+from dpr_lab.identification.scaling.scale import Scale
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An effect with its probability."""
+
+    name: str
+    probability: float = 1.0
+
+
+def probabilities(**outcome: Any) -> list[float]:
+    """Factors on the probabilities of the effects a and b after a test."""
+    values: dict[str, Any] = {
+        "basis": "releases left out",
+        "tested": True,
+        "closed": Interval(value=0.5, interval90=(0.0, 1.0)),
+        "withdrawn": (),
+        "unproven": (),
+        "oversized": (),
+        "worse_free_run": None,
+        "lone": None,
+    }
+    others = dict.fromkeys(("gap_ratio", "closing", "left_out", "held_out", "effects"))
+    state = Transfer(**values | others | outcome)
+    effects: Any = (Judged("a"), Judged("b"))
+    return [posterior.probability for posterior in state.judged(effects)]
+
+
+def test_an_effect_that_fails_a_test_is_less_probable() -> None:
+    assert probabilities() == [1.0, 1.0]
+    assert probabilities(withdrawn=("a",)) == [0.5, 1.0]
+    assert probabilities(withdrawn=("a",), oversized=("a",)) == [0.1, 1.0]
+    assert probabilities(basis="one release", unproven=("b",)) == [1.0, 0.87]
+
+
+def test_all_effects_are_less_probable_if_the_test_fails_as_a_whole() -> None:
+    for failed in ({"worse_free_run": Fake()}, {"lone": Fake()}, {"tested": False}):
+        assert probabilities(**failed) == [0.5, 0.5]
+    for value, factor in ((0.0, 1.0), (-0.1, 0.5)):
+        assert probabilities(closed=Interval(value=value, interval90=(-1.0, 1.0))) == [factor] * 2
+    assert probabilities(basis="one release", tested=False) == [0.87, 0.87]
+    assert probabilities(basis="one release", unproven=("a",), lone=Fake()) == [0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("fitted", "held_out", "ratio"),
+    [(0.8, 0.4, 0.5), (0.8, 0.9, 1.0), (0.8, -0.1, 0.0), (0.2, 0.2, 0.4), (0.5, 0.5, 1.0)],
+)
+def test_the_share_on_held_out_data_is_relative_to_the_fitted_share(fitted, held_out, ratio) -> None:
+    """The share of the fitted recordings counts as at least one half."""
+    selection: Any = Fake(
+        bare=Fake(residuals=Fake(excess=1.0)), chosen=Fake(residuals=Fake(excess=(1.0 - fitted) ** 2))
+    )
+    closed = Interval(value=held_out, interval90=(-1.0, 1.0))
+    assert _of_fitted(closed, selection) == pytest.approx(ratio)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "closed"), [(4.0, 1.0, 0.5), (4.0, -1.0, 1.0), (4.0, 64.0, -1.0), (0.0, 1.0, 0.0)]
+)
+def test_a_share_is_the_reduction_of_the_rms_above_the_noise(before: float, after: float, closed: float) -> None:
+    assert share(np.array([[before], [after]])) == pytest.approx(closed)
+    single = reduction(np.array([[before], [after]]), np.random.default_rng(0), 1, np.zeros(1, dtype=np.int64))
+    assert (single.value, single.interval90) == (pytest.approx(closed), (-1.0, 1.0))
+
+
+def test_equal_reductions_of_all_segments_have_no_scatter() -> None:
+    above = np.array([[4.0] * 12, [1.0] * 12])
+    interval = reduction(above, np.random.default_rng(0), 2, np.repeat([0, 1], 6))
+    assert (interval.value, *interval.interval90) == pytest.approx((0.5, 0.5, 0.5))
+
+
+@pytest.mark.parametrize(("length", "size"), [(0.25, 4), (0.5, 2), (1.0, 1), (3.0, 1)])
+def test_neighbouring_segments_of_one_second_are_resampled_together(length: float, size: int) -> None:
+    t = np.concatenate([start + np.linspace(0.0, length, 5) for start in (0.0, 10.0, 20.0)])
+    problem: Any = Fake(t=t, segments=Fake(offsets=np.array([0, 5, 10, 15])))
+    assert block(problem) == size
+
+
+def test_the_error_of_an_implied_quantity_adds_the_errors_of_the_parameters() -> None:
+    effect: Any = Fake(implied=lambda values: {"sum": values["x"] + 2.0 * values["y"]})
+    size = _implied(effect, {"x": 1.0, "y": 2.0}, {"x": 3.0, "y": 2.0})["sum"]
+    assert (size.value, *size.interval90) == pytest.approx((5.0, 0.0, 10.0))
+    assert size.interval90_with_scale == size.interval90
+    assert _implied(Fake(implied=None), {"x": 1.0}, {"x": 1.0}) == {}
+
+
+def test_a_size_that_cannot_be_negative_has_no_negative_interval() -> None:
+    scale = Scale(b=2.0, interval90=(1.0, 4.0), fixed_by="data")
+    torque = _size(scale, "coulomb_joint1", "torque_Nm", 1.0, 1.5)
+    assert torque.interval90 == (0.0, 2.5)
+    assert torque.ratio is None  # the recordings determine the scale
+    offset = _size(scale, "encoder_offset_joint1", "offset_rad", 1.0, 1.5)
+    assert offset.interval90 == (-0.5, 2.5)
+
+
+def test_a_ratio_and_its_covariance_are_divided_by_the_same_inertia(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sizes of effects are no ratios; a ratio with a lower bound of zero has no negative interval."""
+    free = [Fake(name="a/b", lower=-np.inf), Fake(name="size", lower=0.0), Fake(name="c1/b", lower=0.0)]
+    free = [Fake(effect="", block="ratios", **vars(parameter)) for parameter in free]
+    of = {"a/b": ("a/b", 3.0, 2.0), "c1/b": ("c1/b", 0.1, 4.0)}
+    monkeypatch.setattr(ratios, "ratio_of", lambda parameter, *_, **__: of.get(parameter.name))
+    monkeypatch.setattr(ratios, "only_inner", lambda _: False)
+    fitted = Fake(problem=Fake(segments=Fake(setups=())), recordings=Fake(rig=None))
+    state: Any = Fake(
+        fitted=fitted,
+        selection=Fake(chosen=Fake(fit=Fake(free=free, estimate=None))),
+        intervals={("", "a/b"): 1.0, ("", "c1/b"): 0.8},
+        covariance=np.array([[4.0, 1.0, 8.0], [1.0, 1.0, 1.0], [8.0, 1.0, 16.0]]),
+    )
+    values, covariance = determined(state)
+    assert values["a/b"].interval90 == (2.5, 3.5)
+    assert values["c1/b"].interval90 == (0.0, pytest.approx(0.3))
+    assert covariance == pytest.approx(np.array([[1.0, 1.0], [1.0, 1.0]]))

@@ -1,0 +1,133 @@
+"""Verdicts for given shares, probabilities and reductions on held-out data."""
+
+from types import SimpleNamespace as Fake
+from typing import Any
+
+import pytest
+
+from dpr_lab.gap.conclusion.verdict import undecided, verdict
+from dpr_lab.gap.result.saved import Interval
+from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
+
+NOISE, SMALL, GAP = Fake(z=1.0, noise_ratio=0.01), Fake(z=8.0, noise_ratio=0.49), Fake(z=50.0, noise_ratio=3.0)
+
+
+def transfer(closed: float = 0.9, upper: float = 1.0, **other: Any) -> Transfer:
+    """Outcome of a test that all effects passed, with some fields replaced."""
+    values: dict[str, Any] = {
+        "basis": "releases left out",
+        "tested": True,
+        "closed": Interval(value=closed, interval90=(-1.0, upper)),
+        "gap_ratio": 5.0,
+        "closing": (),
+        "left_out": {},
+        "held_out": {},
+        "effects": {},
+        "withdrawn": (),
+        "unproven": (),
+        "oversized": (),
+        "worse_free_run": None,
+    }
+    return Transfer(**values | other)
+
+
+def kind(
+    outcome: Transfer | None = None,
+    *,
+    share: float = 0.99,
+    chosen: Any = NOISE,
+    bare: Any = GAP,
+    causes: tuple[tuple[float, float], ...] = ((0.9, 0.05),),
+    expected: tuple[str, ...] = (),
+    withholds: bool = False,
+    visible: tuple[int, int] = (10, 10),
+) -> str:
+    """Verdict for a set with some causes, each with its probability and that of a cause outside the library."""
+    effects = tuple("abc"[: len(causes)])
+    selection = Fake(
+        chosen=Fake(effects=effects, residuals=chosen),
+        bare=Fake(residuals=bare),
+        share_explained=share,
+        expected=frozenset(expected),
+    )
+    posteriors = tuple(Fake(probability=probability, outside=outside) for probability, outside in causes)
+    state: Any = Fake(
+        selection=selection,
+        posteriors=posteriors,
+        transfer=outcome or transfer(),
+        description=Fake(withholds=withholds),
+    )
+    return verdict(state, visible)
+
+
+def test_a_probable_set_that_leaves_noise_and_carries_over_is_named() -> None:
+    assert kind() == "named"
+    assert kind(visible=(0, 10)) == "named"
+    assert kind(withholds=True) == "unexplained"
+    assert kind(chosen=Fake(z=5.9, noise_ratio=1.0), share=0.93) == "named"
+    assert kind(causes=((0.6, 0.0), (0.1, 0.0))) == "named"
+
+
+@pytest.mark.parametrize(
+    "doubt",
+    [
+        {"chosen": Fake(z=6.0, noise_ratio=1.0)},
+        {"chosen": Fake(z=5.0, noise_ratio=1.0), "share": 0.92},
+        {"causes": ((0.59, 0.0),)},
+        {"outcome": transfer(0.49)},
+        {"outcome": transfer(withdrawn=("a",)), "causes": ((0.9, 0.0), (0.9, 0.0))},
+        {"outcome": transfer(worse_free_run=WorseFreeRun(1.0, 2.0, 3.0))},
+        {"outcome": transfer(oversized=("a",))},
+        {"outcome": transfer(0.0, 0.5)},  # the held-out data show no gap
+        {"share": 0.5, "chosen": GAP},
+        {"share": 0.5, "chosen": GAP, "causes": ((0.05, 0.5), (0.01, 0.9))},
+    ],
+)
+def test_one_doubt_makes_the_explanation_partial(doubt: dict[str, Any]) -> None:
+    assert kind(**doubt) == "partly_explained"
+
+
+@pytest.mark.parametrize(
+    "refuted",
+    [
+        {"outcome": transfer(0.0, 0.49)},
+        {"outcome": transfer(withdrawn=("a",))},
+        {"share": 0.49, "chosen": GAP},
+        {"share": 0.5, "chosen": GAP, "causes": ((0.05, 0.51), (0.04, 0.1))},
+        {"outcome": transfer(0.0, 0.49, basis="one release"), "causes": ((0.49, 0.0),)},
+    ],
+)
+def test_effects_that_explain_too_little_or_only_the_fitted_recordings_leave_the_gap_unexplained(
+    refuted: dict[str, Any],
+) -> None:
+    assert kind(**refuted) == "unexplained"
+
+
+def test_quarters_of_one_release_and_untested_data_do_not_refute_a_probable_set() -> None:
+    assert kind(transfer(0.0, 0.49, basis="one release")) == "named"
+    assert kind(transfer(0.0, 0.49, tested=False)) == "named"
+    assert kind(transfer(0.0, 0.49, tested=False), causes=((0.49, 0.0),)) == "partly_explained"
+
+
+def test_without_effects_the_remainder_decides_between_no_gap_and_unexplained() -> None:
+    assert kind(causes=()) == "no_gap"
+    assert kind(causes=(), chosen=SMALL) == "no_gap"
+    assert kind(causes=(), chosen=Fake(z=8.0, noise_ratio=0.5)) == "unexplained"
+    assert kind(transfer(basis="held-out runs", gap_ratio=1.0), causes=()) == "no_gap"
+    assert kind(transfer(basis="held-out runs", gap_ratio=1.01), causes=()) == "unexplained"
+    assert kind(transfer(gap_ratio=1.01), causes=()) == "no_gap"
+    assert kind(causes=(), visible=(5, 10)) == "no_gap"
+    assert kind(causes=(), visible=(4, 10)) == "inconclusive"
+
+
+def test_a_small_gap_with_only_the_expected_effects_is_none() -> None:
+    assert kind(share=0.3, chosen=SMALL, bare=SMALL, expected=("a",)) == "no_gap"
+    assert kind(share=0.3, chosen=SMALL, bare=SMALL) == "unexplained"
+    assert kind(share=0.3, chosen=SMALL, bare=GAP, expected=("a",)) == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("closed", "upper", "open_"), [(0.0, 0.5, True), (0.0, 0.49, False), (0.01, 0.9, False), (-0.3, 1.0, True)]
+)
+def test_held_out_data_decide_nothing_if_their_gap_is_too_small_to_close(closed, upper, open_) -> None:
+    assert undecided(transfer(closed, upper)) is open_
