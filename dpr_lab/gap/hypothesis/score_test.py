@@ -154,11 +154,12 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
     return Score(effect, shape, chosen.reduction(step), new_columns, free, step[len(test.fitted_columns) :], absorbed)
 
 
-def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
-    """Predict the reduction of chi2 if several effects are added together, each in the shape of its own score."""
-    rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
-    prior, chosen = test.prior_of(rows), test.space.chosen(rows)
-    return chosen.reduction(_bounded_step(test, prior.free, chosen, prior.A, prior.e))
+def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
+    """Name of the parameter whose signature is nearest to the signature of a candidate's amplitude."""
+    before = [*test.fitted_columns, *columns[:index]]
+    nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
+    visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
+    return test.free[nearest].name if visible and nearest is not None else "initial states"
 
 
 def _bounded_step(
@@ -170,9 +171,8 @@ def _bounded_step(
     return chosen.with_prior(prior, mean).solution(room)
 
 
-def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Name of the parameter whose signature is nearest to the signature of a candidate's amplitude."""
-    before = [*test.fitted_columns, *columns[:index]]
-    nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
-    visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
-    return test.free[nearest].name if visible and nearest is not None else "initial states"
+def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
+    """Predict the reduction of chi2 if several effects are added together, each in the shape of its own score."""
+    rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
+    prior, chosen = test.prior_of(rows), test.space.chosen(rows)
+    return chosen.reduction(_bounded_step(test, prior.free, chosen, prior.A, prior.e))

@@ -131,6 +131,59 @@ class _Test:
         return self.reduction(pair).interval90[1] >= least
 
 
+def _helps(test: OutOfSample, reductions: Array) -> bool:
+    """Whether an effect reduces chi2 significantly over all runs and increases it significantly in none."""
+    blocks = _blocks(test, reductions)
+    total, tolerance = _sum(blocks)
+    by_run = [_sum(_blocks(test, reductions, rows)) for _, rows in test.runs]
+    beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(blocks) > TRANSFER.beyond_chance)
+    return beyond_chance and all(of_run > -tolerance_of_run for of_run, tolerance_of_run in by_run)
+
+
+def _blocks(test: OutOfSample, reductions: Array, rows: Rows = slice(None)) -> Array:
+    """Sums over groups of neighbouring segments of one run, whose residuals are correlated."""
+    return np.add.reduceat(reductions[rows], block_starts(test.run[rows], test.block))
+
+
+def _sum(blocks: Array) -> tuple[float, float]:
+    """Sum over groups of segments, and the minimum sum that is significant."""
+    spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
+    return float(blocks.sum()), float(TRANSFER.beyond_chance * spread)
+
+
+def _signed_rank(blocks: Array) -> float:
+    """Wilcoxon's signed-rank sum over groups of segments, in its standard errors.
+
+    Groups without a difference are omitted, and equal differences have the mean of their ranks.
+    """
+    blocks = blocks[blocks != 0.0]
+    if not len(blocks):
+        return 0.0
+    _, place, count = np.unique(np.abs(blocks), return_inverse=True, return_counts=True)
+    ranks = (np.cumsum(count) - (count - 1) / 2)[place]
+    return float((ranks * np.sign(blocks)).sum() / np.sqrt(np.sum(ranks**2)))
+
+
+def _of_fitted(closed: Interval, selection: Selection) -> float:
+    """Share of the gap that all effects together close on held-out data, relative to the fitted recordings."""
+    fitted = _share_of_fitted(selection.bare, selection.chosen)
+    return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
+
+
+def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
+    """Gap reduction by the chosen set in the fitted recordings, as a share of the smaller set's gap."""
+    return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
+
+
+def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
+    """Remaining gap and closed share of each set from the bare model to the selected set (`ends`)."""
+    between = [test.above_noise(model) for _, model in selection.path[:-1]]
+    remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
+    for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
+        rms = test.data.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.data.dof.sum())
+        yield Closing(effect=name, left_rad=float(rms), closed=share(np.stack([ends[0], above])))
+
+
 def worse_free_run(
     before: Mapping[str, FreeRunError],
     after: Mapping[str, FreeRunError],
@@ -166,56 +219,3 @@ def worse_free_run(
     if of_after <= TRANSFER.worse**2 * of_before + TRANSFER.unpredictable**2 * of_noise:
         return None
     return WorseFreeRun(of_before**0.5, of_after**0.5, max(ends))
-
-
-def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
-    """Remaining gap and closed share of each set from the bare model to the selected set (`ends`)."""
-    between = [test.above_noise(model) for _, model in selection.path[:-1]]
-    remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
-    for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
-        rms = test.data.noise_rad * np.sqrt(max(float(above.sum()), 0.0) / test.data.dof.sum())
-        yield Closing(effect=name, left_rad=float(rms), closed=share(np.stack([ends[0], above])))
-
-
-def _helps(test: OutOfSample, reductions: Array) -> bool:
-    """Whether an effect reduces chi2 significantly over all runs and increases it significantly in none."""
-    blocks = _blocks(test, reductions)
-    total, tolerance = _sum(blocks)
-    by_run = [_sum(_blocks(test, reductions, rows)) for _, rows in test.runs]
-    beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(blocks) > TRANSFER.beyond_chance)
-    return beyond_chance and all(of_run > -tolerance_of_run for of_run, tolerance_of_run in by_run)
-
-
-def _of_fitted(closed: Interval, selection: Selection) -> float:
-    """Share of the gap that all effects together close on held-out data, relative to the fitted recordings."""
-    fitted = _share_of_fitted(selection.bare, selection.chosen)
-    return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
-
-
-def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
-    """Gap reduction by the chosen set in the fitted recordings, as a share of the smaller set's gap."""
-    return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
-
-
-def _signed_rank(blocks: Array) -> float:
-    """Wilcoxon's signed-rank sum over groups of segments, in its standard errors.
-
-    Groups without a difference are omitted, and equal differences have the mean of their ranks.
-    """
-    blocks = blocks[blocks != 0.0]
-    if not len(blocks):
-        return 0.0
-    _, place, count = np.unique(np.abs(blocks), return_inverse=True, return_counts=True)
-    ranks = (np.cumsum(count) - (count - 1) / 2)[place]
-    return float((ranks * np.sign(blocks)).sum() / np.sqrt(np.sum(ranks**2)))
-
-
-def _blocks(test: OutOfSample, reductions: Array, rows: Rows = slice(None)) -> Array:
-    """Sums over groups of neighbouring segments of one run, whose residuals are correlated."""
-    return np.add.reduceat(reductions[rows], block_starts(test.run[rows], test.block))
-
-
-def _sum(blocks: Array) -> tuple[float, float]:
-    """Sum over groups of segments, and the minimum sum that is significant."""
-    spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
-    return float(blocks.sum()), float(TRANSFER.beyond_chance * spread)

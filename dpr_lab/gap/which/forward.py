@@ -113,41 +113,6 @@ def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
     return remaining > THRESHOLDS.far * model.residuals.dof
 
 
-def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Sort sets by the criterion; sets with an impossible size, or with an effect that adds too little, come last.
-
-    Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
-    frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
-    effect explains nearly all of it.
-    """
-    models = list(models)
-    return sorted(models, key=lambda model: (*_doubts(sets, best, models, model), model.cost))
-
-
-def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
-    """Return whether a set contains an effect of impossible size, and whether it contains one that adds too little."""
-    little = follows_remainder(sets.bare, model, best) or any(
-        follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
-    )
-    return not sets.possible(model), little
-
-
-def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    model = proposal.model
-    limit = significance(sets.bare, current, model)
-    if current.cost - model.cost < limit:
-        return Decision(False, f"the criterion falls by less than {limit:.3g}, which is not significant")
-    if accepted(sets.bare, current, model):
-        return Decision(True, "only noise remains" if at_noise_floor(model) else "explains more than random noise")
-    return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")
-
-
-def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the next best sets if their excess is close to that of the best set; other forms of it do not count."""
-    separate = [model for model in others if not _are_forms(sets, model, best)]
-    return [model for model in separate[: BEAM.sets - 1] if bounded_excess(model) < BEAM.worse * bounded_excess(best)]
-
-
 def _with_one_more(
     sets: FittedSets,
     best: Hypothesis,
@@ -179,6 +144,30 @@ def _with_one_more(
                 least = max(least, BEAM.as_promising * (model.fit.chi2 - larger.fit.chi2))
             extended[larger.key] = larger
     return extended
+
+
+def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
+    """Return the scores of the effects with the largest predicted reduction, and of their simpler forms.
+
+    Of a group of nearly indistinguishable effects, one is returned.
+    """
+    least = promising_gain(model)
+    promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
+    picked: list[Score] = []
+    for score in promising:
+        if len(picked) == (BEAM.fitted_when_far if far_from_noise(model) else BEAM.fitted):
+            break
+        if not any(_nearly_equal(score, other) for other in picked):
+            picked.append(score)
+    names = {score.effect.name for score in picked}
+    inner = {name for score in picked for name in score.effect.nested} - names
+    return picked + [score for score in promising if score.effect.name in inner]
+
+
+def _nearly_equal(score: Score, other: Score) -> bool:
+    """Return whether two effects with similar signatures predict the same reduction."""
+    same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
+    return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins
 
 
 def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothesis], last: bool) -> float:
@@ -224,6 +213,31 @@ def _is_loss_of_one_size(score: Score) -> bool:
     return score.effect.dissipative and len(score.columns) == 1 and not score.effect.shapes
 
 
+def _ranked(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """Sort sets by the criterion; sets with an impossible size, or with an effect that adds too little, come last.
+
+    Three kinds of effects add too little: a curve that follows the remainder, a vibration at a multiple of the swing's
+    frequency if another effect explains most of the same reduction, and a drift of friction along one decay if another
+    effect explains nearly all of it.
+    """
+    models = list(models)
+    return sorted(models, key=lambda model: (*_doubts(sets, best, models, model), model.cost))
+
+
+def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], model: Hypothesis) -> tuple[bool, bool]:
+    """Return whether a set contains an effect of impossible size, and whether it contains one that adds too little."""
+    little = follows_remainder(sets.bare, model, best) or any(
+        follows_swing(sets.bare, model, other) or follows_decay(sets.bare, model, other) for other in models
+    )
+    return not sets.possible(model), little
+
+
+def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+    """Return the next best sets if their excess is close to that of the best set; other forms of it do not count."""
+    separate = [model for model in others if not _are_forms(sets, model, best)]
+    return [model for model in separate[: BEAM.sets - 1] if bounded_excess(model) < BEAM.worse * bounded_excess(best)]
+
+
 def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
     """Return whether two sets differ only by an effect and a simpler form of this effect."""
     only_first, only_second = model.key - other.key, other.key - model.key
@@ -233,25 +247,11 @@ def _are_forms(sets: FittedSets, model: Hypothesis, other: Hypothesis) -> bool:
     return first in sets.library[second].nested or second in sets.library[first].nested
 
 
-def _candidates(model: Hypothesis, test: ScoreTest) -> list[Score]:
-    """Return the scores of the effects with the largest predicted reduction, and of their simpler forms.
-
-    Of a group of nearly indistinguishable effects, one is returned.
-    """
-    least = promising_gain(model)
-    promising = [score for score in test.ranking if score.gain > least and not set(score.effect.nested) & model.key]
-    picked: list[Score] = []
-    for score in promising:
-        if len(picked) == (BEAM.fitted_when_far if far_from_noise(model) else BEAM.fitted):
-            break
-        if not any(_nearly_equal(score, other) for other in picked):
-            picked.append(score)
-    names = {score.effect.name for score in picked}
-    inner = {name for score in picked for name in score.effect.nested} - names
-    return picked + [score for score in promising if score.effect.name in inner]
-
-
-def _nearly_equal(score: Score, other: Score) -> bool:
-    """Return whether two effects with similar signatures predict the same reduction."""
-    same_gain = abs(score.gain - other.gain) <= BEAM.same_gain * max(score.gain, other.gain)
-    return same_gain and len(score.columns) == len(other.columns) and other.effect.name in score.effect.twins
+def _significant_and_large(sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
+    model = proposal.model
+    limit = significance(sets.bare, current, model)
+    if current.cost - model.cost < limit:
+        return Decision(False, f"the criterion falls by less than {limit:.3g}, which is not significant")
+    if accepted(sets.bare, current, model):
+        return Decision(True, "only noise remains" if at_noise_floor(model) else "explains more than random noise")
+    return Decision(False, f"the excess decreases by less than a factor of {THRESHOLDS.slow:g}")
