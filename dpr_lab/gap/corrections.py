@@ -25,7 +25,8 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, far_from_noise
 from dpr_lab.gap.rolling_shutter import explains_more, likeliest_shutter
 from dpr_lab.gap.screen.recordings import Recordings
-from dpr_lab.gap.state import Drafted, Fitted, ScreenedRuns
+from dpr_lab.gap.state import Fitted, ScreenedRuns
+from dpr_lab.gap.which.search import SearchState
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,14 @@ class RowRules:
 
 
 ROWS = RowRules()
+
+
+@dataclass(frozen=True, slots=True)
+class Drafted:
+    """State after forward selection; the result may show that the recordings need a correction."""
+
+    fitted: Fitted
+    search: SearchState
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from dpr_lab.gap.conclusion.at_bounds import second_moments
 from dpr_lab.gap.conclusion.conclusion import conclude
 from dpr_lab.gap.conclusion.description import description
 from dpr_lab.gap.conclusion.uncertainty import covariance
-from dpr_lab.gap.corrections import corrected, with_other_noise
+from dpr_lab.gap.corrections import Drafted, corrected, with_other_noise
 from dpr_lab.gap.damage.at_rest import without_touch
 from dpr_lab.gap.damage.disturbances import without_disturbances
 from dpr_lab.gap.evidence.evidence import evidence
@@ -27,13 +27,13 @@ from dpr_lab.gap.screen.pieces import in_pieces
 from dpr_lab.gap.screen.record import record
 from dpr_lab.gap.screen.recordings import Recordings
 from dpr_lab.gap.screen.time_scale import with_time_scale
-from dpr_lab.gap.state import Drafted, Event, Fitted, Request, ScreenedRuns, Selected, Transferred
+from dpr_lab.gap.state import Event, Fitted, Request, ScreenedRuns, Selected, Transferred
 from dpr_lab.gap.transfer.free_run import free_runs
 from dpr_lab.gap.transfer.free_swing import expected_errors, free_swings
 from dpr_lab.gap.transfer.gap_size import gap
 from dpr_lab.gap.transfer.out_of_sample import held_out_prediction
 from dpr_lab.gap.transfer.repeatability import gap_budget
-from dpr_lab.gap.transfer.transfer import transfer
+from dpr_lab.gap.transfer.transfer import judged, transfer
 from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.where.locate import locate
 from dpr_lab.gap.which.applicable import applicable
@@ -195,7 +195,7 @@ def _transferred(selected: Selected) -> Transferred:
     return Transferred(
         fitted=fitted,
         selection=selection,
-        posteriors=transferred.judged(selected.posteriors),
+        posteriors=judged(transferred, selected.posteriors),
         free_runs=runs_by_model,
         transfer=transferred,
         description=description(recordings.records, rig, problem, selection, transferred),

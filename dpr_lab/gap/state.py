@@ -2,7 +2,6 @@
 
     ScreenedRuns    request, recordings, held-out recordings
     Fitted          + segments, bare model, locations of the gap
-    Drafted         result of forward selection for the fitted recordings
     Selected        selected set of effects for the fitted recordings, classes with their probabilities
     Transferred     + performance on held-out recordings, size of the gap, covariance
 
@@ -30,7 +29,6 @@ from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.out_of_sample import OutOfSample
 from dpr_lab.gap.transfer.outcome import Transfer
 from dpr_lab.gap.where.discrepancy import Discrepancy
-from dpr_lab.gap.which.search import SearchState
 from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.misread.tried import Description
 from dpr_lab.identification.moving_arm.setup import drive_gain
@@ -85,14 +83,6 @@ class Fitted(ScreenedRuns):
     """Prediction of the held-out recordings by any model; None if there are no held-out recordings."""
     places: tuple[Where, ...]
     """Residual maps of the locations at which the gap may arise."""
-
-
-@dataclass(frozen=True, slots=True)
-class Drafted:
-    """State after forward selection; the result may show that the recordings need a correction."""
-
-    fitted: Fitted
-    search: SearchState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

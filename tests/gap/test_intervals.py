@@ -13,7 +13,7 @@ from dpr_lab.gap.conclusion.ratios import determined
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.out_of_sample import block, reduction, share
 from dpr_lab.gap.transfer.outcome import Transfer
-from dpr_lab.gap.transfer.transfer import _of_fitted
+from dpr_lab.gap.transfer.transfer import _of_fitted, judged
 from dpr_lab.identification.scaling.scale import Scale
 
 
@@ -37,10 +37,10 @@ def probabilities(**outcome: Any) -> list[float]:
         "worse_free_run": None,
         "lone": None,
     }
-    others = dict.fromkeys(("gap_ratio", "closing", "left_out", "held_out", "effects"))
+    others: dict[str, Any] = dict.fromkeys(("gap_ratio", "closing", "left_out", "held_out", "effects"))
     state = Transfer(**values | others | outcome)
     effects: Any = (Judged("a"), Judged("b"))
-    return [posterior.probability for posterior in state.judged(effects)]
+    return [posterior.probability for posterior in judged(state, effects)]
 
 
 def test_an_effect_that_fails_a_test_is_less_probable() -> None:
@@ -99,7 +99,8 @@ def test_the_error_of_an_implied_quantity_adds_the_errors_of_the_parameters() ->
     size = _implied(effect, {"x": 1.0, "y": 2.0}, {"x": 3.0, "y": 2.0})["sum"]
     assert (size.value, *size.interval90) == pytest.approx((5.0, 0.0, 10.0))
     assert size.interval90_with_scale == size.interval90
-    assert _implied(Fake(implied=None), {"x": 1.0}, {"x": 1.0}) == {}
+    unchanged: Any = Fake(implied=None)
+    assert _implied(unchanged, {"x": 1.0}, {"x": 1.0}) == {}
 
 
 def test_a_size_that_cannot_be_negative_has_no_negative_interval() -> None:

@@ -6,7 +6,8 @@ from unittest.mock import Mock
 import pytest
 
 from dpr_lab.gap import diagnose
-from dpr_lab.gap.state import Drafted, Fitted
+from dpr_lab.gap.corrections import Drafted
+from dpr_lab.gap.state import Fitted
 from dpr_lab.gap.where.locate import locate
 from tests import one_rod
 

@@ -12,6 +12,7 @@ from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.lone_recording import LoneRecording, alone
 from dpr_lab.gap.transfer.outcome import Transfer
+from dpr_lab.gap.transfer.transfer import judged
 from tests.background_rigs import law, record, rig_and_base
 
 
@@ -28,9 +29,9 @@ def test_no_effect_is_sure_while_one_recording_contradicts():
     closed = Interval(value=0.9, interval90=(0.8, 0.95))
     agreed = Transfer("releases left out", True, closed, 5.0, (), {}, {}, {}, (), (), (), None)
     posterior = EffectPosterior("coulomb_joint1", ("coulomb_joint1",), (), 0.98)
-    assert [p.probability for p in agreed.judged([posterior])] == [0.98]
+    assert [p.probability for p in judged(agreed, [posterior])] == [0.98]
     contradicted = replace(agreed, lone=LoneRecording("run0", 3.9, 0.6))
-    assert [p.probability for p in contradicted.judged([posterior])] == [0.49]
+    assert [p.probability for p in judged(contradicted, [posterior])] == [0.49]
 
 
 @pytest.mark.slow

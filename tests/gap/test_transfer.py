@@ -23,7 +23,7 @@ from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.gap.transfer.out_of_sample import block_starts, reduction
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
-from dpr_lab.gap.transfer.transfer import _blocks, _signed_rank, worse_free_run
+from dpr_lab.gap.transfer.transfer import _blocks, _signed_rank, judged, worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
@@ -176,8 +176,8 @@ def test_no_effect_is_sure_if_all_together_increase_the_gap_of_the_quarters_left
     """Although each carries over compared with the others alone."""
     quarters = Interval(value=closed, interval90=(closed - 0.3, closed + 0.46))
     tested = Transfer("one release", True, quarters, 1.0, (), {}, {}, {}, (), (), (), None)
-    (judged,) = tested.judged([EffectPosterior("base_vibration", ("base_vibration",), (), 0.98)])
-    assert judged.probability == pytest.approx(probability)
+    (posterior,) = judged(tested, [EffectPosterior("base_vibration", ("base_vibration",), (), 0.98)])
+    assert posterior.probability == pytest.approx(probability)
 
 
 @pytest.mark.parametrize(
@@ -196,8 +196,8 @@ def test_a_failed_test_of_quarters_is_weak_evidence(
     closed, failed, alone = Interval(value=0.6, interval90=(0.2, 0.8)), ("coulomb_joint1",), basis == "one release"
     withdrawn, unproven = ((), failed) if alone else (failed, ())
     outcome = Transfer(basis, tested, closed, 1.0, (), {}, {}, {}, withdrawn, unproven, (), worse)
-    (judged,) = outcome.judged([EffectPosterior("coulomb_joint1", failed, (), 0.98)])
-    assert judged.probability == pytest.approx(probability, abs=0.005)
+    (posterior,) = judged(outcome, [EffectPosterior("coulomb_joint1", failed, (), 0.98)])
+    assert posterior.probability == pytest.approx(probability, abs=0.005)
 
 
 @pytest.mark.slow

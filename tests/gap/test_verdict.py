@@ -120,7 +120,7 @@ def test_without_effects_the_remainder_decides_between_no_gap_and_unexplained() 
     assert kind(causes=(), visible=(4, 10)) == "inconclusive"
 
 
-def test_a_small_gap_with_only_the_expected_effects_is_none() -> None:
+def test_a_small_remainder_with_only_expected_effects_is_no_gap() -> None:
     assert kind(share=0.3, chosen=SMALL, bare=SMALL, expected=("a",)) == "no_gap"
     assert kind(share=0.3, chosen=SMALL, bare=SMALL) == "unexplained"
     assert kind(share=0.3, chosen=SMALL, bare=GAP, expected=("a",)) == "unexplained"

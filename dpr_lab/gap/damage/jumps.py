@@ -23,7 +23,7 @@ from dpr_lab.arrays import Array, Integers
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.response import TRAJECTORY, Trajectory, trajectory
-from dpr_lab.gap.hypothesis.steps import SEEN, step_gains, sums_to_end
+from dpr_lab.gap.hypothesis.steps import STEPS, step_gains, sums_to_end
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +203,7 @@ class _Changes:
         along = (across @ score[:, :, None])[:, :, 0]
         total, remaining = across @ power @ self.into, across @ (power - shared @ shared.transpose(0, 2, 1)) @ self.into
         sizes, axes = np.linalg.eigh(remaining)
-        visible = sizes > SEEN * np.trace(total, axis1=1, axis2=2)[:, None]
+        visible = sizes > STEPS.seen * np.trace(total, axis1=1, axis2=2)[:, None]
         components = np.einsum("nij,ni->nj", axes, along)
         weights = np.where(visible, components / np.where(visible, sizes, 1.0), 0.0)
         return self._inside(np.sum(components * weights, axis=1)), np.einsum("nij,nj->ni", axes, weights)
@@ -220,7 +220,7 @@ class _Changes:
     def lone(self) -> Array:
         """Return the (samples,) gain by the exclusion of a single wrong reading at the sample or next to it."""
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
-        gain = np.max(self.e**2 / np.maximum(remaining, SEEN), axis=1)
+        gain = np.max(self.e**2 / np.maximum(remaining, STEPS.seen), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))
 
     def _inside(self, gain: Array) -> Array:
@@ -242,4 +242,4 @@ def _of_torques(problem: Problem, fitted: Fit, reference: Trajectory, degree: in
     response /= np.maximum(np.linalg.norm(response, axis=1, keepdims=True), np.finfo(np.float64).tiny)
     response -= Q @ (Q.transpose(0, 2, 1) @ response)
     left, sizes, _ = np.linalg.svd(response, full_matrices=False)
-    return np.asarray(left * (sizes > SEEN)[:, None, :])
+    return np.asarray(left * (sizes > STEPS.seen)[:, None, :])

@@ -29,6 +29,8 @@ class StepSettings:
     fit."""
     before_s: float = 1e-4
     """Time between a step and the first reading that contains it, s; shorter than any sample period."""
+    seen: float = 1e-6
+    """Minimum fraction of the squared norm of a visible change of the readings that remains after the projection."""
     side: int = 8
     """Number of readings on either side of a step to which a polynomial is fitted."""
     degree: int = 5
@@ -51,9 +53,6 @@ class StepSettings:
 
 
 STEPS = StepSettings()
-
-SEEN = 1e-6
-"""Minimum fraction of the squared norm of a visible change that remains after the projection."""
 
 
 class ReadingStep(NamedTuple):
@@ -160,7 +159,7 @@ def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array
     """
     score, power = sums_to_end(weight * e, ends), sums_to_end(weight**2, ends)
     remaining = power - np.sum(sums_to_end(weight[:, None] * Q, ends) ** 2, axis=1)
-    visible = remaining > SEEN * np.maximum(power, 1.0)
+    visible = remaining > STEPS.seen * np.maximum(power, 1.0)
     size = np.where(visible, score / np.where(visible, remaining, 1.0), 0.0)
     return score * size, size
 

@@ -1,10 +1,9 @@
-"""Outcome of the test on held-out recordings, and its influence on the probabilities."""
+"""Outcome of the test on held-out recordings."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from dpr_lab.estimation.noise import NORMAL_Q90
-from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
@@ -118,23 +117,3 @@ class Transfer:
     """
     lone: LoneRecording | None = None
     """The only fitted recording with a remainder; None if there is none."""
-
-    def judged(self, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-        """Return the effects with their final probabilities.
-
-        The probability of an effect that fails a test is reduced.
-
-        The quarters of a single release are few and differ in amplitude. An effect that fails the test on quarters, or
-        that cannot be tested, is still probable, unless all effects fail another test.
-        """
-        untested, everything = not self.tested, {posterior.name for posterior in posteriors}
-        alone = self.basis == "one release"
-        weakly = everything if alone and untested else self.unproven
-        failed = self.worse_free_run or self.lone or self.closed.value < 0.0 or (untested and not alone)
-        factors = dict.fromkeys(weakly, TRANSFER.weakly_tested)
-        factors |= dict.fromkeys(everything if failed else self.withdrawn, TRANSFER.unproven)
-        factors |= dict.fromkeys(self.oversized, TRANSFER.oversized)
-        return tuple(
-            replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
-            for posterior in posteriors
-        )

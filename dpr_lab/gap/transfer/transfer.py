@@ -24,12 +24,13 @@ the sum. The signed ranks detect a reduction in all segments.
 Source: Wilcoxon (1945), Individual comparisons by ranking methods, Biometrics Bulletin 1, 80-83.
 """
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dpr_lab.arrays import Array, Flags
+from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.cross_validation import FOLDS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.result.diagnosis import Basis
@@ -93,6 +94,27 @@ def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: M
         oversized=selection.oversized,
         worse_free_run=worse_free_run(before, after, expected, held_out.names if held_out else before),
         lone=lone_recording(problem, selection.chosen, [record.run.name for record in recordings.records]),
+    )
+
+
+def judged(outcome: Transfer, posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
+    """Return the effects with their final probabilities.
+
+    The probability of an effect that fails a test is reduced.
+
+    The quarters of a single release are few and differ in amplitude. An effect that fails the test on quarters, or
+    that cannot be tested, is still probable, unless all effects fail another test.
+    """
+    untested, everything = not outcome.tested, {posterior.name for posterior in posteriors}
+    alone = outcome.basis == "one release"
+    weakly = everything if alone and untested else outcome.unproven
+    failed = outcome.worse_free_run or outcome.lone or outcome.closed.value < 0.0 or (untested and not alone)
+    factors = dict.fromkeys(weakly, TRANSFER.weakly_tested)
+    factors |= dict.fromkeys(everything if failed else outcome.withdrawn, TRANSFER.unproven)
+    factors |= dict.fromkeys(outcome.oversized, TRANSFER.oversized)
+    return tuple(
+        replace(posterior, probability=factors.get(posterior.name, 1.0) * posterior.probability)
+        for posterior in posteriors
     )
 
 

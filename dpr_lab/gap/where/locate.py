@@ -65,7 +65,7 @@ def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
         [(kind, coordinate) for kind, coordinate in MAPS if coordinate != "load"],
     )
     for joint in range(problem.axes):
-        yield from ((joint, *one) for one in allowed[joint])
+        yield from ((joint, kind, coordinate) for kind, coordinate in allowed[joint])
 
 
 def where_sentence(places: tuple[Where, ...]) -> str:
