@@ -23,7 +23,7 @@ from dpr_lab.rig import Rig
 
 
 def nominal_ratios(rig: Rig) -> Array:
-    """(7,) ratios, b and p/b from the best known values in the rig file."""
+    """Return the (7,) ratios, b and p/b from the best known values in the rig file."""
     return unknown_ratios(whole_parameters(rig.nominal, rig.L1, rig.g))
 
 
@@ -90,13 +90,9 @@ def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
 def with_likeliest_noise(
     recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
 ) -> Recordings | None:
-    """Recordings with a smaller noise of their measured torques, if a fitted model makes it more likely; else None.
+    """Return the recordings with a smaller noise of their measured torques; None if this noise is not more likely.
 
-    Args:
-        recordings: the runs
-        problem: segments of the runs
-        model: fit to these segments
-        less: ratio of two estimates of the noise below which the smaller one is fitted too
+    The likelihood is that of the residuals of a fitted model.
     """
     before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
     if problem.disturbance is None or not before.any():

@@ -100,10 +100,9 @@ def _earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
 
 def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
-    """Time by which known torques act before their rows, as a share of the interval between rows; 0 if they are held.
+    """Return the time by which known torques act before their rows, as a share of the interval between rows.
 
-    The value of a row is the torque at its instant. The time for which it acted before and after is not recorded. A
-    negative delay of less than a row is therefore not a property of the drive.
+    The share is 0 if the torques are held.
     """
     if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
         return 0.0
@@ -114,7 +113,7 @@ def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
 
 
 def _no_worse(before: Drafted, after: Drafted) -> bool:
-    """Whether torques that act before their rows fit as well as held torques with a delay, up to the noise."""
+    """Return whether torques that act before their rows fit as well as held torques with a delay, up to the noise."""
     held, earlier = before.search.current, after.search.current
     return earlier.cost < held.cost + THRESHOLDS.chance * held.residuals.inflation
 
@@ -135,11 +134,7 @@ def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
 
 def _explains_better(before: Problem, model: Fit, recordings: Recordings) -> bool:
-    """Whether chi2 decreases by more than the smaller number of readings explains.
-
-    With effects that have internal states (hysteresis, backlash), the residual jumps if a segment begins at another
-    instant.
-    """
+    """Return whether chi2 decreases by more than the smaller number of readings alone would explain."""
     problem, initial = recordings.cut(recordings.working_length)
     other = fit(problem, model.estimate.changed(initial=initial), (), iterations=20)
     level = max(1.0, model.chi2 / before.evidence)

@@ -9,11 +9,7 @@ from dpr_lab.rig import Rig
 
 
 def ratio_of(parameter: FreeParameter, estimate: Estimate, rig: Rig, *, alone: bool) -> tuple[str, float, float] | None:
-    """Fitted parameter of rods, arm or drive as a ratio: to b, or to a if only the inner rod is mounted.
-
-    Returns:
-        name and value of the ratio, and the divisor of the parameter; None if the parameter is the size of an effect
-    """
+    """Return a fitted parameter of rods, arm or drive as a ratio to b, or to a if only the inner rod is mounted."""
     unknown, value = estimate.ratios, parameter.read(estimate)
     on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)
     scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"

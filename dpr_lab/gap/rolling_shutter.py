@@ -39,14 +39,9 @@ ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 
 
 def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> Shutter | None:
-    """Rolling shutter that explains most of a model's residual; None for encoders, or if no shutter explains enough.
+    """Return the rolling shutter that explains most of a model's residual.
 
-    If the readings are already corrected for a delay, only this delay is refined.
-
-    Args:
-        recordings: the runs
-        problem: segments of the runs
-        model: fit to these segments
+    The result is None for encoders, or if no shutter explains enough.
     """
     if not all(record.may_be_film for record in recordings.records):
         return None
@@ -60,10 +55,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
-    """Whether recordings that were corrected for a rolling shutter are explained better than without the correction.
-
-    False if the segments differ because other readings were excluded; the two fits are then not comparable.
-    """
+    """Return whether recordings are explained better with the correction for a rolling shutter than without it."""
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
     inflation = corrected.residuals.inflation
@@ -72,7 +64,7 @@ def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
 
 
 def _improved(recordings: Recordings, problem: Problem, model: Hypothesis, start: Shutter) -> tuple[float, Shutter]:
-    """Predicted reduction of chi2 by the best delay, and the shutter with this delay."""
+    """Return the predicted reduction of chi2 by the best delay, and the shutter with this delay."""
     rate_hz = max(record.run.rate_hz for record in recordings.records)
     limit = 1 / (recordings.rods_length * rate_hz)  # a frame for the length of the rods, s/m
     delays = [start.delay + SHUTTER.part * limit, start.delay - SHUTTER.part * limit]

@@ -134,7 +134,7 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class EffectPosterior:
-    """Probability of a named effect, with the effects that are indistinguishable from it and its alternatives."""
+    """Probability of a named effect, with its alternatives and the effects that are indistinguishable from it."""
 
     name: str
     members: tuple[str, ...]
@@ -150,7 +150,7 @@ class EffectPosterior:
 
 
 def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
-    """Class, alternatives and probability of one named effect.
+    """Compute the class, the alternatives and the probability of one named effect.
 
     Args:
         selection: the selected set and all fitted sets
@@ -213,9 +213,9 @@ class _Place:
 def _class_members(
     place: _Place, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Effects indistinguishable from the named one, and richer forms that count as a member.
+    """Return the effects that are indistinguishable from the named one, and richer forms that count as a member.
 
-    The indistinguishable effects are given with the prior of their sizes, the most plausible one first.
+    The indistinguishable effects have the prior of their sizes as value, the most plausible effect first.
     """
     same = [other for other, score in others.items() if _in_one_class(place, named, score)]
     hidden = [other for other in _hidden(place.selection, named.effect) if other in others and other not in same]
@@ -231,10 +231,11 @@ def _class_members(
 
 
 def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
-    """Whether two effects with the same signature fit equally well, by their fits or by their linear scores.
+    """Return whether two effects with the same signature fit equally well, by their fits or by their linear scores.
 
-    At the fit without the named effect, the remaining effects may imitate it and hide that both effects are equal. An
-    effect that the named one absorbs at the selected fit therefore has the same signature.
+    At the fit without the named effect, the remaining effects may imitate it and hide that both effects are equal. If
+    the
+    named effect absorbs the other one at the selected fit, both therefore have the same signature.
 
     A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
     the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect
@@ -255,7 +256,7 @@ def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
 
 
 def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
-    """Richer forms of an effect whose additional parameters are undetectable in the recordings."""
+    """Return those richer forms of an effect whose additional parameters are undetectable in the recordings."""
     params = selection.chosen.fit.estimate.params
     return tuple(
         form.name
@@ -269,9 +270,10 @@ def _hidden(selection: Selection, effect: Effect) -> tuple[str, ...]:
 
 
 def _adds_nothing(place: _Place, richer: str) -> bool:
-    """Whether all detectable amplitudes that a richer form adds to the selected set are excluded.
+    """Return whether all detectable amplitudes that a richer form adds to the selected set are excluded.
 
-    If the richer form was fitted, its additional amplitudes must not be worth their penalty together either.
+    If the richer form was fitted, its additional amplitudes together must also reduce the cost by less than their
+    penalty.
     """
     selection, fitted = place.selection, place.filled(richer)
     score = selection.final_test.of(richer)
@@ -283,7 +285,7 @@ def _adds_nothing(place: _Place, richer: str) -> bool:
 
 
 def _plausibility(place: _Place, score: Score) -> float:
-    """Prior of the size of an effect that replaces a named effect.
+    """Return the prior of the size of an effect that replaces a named effect.
 
     The size comes from a fit, or from the linear score if the effect was not fitted.
     """
@@ -297,7 +299,7 @@ def _plausibility(place: _Place, score: Score) -> float:
 
 
 def _alternatives(place: _Place, named: Score, others: Mapping[str, Score]) -> list[Alternative]:
-    """Best alternatives to the named effect, by increasing cost and, at equal cost, in alphabetical order."""
+    """Return the best alternatives to the named effect, by increasing cost; equal costs are sorted by name."""
     alternatives = (
         Alternative(other, place.test.cosine(named, score), _cost(place, score))
         for other, score in others.items()
@@ -320,7 +322,7 @@ def _cost(place: _Place, score: Score) -> float:
 
 
 def _takes_over(place: _Place, other: str) -> bool:
-    """Whether another effect is a curve that would only imitate the named effect or fit small unknown causes."""
+    """Return whether another effect is a curve that would only imitate the named effect or fit small causes."""
     bare, chosen, instead = place.selection.bare, place.selection.chosen, place.filled(other)
     if instead is None or follows_decay(bare, instead, chosen):
         return False
@@ -331,7 +333,7 @@ def _takes_over(place: _Place, other: str) -> bool:
 
 
 def _added_cost(place: _Place, alternative: Alternative) -> float:
-    """Cost of an alternative minus the cost of the selected set, at least zero.
+    """Return the cost of an alternative minus the cost of the selected set, but at least zero.
 
     The search has compared both. An alternative that fits better is not significantly better, so it is at most as
     probable as the named effect. The cost of a richer form of the effect is increased, because such a form also fits
@@ -345,20 +347,25 @@ def _added_cost(place: _Place, alternative: Alternative) -> float:
 
 
 def _prior_odds(place: _Place, other: str) -> float:
-    """Prior odds of an alternative against the named effect; below one for a drift that one decay cannot separate."""
+    """Return the prior odds of an alternative against the named effect.
+
+    They are below one for a drift that one decay cannot separate.
+    """
     instead = place.filled(other)
     drifts = instead is not None and follows_decay(place.selection.bare, instead, place.selection.chosen)
     return CALIBRATION.drifting if drifts else 1.0
 
 
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:
-    """Probability that a cause outside the library explains the gap, or replaces one effect of the set.
+    """Return the probability that a cause outside the library explains the gap.
+
+    With `name`, it is the probability that such a cause acts in place of this effect.
 
     Args:
         selection: the selected set and all fitted sets
         name: the effect; empty for the gap as a whole
         members: effects that are indistinguishable from the effect; if every rig has one of these effects, the effect
-        does not count as a compensation
+            does not count as a compensation
     """
     remainder = 0.0 if at_noise_floor(selection.chosen) else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, CALIBRATION.least_left)
@@ -369,7 +376,7 @@ def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()
 
 
 def probability_outside(odds: float, calibration: Calibration = CALIBRATION) -> float:
-    """Probability of a cause outside the library from its odds."""
+    """Return the probability of a cause outside the library from its odds."""
     return max(odds / (1 + odds), calibration.outside_when_closed)
 
 
@@ -380,7 +387,7 @@ def odds_outside(
     own_share: float = 1.0,
     calibration: Calibration = CALIBRATION,
 ) -> float:
-    """Odds of a cause outside the library.
+    """Return the odds of a cause outside the library.
 
     Args:
         unexplained: share of the excess that is not explained
@@ -397,7 +404,7 @@ def odds_outside(
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:
-    """Probabilities of no gap, of a cause outside the library, and of each class.
+    """Return the probabilities of no gap, of a cause outside the library, and of each class.
 
     Args:
         selection: the selected set of effects

@@ -20,7 +20,7 @@ from dpr_lab.identification.scaling.scale import Scale
 
 
 def named_effect(state: Transferred, posterior: EffectPosterior) -> NamedEffect:
-    """One effect of the selected set with its class, its sizes, and its share of the excess chi-square."""
+    """Describe one effect of the selected set: its class, its sizes, and its share of the excess chi-square."""
     selection = state.selection
     values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
     errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}
@@ -43,7 +43,7 @@ def named_effect(state: Transferred, posterior: EffectPosterior) -> NamedEffect:
 
 
 def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
-    """Quantities derived from the parameters of an effect, with intervals; the errors are assumed to be independent."""
+    """Derive quantities from the parameters of an effect, with intervals; assume that the errors are independent."""
     if effect.implied is None:
         return {}
     sizes, squares = effect.implied(values), dict.fromkeys(effect.implied(values), 0.0)
@@ -57,7 +57,7 @@ def _implied(effect: Effect, values: Params, errors: Params) -> dict[str, Any]:
 
 
 def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> EffectSize:
-    """Size of a fitted parameter: value, interval, ratio to the assumed inertia, and absolute interval."""
+    """Describe the size of a fitted parameter: value, ratio to the assumed inertia, and their intervals."""
     parameter = next(p for p in EFFECTS[effect].parameters if p.name == name)
     floor = 0.0 if parameter.sign == "positive" else -np.inf
     interval, power = (max(value - reach, floor), value + reach), parameter.scale_power
@@ -69,7 +69,10 @@ def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> E
 
 
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
-    """Alternatives to the named effects, most probable first; if no effect is named, the closest effects."""
+    """Return the alternatives to the named effects, most probable first.
+
+    If no effect is named, the closest effects.
+    """
     others = [
         _rival(other.name, (other.name,), other.probability, other.cosine, posterior.name)
         for posterior in posteriors
@@ -89,7 +92,7 @@ def _rival(name: str, members: Sequence[str], probability: float, cosine: float,
 
 
 def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -> list[NamedFamily]:
-    """Families to which the named effects belong.
+    """Return the families to which the named effects belong.
 
     The probability of a family is the largest probability of its characteristic effects. Friction alone is not evidence
     of a drive, because it may come from a bearing.

@@ -99,7 +99,7 @@ def _shutter(state: Transferred) -> RollingShutter | None:
 
 
 def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]) -> list[AdvisedCheck]:
-    """All checks of the advice in its order, without repetitions, with ids that are unique among diagnoses."""
+    """Return all checks of the advice in their order, without repetitions; their ids are unique among diagnoses."""
     estimate = state.selection.chosen.fit.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = {(check.kind, check.text, check.about): check for step in advice for check in step.checks}
@@ -111,7 +111,10 @@ def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]
 
 
 def _sensor_findings(state: Transferred) -> list[SensorFinding]:
-    """Sensor faults of all recordings, including held-out ones, without the steps that a fitted effect explains."""
+    """Return the sensor faults of all recordings, including held-out ones.
+
+    Steps that a fitted effect explains are left out.
+    """
     values = named_params(state.selection.chosen.fit.estimate.params)
     hidden = [0.0, 0.0, 0.0]
     for name, effect in EFFECTS.items():

@@ -14,7 +14,7 @@ from dpr_lab.shown import listed, percent
 
 
 def notes(state: Transferred, kind: Verdict, named_families: Sequence[NamedFamily]) -> list[str]:
-    """All notes; none if the description of the recordings is wrong."""
+    """Return all notes; there are none if the description of the recordings is wrong."""
     if state.description.withholds:
         return []
     return [
@@ -40,7 +40,7 @@ def _restrictions(state: Transferred, kind: Verdict) -> Iterator[str]:
 
 
 def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Sentence on the effects that the verdict omits because they explain little of the gap."""
+    """Yield a sentence that lists the effects which the verdict omits because they explain little of the gap."""
     of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
     small = [name for name in listable if name in of_model and name not in state.transfer.withdrawn]
@@ -50,7 +50,7 @@ def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
 
 
 def component_notes(named_families: Sequence[NamedFamily], geared: Collection[int]) -> Iterator[str]:
-    """Sentences on components that explain several effects.
+    """Yield the sentences on components that explain several effects.
 
     If the rig file does not state the drive of a joint, its sentence is conditional.
     """
@@ -67,7 +67,7 @@ def component_notes(named_families: Sequence[NamedFamily], geared: Collection[in
 
 
 def _varying_sizes(state: Transferred) -> Iterator[str]:
-    """Sentences on effects that do not carry over because their size differs between the recordings."""
+    """Yield the sentences on effects that do not carry over because their size differs between the recordings."""
     budget = state.gap.budget
     if budget is None or budget.basis != "recordings":
         return
@@ -79,7 +79,7 @@ def _varying_sizes(state: Transferred) -> Iterator[str]:
 
 
 def _lone_recording(state: Transferred) -> Iterator[str]:
-    """Sentence on the only recording that the model leaves unexplained, with the next step."""
+    """Yield a sentence about the only recording that the model leaves unexplained, with the next step."""
     if (lone := state.transfer.lone) is None:
         return
     piece = are_pieces([lone.name])
@@ -93,7 +93,7 @@ def _lone_recording(state: Transferred) -> Iterator[str]:
 
 
 def _remainder(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Sentence on the size and location of the unmodelled remainder, or on a rig that seems to have been changed."""
+    """Yield a sentence on the size and place of the unmodelled remainder, or on a rig that was probably changed."""
     if kind not in ("partly_explained", "unexplained"):
         return
     if changed := state.gap.budget and state.gap.budget.changed_ratio:

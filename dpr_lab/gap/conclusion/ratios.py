@@ -14,10 +14,10 @@ from dpr_lab.setup import only_inner
 
 
 def ratios(state: Transferred) -> dict[str, Interval]:
-    """Ratios to b with 90 % intervals.
+    """Return the ratios to b with 90 % intervals.
 
-    The interval of a friction ratio contains no negative values. An interval that the bounds of the rig
-    file widen contains none either.
+    The interval of a friction ratio contains no negative values. An interval that the bounds of the rig file widen
+    contains none either.
     """
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])
@@ -32,7 +32,7 @@ def ratios(state: Transferred) -> dict[str, Interval]:
 
 
 def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
-    """Ratios that the recordings determine: to b, or to a if only the inner rod is mounted.
+    """Return the ratios that the recordings determine: ratios to b, or to a if only the inner rod is mounted.
 
     Value and covariance of a fitted parameter are divided by the inertia to which the ratio refers.
 
@@ -54,7 +54,7 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
 
 
 def ratio_covariance(state: Transferred) -> Array:
-    """(5, 5) covariance of the ratios; zero for ratios that no run determines and that come from the rig file."""
+    """Return the (5, 5) covariance of the ratios; it is zero for ratios that come from the rig file."""
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     covariance = np.zeros((len(RATIOS), len(RATIOS)))

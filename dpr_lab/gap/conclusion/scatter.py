@@ -43,7 +43,9 @@ SCATTER = ScatterSettings()
 
 
 def between_recordings(problem: Problem, fit: Fit) -> Array:
-    """(free, free) covariance of the values of another recording about the common values; zero for values at a bound.
+    """Return the (free, free) covariance of the values of another recording about the common values.
+
+    It is zero for values at a bound.
 
     Args:
         problem: segments and noise
@@ -75,7 +77,7 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
 
 
 def left_out_values(problem: Problem, fit: Fit) -> Array:
-    """(recordings, free) values fitted without each recording, by one Gauss-Newton step from the common fit.
+    """Return (recordings, free) values fitted without each recording, by one Gauss-Newton step from the common fit.
 
         p - (H - H_r + P)^+ g_r
 

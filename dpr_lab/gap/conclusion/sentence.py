@@ -14,7 +14,7 @@ from dpr_lab.shown import listed, percent
 
 
 def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
-    """Verdict in sentences; arguments as for `verdict`."""
+    """Return the verdict in sentences; the arguments are those of `verdict`."""
     hint = state.description.hint
     if kind == "inconclusive":
         return _inconclusive(visible_counts)
@@ -50,7 +50,7 @@ def _sentence(kind: Verdict, state: Transferred) -> str:
 
 
 def _unexplained(state: Transferred) -> str:
-    """Sentences with the reason why no effect is the cause.
+    """Return sentences with the reason why no effect is the cause.
 
     Either no effect fits, or the closest ones explain too little or only the fitted runs.
     """
@@ -80,13 +80,13 @@ def _unexplained(state: Transferred) -> str:
 
 
 def _in_noise(ratio: float) -> str:
-    """Ratio to the noise in words, as `110 times the noise`, with two significant digits and no exponent."""
+    """Return a ratio to the noise in words, with two significant digits and no exponent, as `110 times the noise`."""
     rounded = float(f"{ratio:.2g}")
     return "the size of the noise" if rounded == 1.0 else f"{rounded:g} times the noise"
 
 
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
-    """Sentence on the remainder, by the worse of two measures; an increased error of the free run comes first."""
+    """Return a sentence on the remainder; an increased error of the free run takes precedence."""
     if transferred.worse_free_run:
         errors = transferred.worse_free_run
         before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad
@@ -104,10 +104,11 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
 
 
 def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """Causes that the sentence names: effects that carry over to held-out data and are not only expected of the rig.
+    """Return the causes that the sentence names: effects that carry over to held-out data and are not merely expected.
 
-    Less probable effects are named only if no other effect is named. The table of the causes lists them, and the small
-    effects.
+    Less probable effects are named only if no other effect is named. The table of the causes also lists these effects
+    and
+    the small effects.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
@@ -127,7 +128,7 @@ def _no_gap(bare: Hypothesis) -> str:
 
 
 def how_far(transferred: Transfer) -> str:
-    """Sentence on the reduction of the gap on held-out data, with the kind of these data."""
+    """Return a sentence that states how much of the gap closes on held-out data, and the kind of these data."""
     if not transferred.tested:
         return "The recordings are too short to predict one part from another, so no data validate this result."
     estimate, (low, high) = transferred.closed.value, transferred.closed.interval90
@@ -158,7 +159,7 @@ _BASIS = {
 
 
 def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
-    """List of the classes in words; among several classes, one with two members is in parentheses."""
+    """Return the list of the classes in words; among several classes, one with two members is in parentheses."""
     words = [_class(cause) for cause in causes]
     if len(words) > 1:
         words = [f"({text})" if " or " in text else text for text in words]
@@ -166,12 +167,15 @@ def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
 
 
 def _class(posterior: EffectPosterior) -> str:
-    """Members of a class in words; a class of three or more is named by its first member and the number of others."""
+    """Return the members of a class in words.
+
+    A class of three or more is stated by its first member and the number of others.
+    """
     if len(posterior.members) > 2:
         return f"{posterior.name} or one of {len(posterior.members) - 1} effects indistinguishable from it"
     return " or ".join(posterior.members)
 
 
 def _doubt(cause: EffectPosterior) -> str:
-    """Clause with the probability of an effect that explains a part of the gap but is probably not its cause."""
+    """Return a clause with the probability of an effect if it is probably not the cause; otherwise an empty text."""
     return "" if cause.probability >= VERDICT.rather else f" (probability only {percent(cause.probability)})"

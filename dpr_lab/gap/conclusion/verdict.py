@@ -86,17 +86,17 @@ def _verdict(state: Transferred) -> Verdict:
 
 
 def small(model: Hypothesis) -> bool:
-    """Whether the remainder is noise, or too small to count as a gap."""
+    """Return whether the remainder is noise, or too small to count as a gap."""
     return at_noise_floor(model) or model.residuals.noise_ratio < VERDICT.gap_from
 
 
 def _only_held_out(transferred: Transfer) -> bool:
-    """Whether only the held-out recordings show a gap."""
+    """Return whether only the held-out recordings show a gap."""
     return transferred.basis == "held-out runs" and transferred.gap_ratio > VERDICT.held_out_gap
 
 
 def shows_reduction(transferred: Transfer) -> bool:
-    """Whether held-out data show that the gap closes.
+    """Return whether held-out data show that the gap closes.
 
     If the gap is far below the noise, the noise in the excess limits the share. It is then sufficient that the interval
     of the share reaches the minimum.
@@ -107,7 +107,7 @@ def shows_reduction(transferred: Transfer) -> bool:
 
 
 def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
-    """Whether the effects reduce the gap of the fitted recordings only, and not of held-out data."""
+    """Return whether the effects reduce only the gap of the fitted recordings, and not the gap of held-out data."""
     if not transferred.tested:
         return False
     tested = transferred.basis != "one release"
@@ -117,10 +117,13 @@ def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) ->
 
 
 def undecided(transferred: Transfer) -> bool:
-    """Whether the held-out data show no gap that could close; they then neither confirm nor refute the effects."""
+    """Return whether the held-out data show no gap that could close.
+
+    They then neither confirm nor refute the effects.
+    """
     return transferred.closed.value <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
-    """Effects whose probability is at least `PROBABLE`."""
+    """Return the effects whose probability is at least `PROBABLE`."""
     return tuple(posterior for posterior in posteriors if posterior.probability >= PROBABLE)

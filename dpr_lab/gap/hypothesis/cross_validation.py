@@ -50,11 +50,11 @@ FOLDS = FoldSettings()
 
 
 def folds(problem: Problem) -> Integers:
-    """(segments,) fold of each segment, from 0 without gaps: its run or, for a single run, its quarter of the run.
+    """Return the (segments,) fold of each segment: the index of its run or, for a single run, of its quarter.
 
     Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each quarter.
     A controller may keep the joints at rest for most of the recording, and data at rest cannot predict the other
-    quarters.
+    quarters. The indices begin at 0 and have no gaps.
     """
     run, starts = problem.segments.run, problem.segments.offsets[:-1]
     if run.min() < run.max():
@@ -70,7 +70,7 @@ def folds(problem: Problem) -> Integers:
 
 
 def scaled_columns(fit: Fit, columns: Sequence[int]) -> Array:
-    """(segments, m, k) Jacobian for the selected parameters, each in units of its prior standard deviation."""
+    """Return the (segments, m, k) Jacobian for the selected parameters in units of their prior standard deviations."""
     return fit.linear.A[:, :, columns] * np.array([PRIOR * fit.free[i].size for i in columns])
 
 
@@ -114,9 +114,9 @@ class _Folds:
         self.H, self.gradient = self._total(self.folds)
 
     def without(self, left_out: Fold) -> tuple[Array, Array]:
-        """Normal equations of all other folds.
+        """Sum the normal equations of all other folds.
 
-        They are summed, because rounding in a difference could remove the prior.
+        A difference of sums could lose the prior by rounding.
         """
         return self._total([part for part in self.folds if part is not left_out])
 
@@ -125,7 +125,7 @@ class _Folds:
         return sum((part.H for part in parts), np.eye(k)), sum((part.gradient for part in parts), np.zeros(k))
 
     def seen_by_one_alone(self, fold: Fold, V: Array) -> Flags:
-        """(free,) mask of the parameters that are free in a held-out run, like its initial state.
+        """Return a (free,) mask of the parameters that are free in a held-out run, like its initial state.
 
         These parameters are the encoder zeros that are set before the run, and the shape parameters whose variance V
         grows too much without the run.
@@ -137,7 +137,7 @@ class _Folds:
 
 
 def _within_bounds(fit: Fit) -> list[int]:
-    """Indices of the free parameters that are inside their bounds at the minimum of the linear model.
+    """Return the indices of the free parameters that are inside their bounds at the minimum of the linear model.
 
     A fit may end so near a bound that this minimum is beyond it. The reduction of chi2 beyond the bound cannot be
     reached. If it counted, an effect of the wrong sign would be evidence for the effect.
@@ -156,7 +156,7 @@ def _within_bounds(fit: Fit) -> list[int]:
 
 
 def left_out_chi2(fit: Fit, fold: Integers) -> Array:
-    """(segments,) chi2 of each segment when it is predicted from the other folds."""
+    """Return the (segments,) chi2 of each segment when it is predicted from the other folds."""
     parts = _Folds(fit, fold)
     chi2 = np.sum(parts.e**2, axis=1)
     for left_out in parts.folds:
@@ -174,7 +174,10 @@ def left_out_chi2(fit: Fit, fold: Integers) -> Array:
 
 
 def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> Array:
-    """(folds,) -2 log predictive density of each fold given the other folds, up to a constant, in units of chi2."""
+    """Return (folds,) -2 log predictive density of each fold given the other folds, in units of chi2.
+
+    The loss is defined up to a constant.
+    """
     parts = _Folds(fit, fold)
     chi2 = sum(left_out.chi2 for left_out in parts.folds)
     total = chi2 - parts.gradient @ np.linalg.solve(parts.H, parts.gradient)

@@ -64,7 +64,10 @@ class Hypothesis:
         return self.cost_at(self.residuals.inflation)
 
     def cost_at(self, inflation: float) -> float:
-        """Cost of the set with the variance inflation of another set, whose residual then counts as noise."""
+        """Return the cost of the set for the variance inflation of another set.
+
+        The residual of this other set then counts as noise.
+        """
         return float(self.predictive_loss.sum()) + inflation * self.penalty
 
     @property
@@ -88,7 +91,7 @@ class Hypothesis:
 
 
 def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothesis:
-    """Hypothesis of a fit, with its residual statistics and cost."""
+    """Create the hypothesis of a fit: compute its residual statistics and its cost."""
     residuals = residual_statistics(problem, fitted)
     names, loss = tuple(effects), predictive_loss(fitted, folds(problem), residuals.inflation)
     curves = [name for name in names if len(EFFECTS[name].amplitudes) >= PENALTY.curve]
@@ -100,7 +103,7 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 
 
 def _one_decay(problem: Problem) -> bool:
-    """Whether the amplitude is a single function of time, so that amplitude and time are inseparable.
+    """Return whether the amplitude is a single function of time, so that amplitude and time are inseparable.
 
     This is the case for a single undriven swing (one release or its pieces) and for equal releases of one rod.
     """
@@ -113,7 +116,7 @@ def _one_decay(problem: Problem) -> bool:
 
 
 def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
-    """Whether one rod swings from the same angle in all runs, within a relative tolerance."""
+    """Return whether one rod swings from the same angle in all runs, within a relative tolerance."""
     segments = problem.segments
     if not all(setup.alone for setup in segments.setups):
         return False
@@ -124,13 +127,19 @@ def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Whether b is identifiable: a mass or torque is known, or friction depends on the force on a joint."""
+    """Return whether b is identifiable.
+
+    It is identifiable if a mass or a torque is known, or if friction depends on the force on a joint.
+    """
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 
 
 def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
-    """Free parameters of a set: ratios, b if identifiable, uncertain rig constants, and parameters of the effects."""
+    """Return the free parameters of a set of effects.
+
+    They are the ratios, b if it is identifiable, uncertain constants of the rig, and the parameters of the effects.
+    """
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))
     limits = problem.limits

@@ -40,7 +40,7 @@ preliminary_fit = partial(fit, settings=PRELIMINARY)
 
 
 def beating(model: Hypothesis) -> GaussNewton:
-    """Settings of a preliminary fit that is used only if it becomes better than a previous fit of the same set."""
+    """Return the settings of a preliminary fit that must become better than a previous fit of the same set."""
     return replace(PRELIMINARY, to_beat=model.fit.chi2)
 
 
@@ -78,7 +78,10 @@ def started_with(
 def best_start(
     problem: Problem, before: Hypothesis, test: ScoreTest, scores: Sequence[Score], iterations: int
 ) -> Iteration:
-    """Best of several initial fits with one additional effect, each from another shape of the effect."""
+    """Return the best of several short fits with one additional effect.
+
+    Each of these fits starts from another shape of the effect.
+    """
     best = started_with(problem, before, test, scores[0], iterations)
     for score in scores[1:]:
         race = replace(PRELIMINARY, to_beat=best.chi2)
@@ -131,7 +134,7 @@ def refit_with_from_short(
 
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:
-    """Estimate of a fit, with the shape parameters of an effect set to the values of its score."""
+    """Return the estimate of a fit in which the shape parameters of an effect have the values of its score."""
     params = before.fit.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value

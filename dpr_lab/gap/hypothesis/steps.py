@@ -69,7 +69,7 @@ class ReadingStep(NamedTuple):
 
 
 def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
-    """Properties of the recordings from which possible shapes of an effect are derived."""
+    """Collect those properties of the recordings from which possible shapes of an effect are derived."""
     screened = [(axis, run, instant) for run, record in enumerate(records) for instant, axis in record.screened.breaks]
     return Recorded(
         arm_moves=tuple(record.encoder0_moves for record in records),
@@ -80,7 +80,10 @@ def recorded(records: Sequence[Record], problem: Problem, fit: Fit) -> Recorded:
 def visible_steps(
     records: Sequence[Record], steps: list[ReadingStep], rig: RigConstants
 ) -> list[tuple[int, int, float]]:
-    """Joint, run and instant of each step that the readings of an encoder with counts can contain, best first."""
+    """Return joint, run and instant of each step that the readings can contain, best first.
+
+    Only the readings of an encoder with counts are considered.
+    """
     least = [2 * np.pi * STEPS.counts / abs(counts) for counts in (rig.counts_per_rev1, rig.counts_per_rev2)]
     possible = (
         step for step in steps if records[step.run].screened.on_grid[step.joint] and abs(step.size) > least[step.joint]
@@ -90,7 +93,7 @@ def visible_steps(
 
 
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
-    """Whether the readings around an instant contain a step, by a fit of a polynomial with a step.
+    """Return whether the readings around an instant contain a step; a polynomial with a step is fitted to them.
 
     The step in the readings must be visible, and must not be far smaller than the step of the residual. Readings
     without a step may contain a small step of the residual within their errors. The step in the readings must therefore
@@ -115,7 +118,7 @@ def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
 
 
 def _step_shape() -> Array:
-    """(2 side,) step in the middle of the readings, with the polynomial projected out."""
+    """Return the (2 side,) step in the middle of the readings after the polynomial is projected out."""
     around = np.arange(-STEPS.side, STEPS.side)
     smooth = np.linalg.qr(np.vander((around + 0.5) / STEPS.side, STEPS.degree + 1))[0]
     shape = (around >= 0).astype(np.float64)

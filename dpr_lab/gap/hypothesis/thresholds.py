@@ -108,22 +108,22 @@ THRESHOLDS = Thresholds()
 
 
 def bounded_excess(model: Hypothesis) -> float:
-    """Excess chi-square of a model (`ResidualStatistics.excess`), at least the random variation of the noise."""
+    """Return the excess chi-square of a model, but at least the random variation of noise."""
     return max(model.residuals.excess, THRESHOLDS.noise_floor * model.residuals.uncertainty)
 
 
 def at_noise_floor(model: Hypothesis) -> bool:
-    """Whether the residual of a model is consistent with noise."""
+    """Return whether the residual of a model is consistent with noise."""
     return model.residuals.z < THRESHOLDS.noise_floor
 
 
 def far_from_noise(model: Hypothesis) -> bool:
-    """Whether the residual of a model is so large that a linear score is only an indication."""
+    """Return whether the residual of a model is so large that a linear score is only an indication."""
     return model.residuals.chi2 > THRESHOLDS.far * model.residuals.dof
 
 
 def promising_gain(model: Hypothesis) -> float:
-    """Minimum predicted reduction of chi2 for which an additional effect is fitted.
+    """Return the minimum predicted reduction of chi2 for which an additional effect is fitted.
 
     A fit may reduce chi2 by `GAUSS_NEWTON.exceeded` times the predicted reduction. The minimum is therefore smaller, by
     this factor, than the largest reduction by chance.
@@ -139,10 +139,11 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
-    """Curve of a smaller set that imitates the removed effect by amplitudes that cancel each other, or None.
+    """Return the curve of a smaller set that imitates the removed effect, or None.
 
-    The amplitudes of such a curve grow when the effect is removed. On a small arc, for example, an eccentricity with
-    large harmonics imitates a zero offset. This does not make the offset superfluous.
+    The amplitudes of such a curve cancel each other, and grow when the effect is removed. On a small arc, for example,
+    an
+    eccentricity with large harmonics imitates a zero offset. This does not make the offset superfluous.
     """
     if smaller.cost <= model.cost:
         return None
@@ -156,13 +157,13 @@ def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
 
 
 def follows_remainder(bare: Hypothesis, larger: Hypothesis, simple: Hypothesis) -> bool:
-    """Whether a curve, vibration or drift only follows the remainder of small unknown causes."""
+    """Return whether a curve, vibration or drift only follows the remainder of small unknown causes."""
     tests = (curve_follows_remainder, follows_swing, follows_decay)
     return any(follows(bare, larger, simple) for follows in tests)
 
 
 def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hypothesis) -> bool:
-    """Whether a curve only follows the small remainder that unknown causes leave on every rig.
+    """Return whether a curve only follows the small remainder that unknown causes leave on every rig.
 
     Three conditions must hold: the simpler set explains nearly all that the curve explains, its remainder is below the
     noise, and with this remainder as noise the curve is not significant.
@@ -178,9 +179,11 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
 
 
 def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
-    """Whether a vibration at a multiple of the swing's frequency follows a residual that another set mostly explains.
+    """Return whether a vibration at a multiple of the swing's frequency only follows the residual of a missing law.
 
-    Any missing law of angle or speed leaves a residual at these frequencies.
+    In this case another set explains most of this residual. Any missing law of angle or speed leaves a residual at
+    these
+    frequencies.
     """
     if not vibrating.on_line - other.key or not other.effects:
         return False
@@ -189,10 +192,11 @@ def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
 
 
 def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> bool:
-    """Whether a friction drift along one decay follows a residual that another set of the same size nearly explains.
+    """Return whether a friction drift along one decay only follows the residual of a missing loss.
 
-    Along a decay the amplitude decreases with time. A loss that depends on speed, which every rod has, therefore looks
-    like a drift.
+    In this case another set of the same size explains nearly all of this residual. Along a decay the amplitude
+    decreases
+    with time. A loss that depends on speed, which every rod has, therefore looks like a drift.
     """
     if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False
@@ -203,7 +207,7 @@ def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> 
 def indifference(
     bare: Hypothesis, model: Hypothesis, *, independent: float = THRESHOLDS.chance, share: float = THRESHOLDS.integrator
 ) -> float:
-    """Maximum difference of cost of two sets that count as equally good.
+    """Return the maximum difference of cost of two sets that count as equally good.
 
     Chance or the steps of the integrator can cause such a difference.
     """
@@ -211,7 +215,7 @@ def indifference(
 
 
 def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
-    """Maximum increase of cost for which a simpler form of an effect replaces a richer form that contains it.
+    """Return the maximum increase of cost at which a simpler form replaces a richer form that contains it.
 
     While a residual remains, a richer form may merely compensate for the residual. At the noise floor, a richer form
     may follow the error of the integrator.
@@ -221,9 +225,9 @@ def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
 
 
 def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bool:
-    """Whether the excess that a richer form removes beyond a simpler form is smaller than the excess that it leaves.
+    """Return whether a richer form removes less excess, compared with a simpler form, than it leaves.
 
-    False if no simpler form is fitted, or if the richer form reaches the noise floor.
+    The result is false if no simpler form is fitted, or if the richer form reaches the noise floor.
     """
     if simpler is None or at_noise_floor(richer):
         return False
@@ -231,7 +235,9 @@ def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bo
 
 
 def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
-    """Small effects: together they explain less than `THRESHOLDS.small` of the gap in addition to the larger effects.
+    """Return the small effects of a set.
+
+    In addition to the larger effects, they explain together less than `THRESHOLDS.small` of the gap.
 
     Args:
         bare: the bare model
@@ -243,16 +249,17 @@ def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> f
 
 
 def indistinguishable(test: ScoreTest, first: Score, second: Score) -> bool:
-    """Whether each of two effects can imitate the other in these recordings."""
+    """Return whether each of two effects can imitate the other in these recordings."""
     return min(test.cosine(first, second), test.cosine(second, first)) > THRESHOLDS.indistinguishable
 
 
 def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> float:
-    """Minimum significant reduction of cost from one set to a larger one.
+    """Return the minimum significant reduction of cost from one set to a larger one.
 
-    An effect that follows the noise of a tracker leaves residuals that are less correlated, and the penalty of all
-    parameters decreases with their inflation. If only noise remains without the effect, this decrease is not evidence.
-    Both sets are then compared at the inflation of the larger one.
+    An effect that follows the noise of a tracker leaves residuals that are less correlated. The penalty of all
+    parameters
+    then decreases with the inflation of these residuals. If only noise remains without the effect, this decrease is not
+    evidence. Both sets are then compared at the inflation of the larger one.
     """
     limit = _significance(bare, before, after)
     if at_noise_floor(before):
@@ -270,10 +277,13 @@ def _significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> fl
 
 
 def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.consistent) -> float:
-    """Reduction of chi2 that can occur by chance, from its scatter between segments; inf if the segments are too few.
+    """Return the reduction of chi2 that can occur by chance, from its scatter between segments.
 
-    The residual due to small unknown effects is smooth along a segment. If this residual counted as noise of every
-    reading, a cause that improves every segment would not be significant. Segments are therefore the independent units.
+    The result is inf if the segments are too few. The residual due to small unknown effects is smooth along a segment.
+    If
+    this residual counted as noise of every reading, a cause that improves every segment would not be significant.
+    Segments
+    are therefore the independent units.
 
     Args:
         before: set of larger chi2
@@ -287,12 +297,13 @@ def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.co
 
 
 def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
-    """Whether a set explains about as much as another set with more parameters, and is therefore preferred.
+    """Return whether a set explains about as much as another set with more parameters, and is therefore preferred.
 
     The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
     the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
-    scatter between segments: neither set is the exact model, so the noise of a reading is not the relevant scale of the
-    difference.
+    scatter between segments. Neither set is then the exact model, so the noise of a reading is not the relevant scale
+    of
+    the difference.
 
     Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
     307-333.
@@ -310,7 +321,7 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Whether an additional effect explains more than chance and more than an inexact functional form would.
+    """Return whether an additional effect explains more than chance and more than an inexact functional form would.
 
     An inexact form leaves a residual. If only noise remains, a significant reduction is therefore sufficient.
     """
@@ -320,14 +331,14 @@ def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
 
 
 def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
-    """Maximum excess at which `accepted` permits an additional effect while a residual remains."""
+    """Return the maximum excess at which `accepted` permits an additional effect while a residual remains."""
     return max(
         bounded_excess(before) / THRESHOLDS.slow, bounded_excess(before) - THRESHOLDS.large * bounded_excess(bare)
     )
 
 
 def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
-    """Ratio of the evidence for the additional effect of `model` to the evidence that is required to keep it.
+    """Return the evidence for the additional effect of `model`, divided by the evidence required to keep it.
 
     Args:
         described: model whose excess is the whole gap (`FittedSets.described`)

@@ -86,17 +86,17 @@ def gap(
 
 
 def floor_rad(problem: Problem) -> dict[str, float]:
-    """Rms noise of a thinned reading, rad, by axis."""
+    """Return the rms noise of a thinned reading, rad, by axis."""
     return _by_axis(np.sqrt(_mean(np.where(problem.read, np.maximum(problem.weight, TINY) ** -2.0, 0.0), problem)))
 
 
 def gap_rad(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Rms residual of a model above the noise, rad, by axis."""
+    """Return the rms residual of a model above the noise, rad, by axis."""
     return _above_noise(problem, model.fit, model.residuals.level)
 
 
 def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float]:
-    """Rms residual of a fit above a given level of the noise, rad, by axis."""
+    """Return the rms residual of a fit above a given level of the noise, rad, by axis."""
     residual = bounded_residual(problem, fitted)
     lost = 1 - (problem.segments.starts.sum() + len(fitted.free)) / np.count_nonzero(problem.read)
     above = _mean(residual**2, problem) / lost - level
@@ -104,7 +104,7 @@ def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float
 
 
 def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
-    """Rms torque that would remove the residual of a fit, N m, by joint.
+    """Return the rms torque that would remove the residual of a fit, N m, by joint.
 
     In every segment, a torque in each joint, piecewise linear in time, is fitted to the residual. The variance that
     noise alone would cause is subtracted.
@@ -125,7 +125,10 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
 def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
-    """Gap of several models, rms in rad, by length of the segments with free initial states, s, and by model."""
+    """Return the gap of several models, rms in rad, by the length of the segments, s, and by model.
+
+    The initial states of the segments are free.
+    """
     gaps: dict[str, dict[str, float]] = {}
     for length in HORIZONS_S:
         problem, initial = (working, None) if length == recordings.working_length else recordings.cut(length)
@@ -140,19 +143,22 @@ def by_horizon(
 
 
 def _at_other_length(problem: Problem, initial: Array, working: Problem, model: Hypothesis) -> dict[str, float]:
-    """Rms residual of a model above the noise with segments of another length, rad, by axis."""
+    """Return the rms residual of a model above the noise, rad, by axis, for segments of another length."""
     states = carried(working.segments, model.fit.estimate.initial, problem.segments, initial)
     fitted = fit(problem, model.fit.estimate.changed(initial=states), (), settings=TWO_DIGITS)
     return _above_noise(problem, fitted, residual_statistics(problem, fitted).level)
 
 
 def _per_reading(by_axis: Mapping[str, float], problem: Problem) -> float:
-    """Root mean square over the axes with readings."""
+    """Return the root mean square over those axes that have readings."""
     return float(np.sqrt(np.mean(np.square([*by_axis.values()])[problem.read.any(axis=0)])))
 
 
 def _mean(values: Array, problem: Problem) -> Array:
-    """(axes,) mean of values (samples, 2) over the used readings of each axis; zero for an axis without readings."""
+    """Return the (axes,) mean of values (samples, 2) over the used readings of each axis.
+
+    The mean is zero for an axis without readings.
+    """
     counts = np.count_nonzero(problem.read, axis=0)
     return np.asarray(values.sum(axis=0) / np.maximum(counts, 1))
 

@@ -113,7 +113,10 @@ def gap_budget(recordings: Recordings, everything: Recordings, problem: Problem,
 def _shown(
     varying: Sequence["_Varying"], everything: Recordings, problem: Problem, after: Fit
 ) -> list[VaryingParameter]:
-    """Varying parameters with their values in each recording; parameters of the rods as ratios to b, or to a."""
+    """Return the varying parameters with their values in each recording.
+
+    Parameters of the rods are stated as ratios to b, or to a if only the inner rod is mounted.
+    """
     names, alone = [record.run.name for record in everything.records], only_inner(problem.segments.setups)
     shown = []
     for varied in varying:
@@ -150,7 +153,7 @@ def budget_of(
 
 
 def _fitted_to_all(everything: Recordings, known: Problem, *models: Fit) -> tuple[Problem, Fit, Fit]:
-    """Fits of the models to all recordings, starting from their fits to some of them.
+    """Fit the models to all recordings, starting from their fits to some of them.
 
     If the rig was changed between the recordings, the phases in long segments are so wrong that the residual is no
     longer linear in the ratios. Short segments are used for such recordings.
@@ -220,7 +223,7 @@ class _Parts:
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit, fold: Integers, followed: Flags) -> Self:
-        """Residuals and columns of the model alone, for segments that can be simulated."""
+        """Take residuals and columns of the model alone, for segments that can be simulated."""
         inside = [fit.free[i] for i in fit.inside]
         A = np.where(followed[:, None, None], scaled_columns(fit, fit.inside), 0.0)
         e = np.where(followed[:, None], fit.linear.e, 0.0)
@@ -230,7 +233,7 @@ class _Parts:
         return cls(A, e, fold, np.ones(len(inside)), columns, others, block(problem))
 
     def left_out(self, freed: Sequence[int] = ()) -> Array:
-        """(segments,) chi2 of the prediction from the other recordings.
+        """Return the (segments,) chi2 of the prediction from the other recordings.
 
         The columns `freed` are fitted to the predicted recording itself.
         """
@@ -266,7 +269,7 @@ class _Parts:
         return best
 
     def varying(self) -> list[_Varying]:
-        """Parameters that differ between recordings beyond chance, most significant first."""
+        """Return the parameters that differ between recordings beyond chance, most significant first."""
         chosen: list[_Varying] = []
         while len(chosen) < REPEATABILITY.varying:
             others = [i for i in self.candidates if i not in [parameter.column for parameter in chosen]]
@@ -281,12 +284,12 @@ class _Parts:
         return chosen
 
     def _local(self, column: int) -> Array:
-        """(segments, m, recordings) column of a parameter, separately for each recording."""
+        """Return the column of a parameter separately for each recording, (segments, m, recordings)."""
         of_recording = self.fold[:, None, None] == np.arange(int(self.fold.max()) + 1)
         return np.where(of_recording, self.X[:, :, [column]], 0.0)
 
     def _scatter(self, column: int, common: Array, normal: Array) -> _Varying:
-        """Values of one parameter in each recording, given the columns (rows, k) that are common to all recordings."""
+        """Fit one parameter to each recording; the columns `common` (rows, k) are common to all recordings."""
         stacked = np.concatenate([self._local(column), self.e[:, :, None]], axis=2)
         flat = stacked.reshape(len(common), -1)
         projected = (flat - common @ np.linalg.solve(normal, common.T @ flat)).reshape(stacked.shape)
@@ -306,7 +309,7 @@ class _Parts:
 
 
 def _without(part: Fold, removed: Sequence[int]) -> Fold:
-    """Normal equations of a recording, with some columns fitted to this recording alone."""
+    """Return the normal equations of a recording after some columns are fitted to this recording alone."""
     if not removed:
         return part
     H, gradient = part.H, part.gradient
@@ -315,5 +318,5 @@ def _without(part: Fold, removed: Sequence[int]) -> Fold:
 
 
 def _used(values: Array) -> Flags:
-    """(segments,) mask of the segments whose values (segments, m) are not all zero."""
+    """Return the (segments,) mask of the segments whose values (segments, m) are not all zero."""
     return np.asarray(np.abs(values).sum(axis=1) > 0)

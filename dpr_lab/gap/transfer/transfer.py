@@ -134,19 +134,31 @@ class _Test:
         return np.asarray(self.level * self.data.dof, dtype=np.float64)
 
     def above_noise(self, model: Hypothesis) -> Array:
-        """(segments,) chi2 of a model above the noise."""
+        """Return the (segments,) chi2 of a model above the noise."""
         return np.minimum(np.nan_to_num(self.data.chi2(model), nan=np.inf), TRANSFER.wildest) - self.noise
 
     def reduction(self, pair: Array, rows: Rows = slice(None)) -> Interval:
-        """Share of the gap that closes in some segments, from (2, segments) excess chi2 without and with effects."""
+        """Return the share of the gap that closes in some segments.
+
+        Args:
+            pair: (2, segments) excess chi2 without and with the effects
+            rows: the segments
+        """
         return reduction(pair[:, rows], self.rng, self.data.block, self.data.run[rows])
 
     def by_run(self, pair: Array) -> dict[str, Interval]:
-        """Run -> share of the gap that closes, from (2, segments) chi2 above the noise without and with effects."""
+        """Return for each run the share of its gap that closes.
+
+        Args:
+            pair: (2, segments) excess chi2 without and with the effects
+        """
         return {name: self.reduction(pair, rows) for name, rows in self.data.runs}
 
     def carries_over(self, pair: Array, least: float) -> bool:
-        """Whether an effect improves the prediction, and closes at least the share `least` if this is measurable."""
+        """Return whether an effect improves the prediction and closes enough of the gap.
+
+        The closed share of the gap must be at least `least` if it is measurable.
+        """
         helps = _helps(self.data, pair[0] - pair[1])
         if not helps or pair[0].sum() < TRANSFER.gap_from * self.noise.sum():
             return helps
@@ -154,7 +166,7 @@ class _Test:
 
 
 def _helps(test: OutOfSample, reductions: Array) -> bool:
-    """Whether an effect reduces chi2 significantly over all runs and increases it significantly in none."""
+    """Return whether an effect reduces chi2 significantly in total and increases it significantly in no run."""
     blocks = _blocks(test, reductions)
     total, tolerance = _sum(blocks)
     by_run = [_sum(_blocks(test, reductions, rows)) for _, rows in test.runs]
@@ -163,7 +175,7 @@ def _helps(test: OutOfSample, reductions: Array) -> bool:
 
 
 def _blocks(test: OutOfSample, reductions: Array, rows: Rows = slice(None)) -> Array:
-    """Sums over groups of neighbouring segments of one run, whose residuals are correlated."""
+    """Sum reductions over groups of neighbouring segments of one run, because their residuals are correlated."""
     return np.add.reduceat(reductions[rows], block_starts(test.run[rows], test.block))
 
 
@@ -174,7 +186,7 @@ def _sum(blocks: Array) -> tuple[float, float]:
 
 
 def _signed_rank(blocks: Array) -> float:
-    """Wilcoxon's signed-rank sum over groups of segments, in its standard errors.
+    """Return Wilcoxon's signed-rank sum over groups of segments, divided by its standard error.
 
     Groups without a difference are omitted, and equal differences have the mean of their ranks.
     """
@@ -193,12 +205,12 @@ def _of_fitted(closed: Interval, selection: Selection) -> float:
 
 
 def _share_of_fitted(smaller: Hypothesis, chosen: Hypothesis) -> float:
-    """Gap reduction by the chosen set in the fitted recordings, as a share of the smaller set's gap."""
+    """Return the gap reduction by the chosen set in the fitted recordings, as a share of the smaller set's gap."""
     return share(np.array([[smaller.residuals.excess], [chosen.residuals.excess]]))
 
 
 def _closing(test: _Test, selection: Selection, ends: Array) -> Iterator[Closing]:
-    """Remaining gap and closed share of each set from the bare model to the selected set (`ends`)."""
+    """Yield the remaining gap and the closed share of each set, from the bare model to the selected set (`ends`)."""
     between = [test.above_noise(model) for _, model in selection.path[:-1]]
     remaining = [ends[0], *between, *([ends[1]] if selection.path else [])]
     for name, above in zip(["", *(name for name, _ in selection.path)], remaining, strict=True):
@@ -212,12 +224,13 @@ def worse_free_run(
     noise: Mapping[str, FreeRunError],
     compared: Collection[str],
 ) -> WorseFreeRun | None:
-    """Errors of free runs before and after correction (geometric means); None unless the effects increase them.
+    """Return the errors of free runs before and after correction if the effects increase them; otherwise None.
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
     confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase
-    that the noise of the first readings explains does not count. The geometric mean compares the ratios of the errors.
-    The most chaotic run, whose error is by far the largest, therefore does not decide alone.
+    that the noise of the first readings explains does not count. The errors are geometric means over the runs, which
+    compare the ratios of the errors. The most chaotic run, whose error is by far the largest, therefore does not decide
+    alone.
 
     Source: Fleming & Wallace (1986), How not to lie with statistics, Communications of the ACM 29, 218-221.
 

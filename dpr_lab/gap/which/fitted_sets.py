@@ -53,7 +53,7 @@ Arguments = tuple[Hypothesis] | tuple[Hypothesis, ScoreTest, Score] | tuple[Hypo
 
 @dataclass(frozen=True, slots=True)
 class FittedSets:
-    """Sets of effects that are available to a move, with the functions that fit further sets."""
+    """Sets of effects from which a move can choose, and the functions that fit further sets."""
 
     recordings: Recordings
     problem: Problem
@@ -105,24 +105,24 @@ class FittedSets:
         return self._results[arguments]
 
     def possible(self, model: Hypothesis) -> bool:
-        """Whether the sizes of the effects and the gravity torque of a set are possible on a rig."""
+        """Return whether a rig can have the effect sizes and the gravity torque of a set."""
         return not (self.oversized(model) or rises(self.problem, model))
 
     def oversized(self, model: Hypothesis) -> tuple[str, ...]:
-        """Effects of a set whose sizes are physically impossible or typical of another cause."""
+        """Return those effects of a set whose sizes are physically impossible or typical of another cause."""
         sizes = significantly_oversized(model, self.problem.limits)
         return (*sizes, *off_axis(self.problem, model), *springs_like_scale(self.problem, self.library, model))
 
     def as_possible(self, model: Hypothesis, other: Hypothesis) -> bool:
-        """Whether the sizes of a set are possible on a rig; true also if those of the other set are impossible."""
+        """Return whether a set has possible sizes, or the other set has impossible sizes too."""
         return self.possible(model) or not self.possible(other)
 
     def unexpected(self, model: Hypothesis) -> list[str]:
-        """Effects of a set that the rig is not known to have, so that only the recordings are evidence for them."""
+        """Return the effects of a set that the rig is not known to have; only the recordings are evidence for them."""
         return [name for name in model.effects if name not in self.expected]
 
     def described(self, model: Hypothesis) -> Hypothesis:
-        """Bare model with the effects of a set that correct the rig file or the time stamps.
+        """Return the bare model with those effects of a set that correct the rig file or the time stamps.
 
         The other effects explain parts of the gap that remains with this model. An error of the description, for
         example of a length or of the counts per turn, may cause a gap a thousand times as large, and is not a property
@@ -134,24 +134,27 @@ class FittedSets:
         return reduce(self.without, (name for name in model.effects if name not in corrections), model)
 
     def start(self) -> Hypothesis:
-        """Bare model with the known effects of the rig that are significant in these recordings, the largest first."""
+        """Return the bare model with those known effects of the rig that are significant in these recordings.
+
+        The effects are added in order of size.
+        """
         model = self.bare
         while score := self._best_known(model):
             model = self.with_one(model, score)
         return self.escaped(model) if model.effects else model
 
     def _best_known(self, model: Hypothesis) -> Score | None:
-        """Largest positive score of the known effects that a set lacks; None if there is none."""
+        """Return the largest positive score of the known effects that a set lacks; None if there is none."""
         missing = self.expected - model.key
         test = self._tested(model, missing) if missing else self.test(model)
         return next((score for score in test.ranking if score.effect.name in missing and score.gain > 0), None)
 
     def test(self, model: Hypothesis) -> ScoreTest:
-        """Score test of all further effects for a set."""
+        """Return the score test of all further effects, given a set."""
         return self._tested(model, self.library.keys() - model.key)
 
     def score(self, model: Hypothesis, effect: str) -> Score | None:
-        """Best score of one further effect for a set; None if the recordings cannot show the effect.
+        """Return the best score of one further effect, given a set; None if the recordings cannot show the effect.
 
         An effect with several shapes is compared with all other effects (`_from_shapes`).
         """
@@ -159,11 +162,9 @@ class FittedSets:
         return (self._tested(model, {effect}) if alone else self.test(model)).of(effect)
 
     def _tested(self, model: Hypothesis, effects: Set[str]) -> ScoreTest:
-        """Score test of a set that contains at least the given effects.
+        """Return the score test of a set that contains at least the given effects.
 
-        A previous test that lacks some of them is repeated with all, for the same fit. It is also repeated if the set
-        has a much better fit by now. A slightly better fit does not matter, because a test solves for the fitted
-        parameters, too.
+        If a previous test lacks some of these effects, it is repeated with all effects, for the same fit.
         """
         test = self._tests.get(model.key)
         chance = THRESHOLDS.chance * model.residuals.inflation
@@ -196,7 +197,7 @@ class FittedSets:
         return self.keep(larger)
 
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """Fit of one additional effect from its best shape, or from its best few shapes.
+        """Fit one additional effect from its best shape, or from its best few shapes.
 
         The score belongs to the present test of the set.
         """
@@ -212,9 +213,9 @@ class FittedSets:
         return refit_with(self.problem, model, test, score, EFFORT.thorough, best)
 
     def on_short(self) -> "FittedSets":
-        """Collection of sets for short segments, in which the influence of an effect is closer to linear.
+        """Return the sets for short segments, in which the influence of an effect is closer to linear.
 
-        At first it contains only the bare model. All copies of these sets share it.
+        At first there is only the bare model. All copies of these sets share the fits to short segments.
         """
         if not self._short:
             cut, initial = self.recordings.cut(LENGTHS.first)
@@ -226,12 +227,12 @@ class FittedSets:
         return self._short[0]
 
     def carried_over(self, short: Hypothesis) -> Hypothesis:
-        """Fit of a set to the working segments, starting from its fit to short segments."""
+        """Fit a set to the working segments, starting from its fit to short segments."""
         long = self._lengthened(short.fit, self.bare.fit.estimate.initial, iterations=2 * EFFORT.fine)
         return self.escaped(hypothesis(self.problem, short.effects, long))
 
     def _lengthened(self, near: Fit, initial: Array, iterations: int) -> Fit:
-        """Continuation of a fit to short segments with longer ones; missing initial states are taken from `initial`."""
+        """Continue a fit to short segments with longer ones; missing initial states are taken from `initial`."""
         short = self.on_short().problem.segments
         initial_states = carried(short, near.estimate.initial, self.problem.segments, initial)
         start = near.estimate.changed(initial=initial_states)
@@ -259,7 +260,7 @@ class FittedSets:
         return model
 
     def _in_best_order(self, model: Hypothesis) -> Hypothesis:
-        """Fit with the orders of its effects replaced by neighbouring orders, as long as this reduces chi2.
+        """Replace the orders of effects by neighbouring orders, as long as this reduces chi2.
 
         On an arc of less than a turn, different orders have similar signatures, and scores may favour a wrong order.
         """
@@ -283,7 +284,7 @@ class FittedSets:
         return model
 
     def _better(self, other: Fit, model: Hypothesis) -> Hypothesis:
-        """The set of `model`, with the better of its two fits."""
+        """Return the set of `model` with the better of two fits."""
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
     def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:
@@ -300,7 +301,10 @@ class FittedSets:
         return self.predictive(best) if self.held_out_chi2(best) < self.held_out_chi2(model) else model
 
     def without(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Fit of a set without one effect, from a larger set or from a tested smaller set; the better fit is used."""
+        """Fit a set without one effect, starting from a larger set or from a tested smaller set.
+
+        The better fit is used.
+        """
         key = model.key - {effect}
         if key in self._fits and not self._stuck(self._fits[key], model):
             return self._fits[key]
@@ -315,17 +319,18 @@ class FittedSets:
         return self.keep(smaller)
 
     def _stuck(self, smaller: Hypothesis, model: Hypothesis) -> bool:
-        """Whether a few segments kept a fit of a smaller set in a local minimum that a larger set has left."""
+        """Return whether a few segments kept a fit of a smaller set in a local minimum that a larger set has left."""
         if (smaller.key, model.key) in self._refitted_from or at_noise_floor(smaller):
             return False
         previous, current = relative_chi2(smaller.fit), relative_chi2(model.fit)
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """Set in which one effect is replaced by another; None if the other effect has no score.
+        """Return the set in which one effect is replaced by another; None if the other effect has no score.
 
-        The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects, in which
-        the new effect gradually takes over the share of the other effect.
+        The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In that
+        fit the
+        new effect gradually takes over the share of the replaced effect.
         """
         smaller = self.without(model, effect)
         score = self.score(smaller, other)
@@ -339,7 +344,7 @@ class FittedSets:
         return replaced
 
     def imaged(self, model: Hypothesis, effect: str, score: Score) -> Hypothesis:
-        """Set in which one effect is replaced by another, started at the linear prediction from the fit `model`.
+        """Return the set in which another effect replaces one effect, fitted from the linear prediction at `model`.
 
         From this estimate, two indistinguishable effects fit equally well. A fit that starts without both effects may
         end in a local minimum in which another effect has a wrong shape. `score` is the score of the new effect.
@@ -353,7 +358,7 @@ class FittedSets:
         return refit_without(self.problem, with_both, effect, self.bare)
 
     def _handed_over(self, model: Hypothesis, effect: str, other: str) -> Hypothesis:
-        """Set in which one effect is replaced by another, with the amplitudes of the replaced effect as initial values.
+        """Replace one effect by another in a fit; the amplitudes of the replaced effect are the initial values.
 
         Rods that hardly move stick even at the smallest Coulomb friction. Its derivative at zero is then no search
         direction.
@@ -371,12 +376,12 @@ class FittedSets:
         return None if score is None else self._best_shape(model, score)
 
     def reshaped(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Refit of a set after a new search for the shape of one of its effects."""
+        """Search again for the shape of one effect of a set, and refit the set."""
         other = self._grown(self.without(model, effect), effect)
         return self.keep(model if other is None or other.cost >= model.cost else other)
 
     def converged(self, model: Hypothesis) -> Hypothesis:
-        """Converged fit of a set, without effects whose fitted size is zero."""
+        """Continue the fit of a set until it converges, without effects whose fitted size is zero."""
         model = self._fits[model.key]
         if model.effects and not model.fit.converged:
             refitted = fit(self.problem, model.fit.estimate, model.fit.free, iterations=2 * EFFORT.fine)

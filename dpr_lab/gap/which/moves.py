@@ -26,7 +26,7 @@ from dpr_lab.gap.which.search import Decision, Move, Proposal
 
 
 def _with_known_effects(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Bare model with the known effects of the rig that are visible in these recordings."""
+    """Propose the bare model with those known effects of the rig that are visible in these recordings."""
     start = sets.start()
     if start.effects:
         yield Proposal(start)

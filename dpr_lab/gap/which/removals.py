@@ -22,7 +22,7 @@ from dpr_lab.shown import percent
 
 
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
-    """Smallest fitted set that explains nearly as much as the current one.
+    """Propose the smallest fitted set that explains nearly as much as the current one.
 
     It may lie on another branch of the search.
     """
@@ -59,7 +59,7 @@ SMALLEST_ADEQUATE = Move(
 
 
 def _without_least_needed(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Set without its least necessary effect; a single effect is judged by its share of the whole gap."""
+    """Propose the set without its least necessary effect; a single effect is judged by its share of the whole gap."""
     removable = sets.unexpected(current)
     if len(current.effects) > 1 and removable:
         described = sets.described(current)
@@ -87,7 +87,7 @@ DROP = Move(
 
 
 def _without_each(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """All sets that result from removing one effect."""
+    """Propose each set that results from removing one effect."""
     for name in current.effects:
         yield Proposal(sets.without_substitute(current, name))
 
@@ -112,7 +112,7 @@ CROSS_VALIDATION = Move(
 
 
 def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Sets without the effect that has the smallest own contribution, while a residual remains.
+    """Propose sets without the effect that has the smallest own contribution, while a residual remains.
 
     The own contribution of an effect is the part of its reduction that no other form of the remaining effects explains.
     Two kinds of effects are never proposed: those that every rig has, and those whose removal increases the excess far
@@ -150,10 +150,12 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 
 
 def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Whether the search would replace the smaller set by a richer form that explains less than the larger set.
+    """Return whether the search would replace the smaller set by a richer form that explains less.
 
-    The richer form replaces two effects of the larger set, one of which is missing in the smaller set: a simpler form
-    of the richer form, and a second effect. It has more parameters than the larger set.
+    It explains less than the larger set. The richer form replaces two effects of the larger set, one of which is
+    missing
+    in the smaller set: a simpler form of the richer form, and a second effect. It has more parameters than the larger
+    set.
     """
     removed = larger.key - smaller.key
     replaced = (
@@ -170,7 +172,7 @@ def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
 
 
 def _returns(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
-    """Whether a search would replace the smaller set by a worse set that again contains the removed effect.
+    """Return whether a search would replace the smaller set by a worse set that again contains the removed effect.
 
     In this case the best fitted set of at most the smaller size contains the removed effect, has more parameters than
     the larger set, and explains less.
@@ -201,7 +203,7 @@ OWN_SHARE = Move(
 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Set without misleading effects, or with replacements of them that predict held-out runs better."""
+    """Propose the set without misleading effects, or with replacements of them that predict held-out runs better."""
     smaller = sets.predictive(current)
     if smaller is current or sets.held_out_chi2 is None:
         return

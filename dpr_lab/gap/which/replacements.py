@@ -26,7 +26,10 @@ REPLACEMENTS = 2
 
 
 def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Sets in which a richer form replaces an effect that it contains, if the score test shows a contribution."""
+    """Propose sets in which a richer form replaces an effect that it contains.
+
+    The score test must show a contribution of the richer form.
+    """
     chance = THRESHOLDS.chance * current.residuals.inflation
     test = sets.test(current)
     for score in test.ranking:
@@ -49,7 +52,7 @@ RICHER_FORM = Move(
 
 
 def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Sets in which a simpler form replaces an effect that contains it."""
+    """Propose sets in which a simpler form replaces an effect that contains it."""
     for name in current.effects:
         for simpler in sets.library[name].nested:
             if simpler in sets.library and simpler not in current.effects:
@@ -84,7 +87,7 @@ SIMPLER_FORM = Move(
 
 
 def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Sets in which a simpler form and another effect, with fewer parameters together, replace an effect.
+    """Propose sets in which a simpler form and another effect replace an effect, with fewer parameters in total.
 
     The additional parameters of a richer form may imitate a second cause. For example, unequal friction in the two
     directions imitates a zero offset.
@@ -97,7 +100,7 @@ def _second_cause(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
 
 
 def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Sets in which effects with fewer parameters in total replace a curve, or a simple effect is added to it.
+    """Propose sets in which effects with fewer parameters in total replace a curve, or join it.
 
     On a small arc a curve of many parameters imitates a tilt, friction and drag together, and is selected first.
     """
@@ -116,7 +119,7 @@ def _several_for_one(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal
 def _grown_to(
     sets: FittedSets, model: Hypothesis, curve: str, *, most: int, widest: int, chance: float
 ) -> Iterator[Proposal]:
-    """Sets that extend a set by the best further effects, one at a time.
+    """Propose sets that extend a set by the best further effects, one at a time.
 
     Each added effect has at most `widest` parameters, and the set has at most `most`.
     """
@@ -132,7 +135,10 @@ def _grown_to(
 
 
 def _next_to(sets: FittedSets, without_curve: Hypothesis, curve: str) -> Iterator[Proposal]:
-    """Set with the curve and the simple effect that explains most of it, so that the curve fits only the remainder."""
+    """Propose the curve together with the simple effect that explains most of it.
+
+    The curve then fits only the remainder.
+    """
     simple = next((score for score in sets.test(without_curve).ranking if len(score.columns) == 1), None)
     if simple is not None and simple.gain > 0.0:
         model = sets.with_one(without_curve, simple)
@@ -182,7 +188,10 @@ SEVERAL_CAUSES = Move(
 
 
 def _exchanged(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Best set in which another effect, or another shape of it, replaces one effect, while a residual remains."""
+    """Propose the best set in which another effect, or another shape, replaces one effect.
+
+    Nothing is proposed if only noise remains.
+    """
     if at_noise_floor(current) or not current.effects:
         return
     best = current
@@ -217,7 +226,7 @@ EXCHANGE = Move(
 
 
 def _better_alternative(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Best of all fitted sets with at most as many effects, after the alternatives of each effect are fitted."""
+    """Propose the best fitted set with at most as many effects, after the alternatives of each effect are fitted."""
     fits = fit_alternatives(sets, sets.predictive(current))
     known = current.key & sets.expected
     others = [
@@ -254,7 +263,7 @@ BETTER_ALTERNATIVE = Move(
 
 
 def _more_plausible(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Sets in which an indistinguishable effect of more plausible size replaces one effect."""
+    """Propose sets in which an indistinguishable effect of more plausible size replaces one effect."""
     chosen = sets.predictive(current)
     margin = indifference(sets.bare, chosen)
     for name in sets.unexpected(chosen):
@@ -309,7 +318,7 @@ def fit_alternatives(sets: FittedSets, chosen: Hypothesis) -> Mapping[frozenset[
 
 
 def _indistinguishable(test: ScoreTest, name: str) -> Iterator[Score]:
-    """Scores of effects with the signature of another effect that are neither a simpler nor a richer form of it."""
+    """Yield the scores of effects with the signature of another effect; forms of this effect are left out."""
     if (current_score := test.of(name)) is None:
         return
     for score in test.ranking:

@@ -52,9 +52,11 @@ def refined(state: SearchState) -> Selection:
 
 
 def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | None:
-    """Bare model fitted from the result of the selected set, if its first fit was a local minimum; otherwise None.
+    """Return a better fit of the bare model if its first fit was a local minimum; otherwise None.
 
-    An effect that merely leads the fit out of such a minimum is not a cause.
+    The better fit starts from the result of the selected set. An effect that merely leads the fit out of such a minimum
+    is
+    not a cause.
     """
     chosen, first = selection.chosen, selection.bare
     if not chosen.effects or not far_from_noise(first):
@@ -129,7 +131,7 @@ def _revised(state: SearchState) -> SearchState:
 
 
 def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
-    """Result of the search: the selected set, and the sets in which each of its effects is removed or replaced."""
+    """Return the result of the search: the selected set, and sets without or with a substitute of each effect."""
     sets, chosen = state.sets.copied(), state.current
     fits = fit_alternatives(sets, chosen)
     without = {name: sets.without(chosen, name) for name in chosen.effects}
@@ -154,7 +156,7 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
 
 
 def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Own share of each secondary effect, unless it is the only effect or every rig has it."""
+    """Return the own share of each secondary effect, unless it is the only effect or every rig has it."""
     limit = bounded_excess(chosen) + THRESHOLDS.secondary * sets.bare.residuals.excess
     shares: dict[str, float] = {}
     for name, smaller in without.items():
@@ -166,7 +168,7 @@ def _own_shares(sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypo
 
 
 def _path(sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:
-    """Nested sets up to the selected one, obtained by removing the least necessary effect at each step."""
+    """Return nested sets up to the selected one; each step removes the least necessary effect."""
     path: list[tuple[str, Hypothesis]] = []
     model = chosen
     while model.effects:
