@@ -226,8 +226,12 @@ class Run(Shown):
 
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
-    """Return the runs as a tuple; a single run becomes a tuple with one element."""
-    return (runs,) if isinstance(runs, Run) else tuple(runs)
+    """Return the runs as a tuple; a single run becomes a tuple with one element. Names of files are refused."""
+    given: tuple[Any, ...] = (runs,) if isinstance(runs, Run | str | Path) else tuple(runs)
+    for run in given:
+        if isinstance(run, str | Path):
+            raise RunError(f"{run}: is the name of a file, not a run: read the file with load_run")
+    return given
 
 
 def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:

@@ -167,3 +167,16 @@ def test_a_table_in_memory_is_identified_diagnosed_and_compared(runs: list[Run],
     assert isinstance(before, dpr.Comparison)
     assert isinstance(after, dpr.Comparison)
     assert np.max(after.segment_rms_rad) < np.max(before.segment_rms_rad)
+
+
+def test_the_reference_describes_every_public_name() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    described = {line.rpartition("dpr_lab.")[2] for line in page.splitlines() if line.startswith(".. auto")}
+    assert described == set(dpr.__all__)
+
+
+@pytest.mark.parametrize("runs", ["x1.mcap", Path("x1.mcap"), [Path("x1.mcap")]])
+def test_the_name_of_a_file_is_not_a_run(runs: Any) -> None:
+    for function in (dpr.identify, dpr.diagnose):
+        with pytest.raises(dpr.DprError, match=r"x1.mcap: is the name of a file, not a run: read .* with load_run"):
+            function(runs, dpr.load_rig("paper"))
