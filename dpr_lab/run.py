@@ -387,12 +387,12 @@ def refuse_repeated(runs: Sequence[Run]) -> None:
     """Check that no recording is given twice, or is both fitted and held out.
 
     Raises:
-        RunError: two runs contain the same recording, according to their hashes.
+        RunError: two runs contain the same times and angles, also if a table was imported twice.
     """
     by_digest: dict[str, Run] = {}
     for run in runs:
-        if run.sha256 in by_digest:
-            names = [str(repeated.file or repeated.name) for repeated in (run, by_digest[run.sha256])]
+        digest = hashlib.sha256(_bytes(run.t) + _bytes(run.theta)).hexdigest()
+        if same := by_digest.get(digest):
+            names = [str(repeated.file or repeated.name) for repeated in (run, same)]
             raise RunError(f"{names[0]}: is the same recording as {names[1]}: give each run once")
-        if run.sha256:
-            by_digest[run.sha256] = run
+        by_digest[digest] = run

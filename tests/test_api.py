@@ -180,3 +180,20 @@ def test_the_name_of_a_file_is_not_a_run(runs: Any) -> None:
     for function in (dpr.identify, dpr.diagnose):
         with pytest.raises(dpr.DprError, match=r"x1.mcap: is the name of a file, not a run: read .* with load_run"):
             function(runs, dpr.load_rig("paper"))
+
+
+def test_a_table_that_was_imported_twice_is_one_recording() -> None:
+    rig, t = dpr.load_rig("paper"), np.linspace(0.0, 2.0, 401)
+    run = Run("side", t, np.outer(np.sin(t), [0.0, 1.0, 1.0]), None, None, "paper", "", 200.0, sha256="1")
+    again = replace(run, name="side-2", file=Path("side-2.mcap"), sha256="2", notes=("imported again",))
+    message = "side-2.mcap: is the same recording as side: give each run once"
+    for function in (dpr.identify, dpr.diagnose):
+        with pytest.raises(dpr.DprError, match=message):
+            function([run, again], rig)
+    with pytest.raises(dpr.DprError, match=message):
+        dpr.diagnose(run, rig, held_out=again)
+
+
+def test_an_unknown_choice_of_an_import_is_refused() -> None:
+    with pytest.raises(ValueError, match="zero must be upright or hanging, not 'sideways'"):
+        dpr.ImportOptions(zero="sideways")  # type: ignore[arg-type]

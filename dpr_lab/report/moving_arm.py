@@ -1,16 +1,19 @@
 """Create the tables of an identification and a comparison with a moving arm."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dpr_lab.dynamics.base import RATIO_UNITS
 from dpr_lab.report.angles import RADIANS, AngleUnit
-from dpr_lab.report.digits import interval, plus_minus
+from dpr_lab.report.digits import interval, plus_minus, superscripts
+from dpr_lab.report.tables import run_name
 from dpr_lab.shown import counted
 
 if TYPE_CHECKING:
     from dpr_lab.identification.moving_arm.model import MovingArmModel
 
-RATIO_COLUMNS = ("ratio", "value", "90 % interval")
+RATIO_COLUMNS = ("ratio", "value", "90 % interval", "unit")
 ABSOLUTE_COLUMNS = ("parameter", "value", "unit", "determined by")
 COMPARISON_COLUMNS = ("run", "role", "joint", "residual (mrad rms)", "noise (mrad)")
 
@@ -35,7 +38,12 @@ def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
 def ratio_rows(model: "MovingArmModel") -> list[list[str]]:
     """Return one row for each ratio that the recordings determine."""
     return [
-        [name, plus_minus(estimate.value, estimate.std), interval(*estimate.interval90, estimate.value, estimate.std)]
+        [
+            name,
+            plus_minus(estimate.value, estimate.std),
+            interval(*estimate.interval90, estimate.value, estimate.std),
+            superscripts(RATIO_UNITS.get(name, "")),
+        ]
         for name, estimate in model.ratios.items()
     ]
 
@@ -53,7 +61,7 @@ def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
     """Return one row for each pair of a run and a joint, from the result of `compare_moving_arm`."""
     return [
         [
-            run["run"],
+            run_name(Path(f"{run['run']}.mcap")),
             "held out" if run["held_out"] else "fitted",
             joint,
             f"{1e3 * rms:.3g}",

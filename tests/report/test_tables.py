@@ -1,10 +1,13 @@
 import time
 from dataclasses import replace
+from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-from dpr_lab.report import tables
+from dpr_lab.identification.model import EstimatedValue
+from dpr_lab.report import moving_arm, tables
 
 
 @pytest.mark.parametrize(
@@ -163,3 +166,15 @@ def test_a_note_states_standard_deviations_that_misfit_inflates(model):
     note = tables.ratio_note(model(cramer_rao_std=least))
     assert "misfit inflation" in note
     assert "up to 20.0 times the Cramér-Rao values" in note
+
+
+def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_clamped_arm() -> None:
+    value = EstimatedValue(value=111.4, std=0.1, interval90=(111.2, 111.6), fixed_by="data")
+    names = ("e1/a", "A/a", "kt/(R a)")
+    rows = moving_arm.ratio_rows(Mock(ratios=dict.fromkeys(names, value)))
+    assert {row[0]: row[3] for row in rows} == {"e1/a": "1/s²", "A/a": "1", "kt/(R a)": "1/(s² V)"}
+    assert len(moving_arm.RATIO_COLUMNS) == len(rows[0])
+    name = "20261121T101500Z_X1_00000001"
+    runs = [{"run": name, "held_out": False, "rms_rad": {"joint 0": 1e-3}, "noise_rad": {"joint 0": 1e-3}}]
+    ((label, *_),) = moving_arm.comparison_rows({"runs": runs})
+    assert label == tables.run_name(Path(f"{name}.mcap")) != name

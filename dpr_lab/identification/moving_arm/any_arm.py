@@ -16,7 +16,7 @@ from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel, load_moving_arm_model
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run, as_runs, moves
+from dpr_lab.run import Run, as_runs, moves, refuse_repeated
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
 
@@ -64,13 +64,14 @@ def identify(
 
     Raises:
         ConfigError: the objective or the search is unknown.
-        RunError: there are no runs, or a run cannot be used.
+        RunError: there are no runs, a run is given twice, or a run cannot be used.
         IdentificationError: no candidate inside the bounds could be simulated, the recordings determine no parameter,
             or they do not match the rig because zero, unit, sign or order of the readings is specified incorrectly.
 
     Source: docs/theory.md, section 2 (search), 5 (multiple shooting), 11 and 12 (parameters from ratios).
     """
     runs = as_runs(runs)
+    refuse_repeated(runs)
     if has_arm_model(runs, rig):
         if on_polish:
             on_polish()

@@ -159,7 +159,10 @@ class ImportOptions:
         if self.recorded_at:
             parse_recorded_at(self.recorded_at)
         for option in typed_options():
-            option.typed.check(option.name, getattr(self, option.name))
+            value = getattr(self, option.name)
+            option.typed.check(option.name, value)
+            if get_origin(option.kind) is Literal and value not in (None, *(choices := get_args(option.kind))):
+                raise ValueError(f"{option.name} must be {' or '.join(choices)}, not {value!r}")
 
 
 @dataclass(frozen=True, slots=True)
