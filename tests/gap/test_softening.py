@@ -8,7 +8,7 @@ import pytest
 
 from dpr_lab.effects import effect_params
 from dpr_lab.gap.diagnose import diagnose
-from dpr_lab.gap.which import softening
+from dpr_lab.gap.which import sizes
 from dpr_lab.gap.which.softening import SIZES, springs_like_scale
 from tests.background_rigs import law, laws, recordings
 from tests.thinned import candidates
@@ -26,7 +26,7 @@ def named(cubic: float, std: float, monkeypatch, *, library=SCALE, held: bool = 
     params = effect_params({"spring_joint1": dict(zip(SIZES, (0.1, cubic), strict=True))})
     free = [Fake(effect="spring_joint1", name=name) for name in SIZES]
     fit = Fake(estimate=Fake(params=params), free=free)
-    monkeypatch.setattr(softening, "considered", lambda *_: np.diag([1.0, std**2]))
+    monkeypatch.setattr(sizes, "considered", lambda *_: np.diag([1.0, std**2]))
     problem = Fake(segments=Fake(setups=(Mounted(held),)))
     return springs_like_scale(
         problem, library, Fake(effects=("spring_joint1",), fit=fit, residuals=Fake(inflation=1.0))

@@ -5,6 +5,7 @@ have a stiffness. A fit may estimate this stiffness as zero although its interva
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -21,7 +22,23 @@ from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 
-def significantly_oversized(model: Hypothesis, limits: Array | None, deviations: float = 2.0) -> tuple[str, ...]:
+@dataclass(frozen=True, slots=True)
+class SizeRules:
+    """Significance of an impossible size."""
+
+    deviations: float = 2.0
+    """Half the width of the interval of a fitted value, in standard deviations."""
+
+
+RULES = SizeRules()
+
+
+def errors(model: Hypothesis) -> Array:
+    """Return the (free,) half widths of the intervals of the fitted values of a set."""
+    return RULES.deviations * np.sqrt(np.diag(considered(model.fit, model.residuals.inflation)))
+
+
+def significantly_oversized(model: Hypothesis, limits: Array | None) -> tuple[str, ...]:
     """Return the effects of a set that have impossible sizes, within the errors of the fit.
 
     A size is impossible if it is at a limit, or if it is not possible together with the other sizes of its effect.
@@ -29,7 +46,6 @@ def significantly_oversized(model: Hypothesis, limits: Array | None, deviations:
     Args:
         model: the fitted set
         limits: (SIZE,) maximum sizes; None: no limits
-        deviations: half the width of an interval, in standard deviations
     """
     params = model.fit.estimate.params
 
@@ -37,10 +53,9 @@ def significantly_oversized(model: Hypothesis, limits: Array | None, deviations:
         effect, sizes = EFFECTS[name], named_params(params)[name]
         if effect.possible(sizes):  # it is at a limit
             return False
-        stds = np.sqrt(np.diag(considered(model.fit, model.residuals.inflation))).tolist()
-        free = zip(model.fit.free, stds, strict=True)
-        errors = {p.name: deviations * std for p, std in free if p.effect == name and p.amplitude}
-        return not impossible_together(effect, sizes, errors)
+        free = zip(model.fit.free, errors(model).tolist(), strict=True)
+        of_effect = {p.name: error for p, error in free if p.effect == name and p.amplitude}
+        return not impossible_together(effect, sizes, of_effect)
 
     return tuple(name for name in oversized(params, limits) if not possible(name))
 
@@ -65,12 +80,11 @@ def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, floa
     return not any(effect.possible(dict(zip(sizes, chosen, strict=True))) for chosen in every)
 
 
-def off_axis(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> tuple[str, ...]:
+def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
     """Return the offset of the centre of mass of the inner rod if it is larger than the distance along the rod.
 
     The difference must be significant. Such a rod would hang at more than 45 degrees of its readings. A wrong zero of
-    the
-    angles, or a constant torque, is more probable.
+    the angles, or a constant torque, is more probable.
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
     free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
@@ -78,12 +92,11 @@ def off_axis(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> tu
     if not free or torque is None or effect.name not in sizes:
         return ()
     (offset,) = sizes[effect.name].values()
-    error = np.sqrt(considered(model.fit, model.residuals.inflation)[free[0], free[0]])
-    least = constants.m1 * constants.g * (abs(offset) - deviations * error)
+    least = constants.m1 * constants.g * (abs(offset) - errors(model)[free[0]])
     return (effect.name,) if least > torque * model.fit.estimate.ratios[SCALE] else ()
 
 
-def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
+def rises(problem: Problem, model: Hypothesis) -> bool:
     """Return whether the gravity torque of the inner rod is significantly negative.
 
     Gravity would then lift the rod. In swings of similar amplitude, an effect that depends on the angle can replace
@@ -93,8 +106,7 @@ def rises(problem: Problem, model: Hypothesis, deviations: float = 2.0) -> bool:
     free = [i for i, p in enumerate(model.fit.free) if p.block == "ratios" and p.place == place]
     if not free or torque is None or torque >= 0.0:
         return False
-    variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
-    return bool(torque + deviations * np.sqrt(variance) < 0.0)
+    return bool(torque + errors(model)[free[0]] < 0.0)
 
 
 def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:

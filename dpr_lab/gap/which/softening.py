@@ -12,14 +12,12 @@ by coincidence.
 
 from collections.abc import Container
 
-import numpy as np
-
 from dpr_lab.effects import param_index
 from dpr_lab.effects.encoder_scale import ENCODER_SCALE
 from dpr_lab.effects.spring import SPRING
-from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.which.sizes import errors
 
 SPRINGS, ENCODER_SCALES = ([effect.name for effect in pair] for pair in (SPRING, ENCODER_SCALE))
 """Names of the springs, and of the errors of the encoder scale, of joints 1 and 2."""
@@ -29,12 +27,7 @@ SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
 
 
 def springs_like_scale(
-    problem: Problem,
-    library: Container[str],
-    model: Hypothesis,
-    ratio: float = -1 / 12,
-    tolerance: float = 0.5,
-    deviations: float = 2.0,
+    problem: Problem, library: Container[str], model: Hypothesis, ratio: float = -1 / 12, tolerance: float = 0.5
 ) -> tuple[str, ...]:
     """Return the springs of a single rod that soften significantly, with the ratio k3 / k of a scale error."""
     springs: list[str] = []
@@ -45,8 +38,7 @@ def springs_like_scale(
             continue
         stiffness, cubic = model.fit.estimate.params[[param_index(spring, name) for name in SIZES]]
         free = [i for i, p in enumerate(model.fit.free) if (p.effect, p.name) == (spring, SIZES[1])]
-        if free and abs(cubic - ratio * stiffness) < tolerance * abs(ratio) * stiffness:
-            variance = considered(model.fit, model.residuals.inflation)[free[0], free[0]]
-            if cubic + deviations * np.sqrt(variance) < 0.0:
-                springs.append(spring)
+        like_scale = free and abs(cubic - ratio * stiffness) < tolerance * abs(ratio) * stiffness
+        if like_scale and cubic + errors(model)[free[0]] < 0.0:
+            springs.append(spring)
     return tuple(springs)
