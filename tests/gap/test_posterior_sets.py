@@ -134,7 +134,8 @@ def test_a_drift_is_compared_with_an_offset_by_their_typical_sizes() -> None:
     assert [comparable_size(params, offset, p) for p in drift.amplitudes] == pytest.approx([5e-3, 5e-4])
     chosen = Mock(fit=Mock(estimate=Mock(params=params)))
     selection = Mock(chosen=chosen, final_test=Mock(ranking=[Mock(effect=drift)]))
-    for rate, hidden in ((1e-3, (drift.name,)), (2e-4, ())):
+    half = CALIBRATION.hidden * comparable_size(params, offset, drift.amplitudes[1])
+    for rate, hidden in ((1e-3, (drift.name,)), (2e-4, ()), (half, ())):
         selection.detectable = {drift.name: {"offset_rad": None, "rate_rad_per_s": rate}}
         assert _hidden(selection, offset) == hidden
 
