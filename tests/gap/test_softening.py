@@ -9,7 +9,7 @@ import pytest
 from dpr_lab.effects import effect_params
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.which import sizes
-from dpr_lab.gap.which.softening import SIZES, springs_like_scale
+from dpr_lab.gap.which.sizes import SIZES, springs_like_scale
 from tests.background_rigs import law, laws, recordings
 from tests.thinned import candidates
 

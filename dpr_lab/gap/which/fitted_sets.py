@@ -41,8 +41,7 @@ from dpr_lab.gap.hypothesis.steps import recorded
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, far_from_noise, substitute_curve
 from dpr_lab.gap.screen.recordings import LENGTHS, Recordings
 from dpr_lab.gap.which.effort import EFFORT
-from dpr_lab.gap.which.sizes import off_axis, rises, significantly_oversized
-from dpr_lab.gap.which.softening import springs_like_scale
+from dpr_lab.gap.which.sizes import off_axis, rises, significantly_oversized, springs_like_scale
 from dpr_lab.progress import FitBegan, ScoreTestBegan
 
 Progress = Callable[[FitBegan | ScoreTestBegan], None]

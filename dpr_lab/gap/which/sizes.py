@@ -1,10 +1,10 @@
-"""Detection of amplitudes and gravity torques that are impossible on a rig, even within the errors of the fit.
+"""Detection of sizes that are impossible on a rig or typical of another cause, even within the errors of the fit.
 
 Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
 have a stiffness. A fit may estimate this stiffness as zero although its interval contains the right value.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -12,10 +12,12 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import BASE, RATIOS, base_of_run
-from dpr_lab.effects import EFFECTS, named_params
+from dpr_lab.effects import EFFECTS, named_params, param_index
 from dpr_lab.effects.com_offset import COM_OFFSET_LINK1
 from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.effects.encoder_scale import ENCODER_SCALE
 from dpr_lab.effects.limits import oversized
+from dpr_lab.effects.spring import SPRING
 from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.fitting.problem import Problem
@@ -24,13 +26,23 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 
 @dataclass(frozen=True, slots=True)
 class SizeRules:
-    """Significance of an impossible size."""
+    """Significance of an impossible size, and sizes that are typical of another cause."""
 
     deviations: float = 2.0
     """Half the width of the interval of a fitted value, in standard deviations."""
+    softening: float = -1 / 12
+    """Ratio k3 / k of a spring that softens like an error of the encoder scale."""
+    tolerance: float = 0.5
+    """Maximum relative deviation from this ratio."""
 
 
 RULES = SizeRules()
+
+SPRINGS, ENCODER_SCALES = ([effect.name for effect in pair] for pair in (SPRING, ENCODER_SCALE))
+"""Names of the springs, and of the errors of the encoder scale, of joints 1 and 2."""
+
+SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
+"""Names of the parameters k and k3 of a spring."""
 
 
 def errors(model: Hypothesis) -> Array:
@@ -117,3 +129,31 @@ def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
         return None
     whole = estimate.whole / estimate.ratios[SCALE]
     return max(float(base_of_run(whole, setup, constants.L1, constants.g)[BASE.index("e1")]) for setup in setups)
+
+
+def springs_like_scale(problem: Problem, library: Container[str], model: Hypothesis) -> tuple[str, ...]:
+    """Return the springs of a single rod that soften significantly, with the ratio k3 / k of a scale error.
+
+    An encoder of a single rod that reads q = (1 + x) theta changes the acceleration of the reading by
+
+        -x w (sin q - q cos q),    w = e1 / a.
+
+    Up to terms in q^7, this is the change by a spring k q + k3 q^3 with k / a = 4 x w and k3 = -k / 12, together with a
+    gravity torque that is smaller by k. On an arc of 3 rad the best ratio k3 / k is -0.071, and 0.4 % of the change
+    remain. The recordings of one rod therefore do not distinguish the two causes. A real spring would have exactly this
+    ratio only by coincidence.
+    """
+    springs: list[str] = []
+    if not all(setup.held for setup in set(problem.segments.setups)):
+        return ()
+    for spring, scale in zip(SPRINGS, ENCODER_SCALES, strict=True):
+        if spring not in model.effects or scale not in library:
+            continue
+        stiffness, cubic = model.fit.estimate.params[[param_index(spring, name) for name in SIZES]]
+        free = [i for i, p in enumerate(model.fit.free) if (p.effect, p.name) == (spring, SIZES[1])]
+        like_scale = (
+            free and abs(cubic - RULES.softening * stiffness) < RULES.tolerance * abs(RULES.softening) * stiffness
+        )
+        if like_scale and cubic + errors(model)[free[0]] < 0.0:
+            springs.append(spring)
+    return tuple(springs)
