@@ -92,7 +92,7 @@ def with_likeliest_noise(
 ) -> Recordings | None:
     """Return the recordings with a smaller noise of their measured torques; None if this noise is not more likely.
 
-    The likelihood is that of the residuals of a fitted model.
+    The likelihood of a noise is computed from the residuals of a fitted model.
     """
     before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
     if problem.disturbance is None or not before.any():
@@ -104,7 +104,7 @@ def with_likeliest_noise(
 
 
 def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:
-    """Fit the bare model to segments of another length, s, starting from the initial states of shorter segments."""
+    """Fit the bare model to segments of the duration `length`, s, from the initial states of shorter segments."""
     longer, initial = recordings.cut(length)
     start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)

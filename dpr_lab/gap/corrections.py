@@ -84,7 +84,10 @@ def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Dr
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """State with a smaller noise of known torques, or with exact torques, if a model requires it; otherwise None."""
+    """Return the state with a smaller noise of known torques, or with exact torques, if a model requires it.
+
+    Otherwise return None.
+    """
     if fitted.problem.disturbance is not None and far_from_noise(model):
         return replace(fitted, recordings=replace(fitted.recordings, exact_torques=True))
     recordings = with_likeliest_noise(fitted.recordings, fitted.problem, model)
@@ -102,7 +105,7 @@ def _earlier_torques(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 def _earlier_share(recordings: Recordings, model: Hypothesis) -> float:
     """Return the time by which known torques act before their rows, as a share of the interval between rows.
 
-    The share is 0 if the torques are held.
+    The share is 0 if each torque is held constant until the next row.
     """
     if INPUT_DELAY.name not in model.effects or recordings.torques_earlier:
         return 0.0
@@ -119,10 +122,11 @@ def _no_worse(before: Drafted, after: Drafted) -> bool:
 
 
 def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """State without kicks and steps of readings; None if there are none, or if their exclusion explains too little.
+    """Return the state without kicks and steps of readings.
 
-    Missed counts are in the model only if a reading shows them. The held-out runs remain as they were screened with the
-    bare model: a model must not choose the readings that test it.
+    The result is None if there are no kicks or steps, or if their exclusion explains too little. Missed counts are in
+    the model only if a reading shows them. The held-out runs remain as they were screened with the bare model: a model
+    must not choose the readings that test it.
     """
     estimate = model.fit.estimate
     if not any(record.screened.breaks for record in fitted.recordings.records):
@@ -134,7 +138,7 @@ def _jumps(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
 
 
 def _explains_better(before: Problem, model: Fit, recordings: Recordings) -> bool:
-    """Return whether chi2 decreases by more than the smaller number of readings alone would explain."""
+    """Return whether chi2 decreases by more than the removal of readings alone would explain."""
     problem, initial = recordings.cut(recordings.working_length)
     other = fit(problem, model.estimate.changed(initial=initial), (), iterations=20)
     level = max(1.0, model.chi2 / before.evidence)

@@ -1,4 +1,4 @@
-"""Ratios that describe the mounted rods: to b, or to a if only the inner rod is mounted."""
+"""Ratios that describe the mounted rods; they refer to b, or to a if only the inner rod is mounted."""
 
 from dpr_lab.dynamics.base import GAINS, RATIOS
 from dpr_lab.effects.drive_gain import DRIVE_GAIN
@@ -9,7 +9,10 @@ from dpr_lab.rig import Rig
 
 
 def ratio_of(parameter: FreeParameter, estimate: Estimate, rig: Rig, *, alone: bool) -> tuple[str, float, float] | None:
-    """Return a fitted parameter of rods, arm or drive as a ratio to b, or to a if only the inner rod is mounted."""
+    """Return a fitted parameter of rods, arm or drive as a ratio to b.
+
+    If only the inner rod is mounted, the ratio refers to a.
+    """
     unknown, value = estimate.ratios, parameter.read(estimate)
     on_elbow, inertia = (float(unknown[ON_ELBOW]), alone_share(unknown)) if alone else (0.0, 1.0)
     scale, letter = float(unknown[SCALE]) * inertia, "a" if alone else "b"

@@ -41,7 +41,7 @@ ORDINARY = (*COULOMB, AIR_DRAG_BOTH, BASE_TILT)
 def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesis) -> Shutter | None:
     """Return the rolling shutter that explains most of a model's residual.
 
-    The result is None for encoders, or if no shutter explains enough.
+    The result is None if encoders gave the readings, or if no shutter explains enough.
     """
     if not all(record.may_be_film for record in recordings.records):
         return None
@@ -55,7 +55,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
-    """Return whether recordings are explained better with the correction for a rolling shutter than without it."""
+    """Return whether a model fits the recordings better with the correction for a rolling shutter than without it."""
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
     inflation = corrected.residuals.inflation

@@ -132,7 +132,10 @@ class Transferred(Selected):
 
     @property
     def scale(self) -> Scale:
-        """Value of b that absolute sizes assume, fitted or from the rig file; of a if only the inner rod is mounted."""
+        """Value of b that absolute sizes assume; it is fitted or comes from the rig file.
+
+        If only the inner rod is mounted, the value of a is stated instead.
+        """
         alone = only_inner(self.fitted.problem.segments.setups)
         share = alone_share(self.selection.chosen.fit.estimate.ratios)
         return self._scale_b.as_inertia("a", share) if alone else self._scale_b

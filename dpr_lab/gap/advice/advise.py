@@ -49,9 +49,9 @@ def kind_of(check: AdvisedCheck) -> CheckKind:
 
 
 def advise(recordings: Recordings, chosen: Hypothesis, posteriors: Sequence[EffectPosterior]) -> list[NextStep]:
-    """Return the recommend checks that distinguish each named effect from its alternatives.
+    """Return the recommended checks that distinguish each named effect from its alternatives.
 
-    None if no question is open.
+    The list is empty if no question is open.
     """
     open_causes = list(_open_causes(posteriors))
     names = list(dict.fromkeys(name for about, causes, *_ in open_causes for name in (about, *causes)))

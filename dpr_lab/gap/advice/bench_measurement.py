@@ -48,7 +48,7 @@ def _alternatives(texts: Iterable[str]) -> str:
 
 
 def _listed(causes: Sequence[str]) -> str:
-    """List of causes in the form `a from b`, or `a, b and c`."""
+    """Return a list of causes in the form `a from b`, or `a, b and c`."""
     return " from ".join(causes) if len(causes) == 2 else listed(causes)
 
 
@@ -97,7 +97,7 @@ def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
 
 
 def _example(check: AdvisedCheck) -> str:
-    """Return the example of a value with the unit of a check, for messages."""
+    """Return an example of a value with the unit of a check; messages to the operator quote it."""
     unit = check.quantity.unit if check.quantity else ""
     return "0.1 %" if unit == "1" else f"{check.amplitudes[0].typical:g} {unit}"
 
@@ -130,15 +130,13 @@ def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: f
 
 
 def _question(diagnosis: Diagnosis, check: AdvisedCheck, value: float, explained: bool, predicted: Predictions) -> str:
-    """Return a question to the operator about a doubtful value, with the way to confirm it.
+    """Return a question to the operator about a doubtful value; the question states how to confirm the value.
 
-    Empty if it is plausible.
+    The text is empty if the value is plausible.
 
-    A value is doubtful if no candidate predicts it. If the recordings do not determine the measured quantity, a value
-    is
-    also doubtful if it equals the estimate of another quantity, or is much larger than all fitted amplitudes with the
-    same
-    unit.
+    A value is doubtful if no candidate predicts it. If the recordings do not determine the measured quantity, two other
+    values are also doubtful: a value that equals the estimate of another quantity, and a value that is much larger than
+    all fitted amplitudes with the same unit.
     """
     quantity, estimate, fitted = check.measurand, predicted.estimate, _same_unit(diagnosis, check)
     confused = [

@@ -57,9 +57,9 @@ def _of_fit(fitted: Hypothesis, effect: str, names: tuple[str, ...]) -> Interval
 
 
 def _places(parameters: Sequence[FreeParameter], effect: str, names: tuple[str, ...]) -> list[int]:
-    """Return the columns of the named amplitudes of an effect; empty unless all of them are fitted.
+    """Return the columns of the named amplitudes of an effect.
 
-    Absorbed amplitudes are not fitted.
+    The list is empty unless all of these amplitudes are fitted. Amplitudes that base parameters absorb are not fitted.
     """
     places = {parameter.name: place for place, parameter in enumerate(parameters) if parameter.effect == effect}
     return [places[name] for name in names] if places.keys() >= set(names) else []

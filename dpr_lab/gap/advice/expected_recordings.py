@@ -59,7 +59,10 @@ class ExpectedRecording:
     """(p,) values of the parameters, by effect: fitted, or typical if the effect is not in the model."""
 
     def apart(self, name: str, other: str) -> float:
-        """Return how far the change by one effect is from its best approximation by another, in standard deviations."""
+        """Return the distance between the change by effect `name` and its best approximation by effect `other`.
+
+        The distance is in standard deviations of the noise.
+        """
         signal = self.changes[name] @ self.sizes[name]
         explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
         return float(np.sqrt(max(signal @ signal - explained, 0.0)))

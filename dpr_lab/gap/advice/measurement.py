@@ -163,7 +163,10 @@ def predictions(diagnosis: Diagnosis, check: AdvisedCheck, names: Iterable[str])
 
 
 def estimate_of(diagnosis: Diagnosis, check: AdvisedCheck) -> Interval | None:
-    """Return the amplitude that the recordings predict if its effect is the cause; None if no size was fitted."""
+    """Return the amplitude that the recordings predict if the effect of the check is the cause.
+
+    The result is None if no size was fitted.
+    """
     if check.expected:
         return check.expected
     fitted = next((effect.parameters for effect in diagnosis.effects if effect.name == check.measures), {})
@@ -191,7 +194,7 @@ def magnitude(values: Array, covariance: Array) -> Interval | None:
 
 
 def has(name: str, measured: str, amplitude: str) -> bool:
-    """Return whether an effect contains an amplitude of another effect.
+    """Return whether the effect `name` has the amplitude `amplitude` of the effect `measured`.
 
     All forms of one effect have the same amplitudes, except for additional amplitudes of richer forms.
     """

@@ -1,4 +1,4 @@
-"""Checks by a recording: proposal of the release on which two causes differ most, and its evaluation."""
+"""Checks by a recording: selection of the release in which two causes differ most, and evaluation of its recording."""
 
 from collections.abc import Mapping, Sequence
 

@@ -206,16 +206,17 @@ class _Place:
         return self.selection.tests_without[self.name]
 
     def filled(self, other: str) -> Hypothesis | None:
-        """Set in which another effect replaces the effect; None if it was not fitted."""
+        """Return the set in which another effect replaces the effect; None if this set was not fitted."""
         return self.selection.fitted.get(self.without.key | {other})
 
 
 def _class_members(
     place: _Place, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the effects that are indistinguishable from the named one, and richer forms that count as a member.
+    """Return the members of a class, and the richer forms that count as a member.
 
-    The indistinguishable effects have the prior of their sizes as value, the most plausible effect first.
+    The members are the effects that are indistinguishable from the named one. The value of each member is the prior of
+    its size. The most plausible member comes first.
     """
     same = [other for other, score in others.items() if _in_one_class(place, named, score)]
     hidden = [other for other in _hidden(place.selection, named.effect) if other in others and other not in same]
@@ -234,12 +235,11 @@ def _in_one_class(place: _Place, score: Score, other: Score) -> bool:
     """Return whether two effects with the same signature fit equally well, by their fits or by their linear scores.
 
     At the fit without the named effect, the remaining effects may imitate it and hide that both effects are equal. If
-    the
-    named effect absorbs the other one at the selected fit, both therefore have the same signature.
+    the named effect absorbs the other one at the selected fit, both therefore have the same signature.
 
     A richer form has the same signature if the recordings show that its additional amplitude is zero. It is a member of
     the class only if the recordings cannot show this (`_hidden`). A simpler form is a member if the named effect
-    explains beyond this form less than remains unexplained: the cause of the remainder can imitate the difference.
+    improves on it by less than the unexplained remainder. The cause of the remainder can then imitate the difference.
     """
     selection, fitted = place.selection, place.filled(other.effect.name)
     is_form = other.effect.name in score.effect.nested
@@ -349,7 +349,7 @@ def _added_cost(place: _Place, alternative: Alternative) -> float:
 def _prior_odds(place: _Place, other: str) -> float:
     """Return the prior odds of an alternative against the named effect.
 
-    They are below one for a drift that one decay cannot separate.
+    The odds are below one for a drift of friction that only follows the residual of a missing loss along one decay.
     """
     instead = place.filled(other)
     drifts = instead is not None and follows_decay(place.selection.bare, instead, place.selection.chosen)

@@ -71,7 +71,7 @@ def _size(scale: Scale, effect: str, name: str, value: float, reach: float) -> E
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
     """Return the alternatives to the named effects, most probable first.
 
-    If no effect is named, the closest effects.
+    If no effect is named, return the effects that are closest to an explanation.
     """
     others = [
         _rival(other.name, (other.name,), other.probability, other.cosine, posterior.name)
@@ -112,7 +112,7 @@ def families(problem: Problem, selection: Selection, named: list[NamedEffect]) -
 
 
 def _share(problem: Problem, selection: Selection, parts: tuple[str, ...]) -> float:
-    """Share of the excess chi2 that returns if all effects of a family are removed, 0 to 1."""
+    """Return the share of the excess chi2 that returns if all effects of a family are removed, 0 to 1."""
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
         return refit_without(problem, model, name, selection.bare)

@@ -91,8 +91,8 @@ def _worse(model: Hypothesis, chosen: Hypothesis) -> float:
     The remainder of the selected set counts as noise.
 
     The remainder of a set that fits worse is its gap, not noise. A set that fits better was rejected by the search, so
-    it is at most as probable as the selected set. Each effect in excess of the number of the selected set was the best
-    of hundreds, so it must explain more than would be expected by chance.
+    it is at most as probable as the selected set. If a set has more effects than the selected set, each further effect
+    was the best of hundreds. It must therefore explain more than would be expected by chance.
     """
     inflation = chosen.residuals.inflation
     further = max(len(model.effects) - len(chosen.effects), 0)
@@ -120,7 +120,10 @@ def _component(
 
 
 def _name(parameter: FreeParameter) -> str:
-    """Name of a parameter, as `a/b` or `coulomb_joint2.torque_Nm`; empty for one that a simulation does not need."""
+    """Return the name of a parameter, such as `a/b` or `coulomb_joint2.torque_Nm`.
+
+    The name is empty if a simulation does not need the parameter.
+    """
     if parameter.block == "effects":
         return f"{parameter.effect}.{parameter.name}"
     return parameter.name if parameter.name in SCALED else ""

@@ -99,7 +99,10 @@ def _shutter(state: Transferred) -> RollingShutter | None:
 
 
 def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]) -> list[AdvisedCheck]:
-    """Return all checks of the advice in their order, without repetitions; their ids are unique among diagnoses."""
+    """Return all checks of the advice in their order, without repetitions.
+
+    The identifier of a check is unique among diagnoses.
+    """
     estimate = state.selection.chosen.fit.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
     checks = {(check.kind, check.text, check.about): check for step in advice for check in step.checks}

@@ -23,7 +23,7 @@ from dpr_lab.run import Run, moves
 
 @dataclass(frozen=True, slots=True)
 class DescriptionRules:
-    """Limits beyond which a wrong description of the recordings replaces the causes."""
+    """Limits beyond which the diagnosis reports a wrong description of the recordings instead of causes."""
 
     gap: float = 3.0
     """chi2 per degree of freedom of the bare model above which other descriptions are tested.
@@ -78,9 +78,9 @@ def description(
 
 
 def _stopped(records: Sequence[Record], rig: Rig, selection: Selection) -> Description:
-    """Return the description of an arm that hits a stop, or of an undescribed drive.
+    """Return a description of an arm that hits a stop, or of a drive that the rig file does not state.
 
-    Empty if an effect explains the motion.
+    The description is empty if an effect explains the motion.
     """
     if at_noise_floor(selection.chosen) or selection.share_explained >= THRESHOLDS.explained:
         return Description()
@@ -100,9 +100,7 @@ def _trusted(record: Record) -> Run:
 def _wrong_gravity(rig: Rig, selection: Selection) -> str:
     """Return a sentence if g in the rig file does not occur on earth and appears as an error of L1.
 
-    Else an empty text.
-
-    Only g / L1 is identifiable.
+    Otherwise the text is empty. Only g / L1 is identifiable.
     """
     chosen = [EFFECTS[name] for name in selection.chosen.effects if EFFECTS[name].corrects == "L1"]
     if rig.rig.on_earth(rig.g) or not chosen:
@@ -121,9 +119,9 @@ def _wrong_gravity(rig: Rig, selection: Selection) -> str:
 
 
 def _delay_within_row(problem: Problem, selection: Selection) -> str:
-    """Return a sentence if known torques change too much between rows to determine a delay; else an empty text.
+    """Return a sentence if known torques change too much between rows to determine a delay.
 
-    The delay is shorter than the interval between rows.
+    The delay is then shorter than the interval between rows. Otherwise the text is empty.
     """
     if INPUT_DELAY.name not in selection.chosen.effects:
         return ""

@@ -79,7 +79,7 @@ def _varying_sizes(state: Transferred) -> Iterator[str]:
 
 
 def _lone_recording(state: Transferred) -> Iterator[str]:
-    """Yield a sentence about the only recording that the model leaves unexplained, with the next step."""
+    """Yield a sentence about the only recording that the model does not explain; it states the next step."""
     if (lone := state.transfer.lone) is None:
         return
     piece = are_pieces([lone.name])
@@ -93,7 +93,10 @@ def _lone_recording(state: Transferred) -> Iterator[str]:
 
 
 def _remainder(state: Transferred, kind: Verdict) -> Iterator[str]:
-    """Yield a sentence on the size and place of the unmodelled remainder, or on a rig that was probably changed."""
+    """Yield a sentence on the unmodelled remainder.
+
+    It states the size and location of the remainder, or that the rig was probably changed between the recordings.
+    """
     if kind not in ("partly_explained", "unexplained"):
         return
     if changed := state.gap.budget and state.gap.budget.changed_ratio:

@@ -1,9 +1,9 @@
-"""Test whether the readings of a single rod, or of rods with a clamped elbow, need fewer effects at another scale.
+"""Test whether readings need fewer effects if they are multiplied by a factor.
 
-If a rod turns by theta = f phi for readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi)
-plus a torque that depends on the angle, such as the torque of a cable or of cogging. The accelerations of two coupled
-rods determine their scale, and so do the accelerations of a rod on a moving arm. The accelerations of one degree of
-freedom do not determine it.
+The test applies to the readings of a single rod, or of rods with a clamped elbow. If a rod turns by theta = f phi for
+readings phi, gravity acts on phi like e1 sin(f phi) / f. This equals e1 sin(phi) plus a torque that depends on the
+angle, such as the torque of a cable or of cogging. The accelerations of two coupled rods determine their scale, and so
+do the accelerations of a rod on a moving arm. The accelerations of one degree of freedom do not determine it.
 """
 
 from dataclasses import replace
@@ -67,7 +67,7 @@ def _closes(scaled: Hypothesis, selection: Selection) -> bool:
 def _scaled_fit(
     problem: Problem, chosen: Hypothesis, ratios: Array, factor: float, effects: frozenset[str]
 ) -> Hypothesis:
-    """Fit some effects to the readings of joint 1 multiplied by a factor, measured from hanging.
+    """Fit `effects` to the readings of joint 1, which are measured from hanging and multiplied by `factor`.
 
     The fit starts from (7,) ratios.
     """

@@ -16,8 +16,8 @@ from dpr_lab.setup import only_inner
 def ratios(state: Transferred) -> dict[str, Interval]:
     """Return the ratios to b with 90 % intervals.
 
-    The interval of a friction ratio contains no negative values. An interval that the bounds of the rig file widen
-    contains none either.
+    The interval of a friction ratio contains no negative values. The same applies to an interval that the bounds of the
+    rig file widen.
     """
     values = state.selection.chosen.fit.estimate.ratios[: len(RATIOS)].tolist()
     reaches = np.array([state.intervals.get(("", name), 0.0) for name in RATIOS])

@@ -45,7 +45,7 @@ SCATTER = ScatterSettings()
 def between_recordings(problem: Problem, fit: Fit) -> Array:
     """Return the (free, free) covariance of the values of another recording about the common values.
 
-    It is zero for values at a bound.
+    The covariance is zero for values at a bound.
 
     Args:
         problem: segments and noise
@@ -79,10 +79,13 @@ def between_recordings(problem: Problem, fit: Fit) -> Array:
 def left_out_values(problem: Problem, fit: Fit) -> Array:
     """Return (recordings, free) values fitted without each recording, by one Gauss-Newton step from the common fit.
 
+    The values without recording r are
+
         p - (H - H_r + P)^+ g_r
 
-    A value that only the omitted recording determines keeps its common value. If the new values are not finite, all
-    values keep their common values.
+    with the common values p; the module defines H_r, g_r and P, and H is the sum of all H_r. A value that only the
+    omitted recording determines keeps its common value. If the new values are not finite, all values keep their common
+    values.
 
     Args:
         problem: segments and noise

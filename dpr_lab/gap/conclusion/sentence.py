@@ -50,9 +50,9 @@ def _sentence(kind: Verdict, state: Transferred) -> str:
 
 
 def _unexplained(state: Transferred) -> str:
-    """Return sentences with the reason why no effect is the cause.
+    """Return sentences that state why no effect is the cause.
 
-    Either no effect fits, or the closest ones explain too little or only the fitted runs.
+    Either no effect fits, or the closest effects explain too little, or they explain only the fitted runs.
     """
     selection, posteriors, transferred = state.selection, state.posteriors, state.transfer
     share, remainder = selection.share_explained, _in_noise(selection.chosen.residuals.noise_ratio)
@@ -80,7 +80,10 @@ def _unexplained(state: Transferred) -> str:
 
 
 def _in_noise(ratio: float) -> str:
-    """Return a ratio to the noise in words, with two significant digits and no exponent, as `110 times the noise`."""
+    """Return a ratio to the noise as text, for example `110 times the noise`.
+
+    The number has two significant digits and no exponent.
+    """
     rounded = float(f"{ratio:.2g}")
     return "the size of the noise" if rounded == 1.0 else f"{rounded:g} times the noise"
 
@@ -104,11 +107,10 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
 
 
 def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """Return the causes that the sentence names: effects that carry over to held-out data and are not merely expected.
+    """Return the causes that the sentence names.
 
-    Less probable effects are named only if no other effect is named. The table of the causes also lists these effects
-    and
-    the small effects.
+    These effects carry over to held-out data and are not merely expected. Less probable effects are named only if no
+    other effect is named. The table of the causes also lists these effects and the small effects.
     """
     carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
     unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
@@ -159,7 +161,10 @@ _BASIS = {
 
 
 def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
-    """Return the list of the classes in words; among several classes, one with two members is in parentheses."""
+    """Return the list of the classes in words.
+
+    If there are several classes, one with two members is in parentheses.
+    """
     words = [_class(cause) for cause in causes]
     if len(words) > 1:
         words = [f"({text})" if " or " in text else text for text in words]
@@ -169,7 +174,7 @@ def _classes(causes: Sequence[EffectPosterior], *, doubts: bool = False) -> str:
 def _class(posterior: EffectPosterior) -> str:
     """Return the members of a class in words.
 
-    A class of three or more is stated by its first member and the number of others.
+    A class of three or more members is stated by its first member and the number of other members.
     """
     if len(posterior.members) > 2:
         return f"{posterior.name} or one of {len(posterior.members) - 1} effects indistinguishable from it"

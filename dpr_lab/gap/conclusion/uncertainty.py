@@ -1,12 +1,12 @@
 """Uncertainty of the fitted values due to noise, integrator, measured constants, and discrepancy term.
 
-With A the Jacobian of a fit, initial states projected out, the noise causes the covariance f (A^T A)^-1, where f is the
-variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings that the fit does
-not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations:
+Let A be the Jacobian of a fit after the initial states are projected out. The noise causes the covariance f (A^T A)^-1,
+where f is the variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings
+that the fit does not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations:
 
-- the shift by half the step of the integrator
-- the shift by each weighed mass, changed by its standard uncertainty
-- the shift by each free torque or reading error of the discrepancy term, of the size of its prior
+- the shift caused by half the step of the integrator
+- the shift caused by each weighed mass if it changes by its standard uncertainty
+- the shift caused by each free torque or reading error of the discrepancy term if it has the size of its prior
 
 Undetermined ratios shift the other ratios in the same way, within the bounds of the rig file. Sizes of effects assume
 these ratios, as they assume b.
@@ -31,7 +31,9 @@ from dpr_lab.rig import MASSES, Rig
 
 
 def covariance(problem: Problem, model: Hypothesis, rig: Rig, remainder: Discrepancy | None = None) -> Array:
-    """Return the (free, free) covariance of the fitted values; it is zero for values at a bound, see `at_bounds`.
+    """Return the (free, free) covariance of the fitted values.
+
+    The covariance is zero for values at a bound (`at_bounds`).
 
     Args:
         problem: segments and noise

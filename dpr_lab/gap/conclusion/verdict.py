@@ -14,7 +14,7 @@ from dpr_lab.gap.transfer.outcome import Transfer
 
 @dataclass(frozen=True, slots=True)
 class VerdictRules:
-    """Limits of the verdicts, set on blind trials whose library lacks the cause."""
+    """Limits of the verdicts; they were set on blind trials whose library lacks the cause."""
 
     partly_share: float = 0.5
     """Minimum share of the excess chi-square that effects must explain; below it the verdict is "unexplained"."""
@@ -52,12 +52,12 @@ VERDICT = VerdictRules()
 
 
 def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
-    """Choose the verdict; with more than one release, by the reduction on held-out recordings.
+    """Choose the verdict; if there is more than one release, the reduction on held-out recordings determines it.
 
     Args:
         state: the selected set, its probabilities and its performance on held-out recordings
         visible_counts: number of effects that are detectable at their typical size, and number of those detectable at
-        any size
+            any size
     """
     kind = "unexplained" if state.description.withholds else _verdict(state)
     detectable, effects = visible_counts
@@ -117,10 +117,7 @@ def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) ->
 
 
 def undecided(transferred: Transfer) -> bool:
-    """Return whether the held-out data show no gap that could close.
-
-    They then neither confirm nor refute the effects.
-    """
+    """Return whether the held-out data show no gap, so that they neither confirm nor refute the effects."""
     return transferred.closed.value <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 

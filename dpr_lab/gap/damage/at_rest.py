@@ -19,7 +19,7 @@ from dpr_lab.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class RestRules:
-    """Thresholds for the detection of touched rods."""
+    """Thresholds for the detection of rods that move again after rest."""
 
     block_s: float = 0.05
     """Length of the blocks whose medians are compared, s."""
@@ -88,7 +88,7 @@ def touch(record: Record, slow_period_s: float) -> Touch | None:
 def without_touch(record: Record, rig: Rig) -> Record:
     """Return the part of a record before the first motion after rest.
 
-    Return the record itself without such a motion.
+    If there is no such motion, the record itself is returned.
     """
     driven = not record.run.setup.free or record.encoder0_moves
     touched = None if driven else touch(record, periods(rig)[0])

@@ -159,7 +159,7 @@ def _with_pushes(
 
 
 def _of_kick(jump: Jump, parts: Iterable[LeftOut]) -> Jump:
-    """Convert a jump to a kick if it lies near a known kick, even if it looks like a step of a reading."""
+    """Convert a jump that lies near a known kick to a kick, even if the jump looks like a step of a reading."""
     kicks = (part for part in parts if not part.of_reading)
     near = any(part.since - DISTURBANCE.joins_s < jump.at < part.until + DISTURBANCE.joins_s for part in kicks)
     return replace(jump, joint=None) if near else jump
@@ -176,7 +176,7 @@ def _undriven(record: Record) -> bool:
 def _shifted(record: Record, estimate: Estimate) -> bool:
     """Return whether missed counts shift the readings although the model contains no missed counts.
 
-    No jump is then conspicuous.
+    A jump is then not conspicuous.
     """
     return bool(record.screened.breaks) and not estimate.params[param_index(MISSED_COUNTS.name, "counts")]
 
@@ -201,7 +201,10 @@ def _jumps(recordings: Recordings, estimate: Estimate, ratio: float) -> list[Jum
 
 
 def _later(record: Record, begin: float) -> Record:
-    """Record from `begin`, s after its first reading, on; unchanged if too few readings would remain."""
+    """Return the record from the time `begin` on, in s after its first reading.
+
+    The record is unchanged if too few readings would remain.
+    """
     later = record.t >= record.t[0] + begin
     return record.only(later) if later.sum() >= 2 * MIN_SAMPLES else record
 
@@ -238,7 +241,10 @@ def _intervals(record: Record, jumps: Sequence[Jump]) -> list[LeftOut]:
 
 
 def _without_slips(record: Record) -> Record:
-    """Record without the readings between two opposite steps that the screening found without a model."""
+    """Return the record without the readings between two opposite steps.
+
+    The screening has detected these steps without a model.
+    """
     steps = [finding for finding in record.screened.findings if finding.name == MISSED_COUNTS.name]
     jumps = [
         Jump(np.inf, 0, finding.at_s, AXES.index(finding.axis), (finding.step,), (-np.inf, np.inf))
@@ -277,7 +283,7 @@ def _merged(parts: Iterable[LeftOut]) -> list[LeftOut]:
 
 
 def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
-    """Record without the given intervals, with a finding for each interval."""
+    """Return the record without the given intervals; a finding is added for each interval."""
     findings = [_finding(record, part) for part in parts]
     for part in parts:
         record = _with_missed_counts(record, part) if part.of_counts else record.left_out(part.since, part.until)
@@ -285,7 +291,7 @@ def _without(record: Record, parts: Sequence[LeftOut]) -> Record:
 
 
 def _with_missed_counts(record: Record, part: LeftOut) -> Record:
-    """Record with a step at which its encoder missed counts; an effect estimates the number of counts."""
+    """Return the record with a step at which its encoder missed counts; an effect estimates the number of counts."""
     (step,) = part.jumps
     steps = sorted([*record.screened.breaks, (step.at, int(step.joint or 0))])
     breaks = np.sort(np.append(record.breaks, step.at))

@@ -59,7 +59,7 @@ HAND = HandRules()
 
 
 def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
-    """Exclude the readings at the beginning during which a hand acts; the same object if no hand acts.
+    """Exclude the readings at the beginning during which a hand acts; return the same object if no hand acts.
 
     Args:
         recordings: the runs
@@ -105,7 +105,7 @@ def energies(problem: Problem, estimate: Estimate) -> Array:
 def _pushed_until(recordings: Recordings, problem: Problem, fit: Fit) -> float | None:
     """Return the start, s, of the first segment that the model fits after a rise of the energy.
 
-    None without a rise.
+    The result is None if the energy does not rise.
     """
     energy = energies(problem, fit.estimate)
     begins = problem.t[problem.segments.offsets[:-1]]

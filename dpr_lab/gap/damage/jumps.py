@@ -1,13 +1,16 @@
-"""Detection of jumps of the rods' speeds or of a reading: generalised likelihood ratio of a change within one segment.
+"""Detection of jumps of the rods' speeds or of a reading.
 
-In a linearised segment, a change at an instant t_k adds h to the later readings,
+The generalised likelihood ratio of a change within one segment is computed. In a linearised segment, a change at an
+instant t_k adds h to the later readings,
 
     kick        h = C(t) Phi(t_k)^-1 [0; M^-1] p     with the impulses p of joints 1 and 2
     step        h = 1 in one joint                   of a reading
 
-The initial state of the segment and torques that are polynomials in time are projected out. An error of the model acts
-along the whole segment and therefore does not count. With e and h whitened and projected, the change reduces chi2 by
-its gain (h e)^2 / h^2. The gains at all instants follow from sums over the later readings.
+Here M is the inertia matrix. Phi is the derivative of the state with respect to the initial state of the segment, and C
+is the derivative of the readings with respect to this initial state. The initial state of the segment and torques that
+are polynomials in time are projected out. An error of the model acts along the whole segment and therefore does not
+count. With e the residual, and with e and h whitened and projected, the change reduces chi2 by its gain (h e)^2 / h^2.
+The gains at all instants follow from sums over the later readings.
 
 Source: Willsky & Jones (1976), A generalized likelihood ratio approach to the detection and estimation of jumps in
 linear systems, IEEE Trans. Autom. Control 21, 108-112.
@@ -101,7 +104,7 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 
 
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
-    """Return the kick of largest gain, and step of a reading of largest gain, in each segment.
+    """Return, for each segment, the kick and the step of a reading that have the largest gains.
 
     The joint of a step is given only if neither a kick of finite duration nor a single wrong reading explains as much.
     """
@@ -218,7 +221,7 @@ class _Changes:
         return self._inside(gain), size
 
     def lone(self) -> Array:
-        """Return the (samples,) gain by the exclusion of a single wrong reading at the sample or next to it."""
+        """Return the (samples,) gain if a single wrong reading is excluded, at the sample or next to it."""
         remaining = 1.0 - np.sum(self.Q**2, axis=2)
         gain = np.max(self.e**2 / np.maximum(remaining, STEPS.seen), axis=1)
         return np.maximum(gain, np.maximum(np.roll(gain, 1), np.roll(gain, -1)))

@@ -88,7 +88,7 @@ class _Refit:
 
     @classmethod
     def of(cls, problem: Problem, model: Hypothesis, other: Problem) -> Self:
-        """Refit the model after another problem with the same readings replaces its problem."""
+        """Return the refit of the model to the same readings after `other` replaces the problem."""
         fit = model.fit
         change = problem.whitened(np.nan_to_num(other.predict(fit.estimate) - problem.predict(fit.estimate)))
         step = shifted(fit, change)
@@ -160,9 +160,9 @@ def _noise(model: Hypothesis) -> Iterator[_Source]:
 
 
 def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tuple[str, str, RigConstants]]:
-    """Yield the measured constants of the rig: name, source, and changed constants.
+    """Yield name, source and changed constants for each measured constant of the rig.
 
-    In the changed constants, this one is increased by its standard uncertainty.
+    In the changed constants, the measured constant is increased by its standard uncertainty.
     """
     if not any(EFFECTS[name].corrects == "L1" for name in fitted):
         std = ASSUMED.rule_m * ASSUMED.rectangular
@@ -180,7 +180,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
 
 
 def mean_squares(parts: Sequence[_Source], swings: FreeSwings, compared: Sequence[Flags]) -> Array:
-    """Return the (sources, swings) mean variance by each source over the compared readings of each swing, rad^2."""
+    """Return the (sources, swings) mean variance of the compared readings of each swing due to each source, rad^2."""
     by_source = [
         [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts
     ]

@@ -63,9 +63,9 @@ def _spent(record: Record, to_rods: Callable[[Array], Array]) -> Spent:
 
 
 def _of(rod: str, spent: Sequence[Spent]) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield the angles, speeds and durations of a rod for each recording in which it swung.
+    """Yield the angles, speeds and durations of a rod for each recording in which the rod swung.
 
-    A single rod is in the first column.
+    If only one rod is mounted, its values are in the first column.
     """
     for mounting, theta, speed, step in spent:
         if mounting in (rod, "both", "clamped"):

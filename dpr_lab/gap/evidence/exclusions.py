@@ -46,9 +46,10 @@ def exclusions(
 
 
 def _intervals(all_shapes: AllShapes, score: Score, given: ColumnSpace) -> dict[str, tuple[float, float]]:
-    """Return the 90 % interval of each amplitude; empty if the recordings do not separate the amplitudes.
+    """Return the 90 % interval of each amplitude.
 
-    If the shapes of an effect come from the recordings, such as an instant, the interval applies to its best shape.
+    The result is empty if the recordings do not separate the amplitudes. If the shapes of an effect come from the
+    recordings, such as an instant, the interval applies to its best shape.
     """
     names = [p.name for p in score.effect.amplitudes if p.name not in score.absorbed]
     every = all_shapes.intervals(score.effect) if score.effect.shapes else None

@@ -75,7 +75,7 @@ def laws_of(joint: int) -> tuple[str, ...]:
 def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) -> dict[str, JointFriction]:
     """Return the friction torque of `joint1`, `joint2` and, for a moving arm, `joint0`.
 
-    The curve of a joint ends at the speed that the joint reaches in both directions.
+    The curve of a joint ends at the largest speed that the joint reaches in both directions.
     """
     fit = model.fit
     reached = _reached(trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))
@@ -100,9 +100,9 @@ def joint_friction(problem: Problem, model: Hypothesis, back_emf: bool = False) 
 
 
 def _reached(swings: Trajectory) -> dict[int, float]:
-    """Return the speed that a joint reaches in both directions, rad/s, by joint.
+    """Return, for each joint, the largest speed that it reaches in both directions, rad/s.
 
-    Joint 0 only for an arm that moves.
+    Joint 0 is included only if the arm moves.
     """
     speeds = swings.joint_speed.copy()
     alone = np.array([setup.alone for setup in swings.setups])[swings.motion.run]

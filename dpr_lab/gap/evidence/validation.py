@@ -96,7 +96,7 @@ def validation(
 def _compared(pair: Pairs, until: float) -> Flags:
     """Return the (n, 2) mask of the compared readings.
 
-    They lie after the initial state and before the horizon, and both models simulate them.
+    The compared readings lie after the initial state and before the horizon, and both models simulate them.
     """
     after = pair["after"]
     followed = np.all([np.isfinite(swing.predicted) for swing in pair.values()], axis=0)
@@ -114,7 +114,10 @@ def _by_model(what: str, squares: Mapping[str, float]) -> dict[str, float]:
 
 
 def _areas(pair: Pairs, compared: Flags) -> dict[str, float]:
-    """Return the areas between the distributions for both models, and for noise alone, rad; means over the joints."""
+    """Return the areas between the distributions, rad, for both models and for noise alone.
+
+    Each area is a mean over the joints.
+    """
     after = pair["after"]
     noise = np.random.default_rng(0).standard_normal(after.measured.shape) / np.where(compared, after.weight, 1.0)
     areas: dict[str, list[float]] = {"before": [], "after": [], "noise": []}
@@ -159,7 +162,7 @@ def _curves(recordings: Recordings, pair: Pairs, run: RunBudget) -> Curves:
 def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]:
     """Return the input of the arm's drive at (n,) times since the first reading, and its name with the unit.
 
-    Empty without an input.
+    The result is empty if the run has no input.
     """
     run, motor = swing.record.run, recordings.rig.motor
     if run.arm_input is None or motor is None:
@@ -170,5 +173,5 @@ def _input(recordings: Recordings, swing: FreeSwing, t: Array) -> dict[str, Any]
 
 
 def _rounded(values: Array) -> Any:
-    """Return the rounded numbers as nested lists; zero where a model could not be simulated."""
+    """Return the rounded numbers as nested lists; a value is zero where a model could not be simulated."""
     return np.round(np.nan_to_num(values), CURVE.digits).tolist()

@@ -90,8 +90,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
     """Test for each detectable amplitude of an effect whether its minimum detectable size is excluded.
 
     The other amplitudes are zero, and no intervals are computed. A linear estimate a of standard deviation s excludes
-    the
-    minimum detectable size 5 s with the confidence P(|x| < 5 s) = Phi(5 - |a| / s).
+    the minimum detectable size 5 s with the confidence P(|x| < 5 s) = Phi(5 - |a| / s).
 
     Args:
         test: score test with the named effects in the model

@@ -105,7 +105,8 @@ def hypothesis(problem: Problem, effects: Iterable[str], fitted: Fit) -> Hypothe
 def _one_decay(problem: Problem) -> bool:
     """Return whether the amplitude is a single function of time, so that amplitude and time are inseparable.
 
-    This is the case for a single undriven swing (one release or its pieces) and for equal releases of one rod.
+    The amplitude is such a function for a single undriven swing (one release or its pieces) and for equal releases of
+    one rod.
     """
     segments = problem.segments
     if not all(setup.free for setup in segments.setups):
@@ -127,10 +128,7 @@ def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Return whether b is identifiable.
-
-    It is identifiable if a mass or a torque is known, or if friction depends on the force on a joint.
-    """
+    """Return whether b is identifiable: a mass or a torque is known, or friction depends on the force on a joint."""
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 
@@ -138,7 +136,8 @@ def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
 def free_parameters(estimate: Estimate, effects: Sequence[str], problem: Problem) -> tuple[FreeParameter, ...]:
     """Return the free parameters of a set of effects.
 
-    They are the ratios, b if it is identifiable, uncertain constants of the rig, and the parameters of the effects.
+    The free parameters are the ratios, b if it is identifiable, uncertain constants of the rig, and the parameters of
+    the effects.
     """
     names = dict.fromkeys((*problem.always, *effects))
     visible = visible_ratios(problem.segments.setups, scale_visible(effects, problem))

@@ -1,4 +1,7 @@
-"""Fits of a set with one effect more or one fewer, started from a fitted set or from the solution of a score test."""
+"""Fits of a set with one effect more or one fewer.
+
+A fit starts from a fitted set or from the solution of a score test.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -134,7 +137,7 @@ def refit_with_from_short(
 
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:
-    """Return the estimate of a fit in which the shape parameters of an effect have the values of its score."""
+    """Return the estimate of a fit; the shape parameters of an effect have the values of its score."""
     params = before.fit.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value

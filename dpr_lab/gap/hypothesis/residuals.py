@@ -68,7 +68,7 @@ class ResidualStatistics:
     def independent_noise(self) -> float:
         """Variance of white noise that would cause the same errors of fitted values, in units of the assumed noise.
 
-        It is level (1 + rho) / (1 - rho), with rho the correlation of the errors of neighbouring readings.
+        The value is level (1 + rho) / (1 - rho), where rho is the correlation of the errors of neighbouring readings.
         """
         return self.level * (1 + self.noise_correlation) / (1 - self.noise_correlation)
 
@@ -97,22 +97,20 @@ def degrees_of_freedom(problem: Problem) -> Integers:
 def bounded_residual(problem: Problem, fit: Fit) -> Array:
     """Return the (samples, 2) whitened residual, limited to `wildest`.
 
-    A segment that cannot be simulated has this value.
+    In a segment that cannot be simulated, the residual is `wildest`.
     """
     wildest = ASSUMPTIONS.wildest
     return np.clip(np.nan_to_num(problem.by_sample(fit.linear.residual), nan=wildest), -wildest, wildest)
 
 
 def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
-    """Compare the smooth and the rough part of a residual: equal for white noise, unequal for a missing effect.
+    """Compute the statistics of a residual from its smooth and its rough part.
 
-    Noise with the correlation rho between neighbouring readings is as rough as white noise of 1 - rho times its
-    variance. The noise level is estimated from differences of neighbouring residuals (von Neumann). Therefore an error
-    of
-    the noise floor by a few per cent does not count as a gap. A residual that is rougher than the floor allows also
-    counts
-    as excess. The difference between chi2 and its rough part is the sum of products of neighbours. For white noise
-    this sum has the variance dof.
+    Both parts are equal for white noise, and unequal if an effect is missing. Noise with the correlation rho between
+    neighbouring readings is as rough as white noise of 1 - rho times its variance. The noise level is estimated from
+    differences of neighbouring residuals (von Neumann). Therefore an error of the noise floor by a few per cent does
+    not count as a gap. A residual that is rougher than the floor allows also counts as excess. The difference between
+    chi2 and its rough part is the sum of products of neighbours. For white noise this sum has the variance dof.
 
     Source: J. von Neumann (1941), Distribution of the ratio of the mean square successive difference to the variance,
     Annals of Mathematical Statistics 12(4), 367-395.

@@ -197,9 +197,8 @@ class ShapeScan:
 def arc(angle: Array) -> float:
     """Return the arc that angles (n,) cover, rad.
 
-    It is the circle without the largest interval between two neighbouring angles. For a joint that revolves, it is the
-    whole
-    range of the angles, because a periodic pattern repeats in each turn.
+    The arc is the circle without the largest interval between two neighbouring angles. For a joint that revolves, the
+    arc is the whole range of the angles, because a periodic pattern repeats in each turn.
     """
     around = np.sort(np.mod(angle, 2 * np.pi))
     gap = float(np.diff(around, append=around[0] + 2 * np.pi).max())
@@ -221,7 +220,7 @@ def _apart(candidates: list[Shape], gains: Array) -> list[Shape]:
 def _within(columns: Array, others: Array, count: int) -> Array:
     """Return the (sets, n, n) inner products between the columns of each set.
 
-    Columns are (segments, rows, sets * n).
+    `columns` and `others` have the shape (segments, rows, sets * n).
     """
     diagonals = [np.einsum("smk,smk->k", columns[:, :, : columns.shape[2] - i], others[:, :, i:]) for i in range(count)]
     blocks = np.empty((columns.shape[2] // count, count, count))

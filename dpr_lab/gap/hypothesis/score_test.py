@@ -43,7 +43,7 @@ class Score:
 
     @property
     def named_amplitudes(self) -> dict[str, float]:
-        """Amplitudes by the linear solution, by their names."""
+        """Amplitudes of the linear solution, by name."""
         columns = self.free[len(self.free) - len(self.columns) :]
         return {p.name: float(value) for p, value in zip(columns, self.amplitudes, strict=True)}
 
@@ -76,7 +76,7 @@ class ScoreTest:
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def absorbs(self, effect: Effect, by: Effect) -> bool:
-        """Return whether an effect is indistinguishable from a fitted effect.
+        """Return whether the effect `effect` is indistinguishable from the fitted effect `by`.
 
         Both effects have a single amplitude.
         """
@@ -155,7 +155,7 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
 
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
-    """Name of the parameter whose signature is nearest to the signature of a candidate's amplitude."""
+    """Return the name of the parameter whose signature is nearest to the signature of a candidate's amplitude."""
     before = [*test.fitted_columns, *columns[:index]]
     nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
     visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
@@ -165,7 +165,10 @@ def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
 def _bounded_step(
     test: ScoreTest, free: Sequence[FreeParameter], chosen: ColumnSpace, prior: Array, mean: Array
 ) -> Array:
-    """Solve for the (columns,) step within the bounds, including the prior; absorbed columns have the step zero."""
+    """Solve for the (columns,) step within the bounds; the prior is included.
+
+    Absorbed columns have the step zero.
+    """
     room = bounds(test.fit.estimate, free)
     room[:, list(test.fit.absorbed)] = 0.0
     return chosen.with_prior(prior, mean).solution(room)

@@ -60,7 +60,10 @@ def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
 
 
 def _line(problem: Problem, run: int) -> tuple[float, float, float] | None:
-    """Return the range of the frequency of one run about hanging, Hz, and the duration of the run, s."""
+    """Return the range of the swing frequency of one run, Hz, and the duration of the run, s.
+
+    The rod swings about its hanging position.
+    """
     offsets = problem.segments.offsets
     segments = [
         slice(a, b) for (a, b), r in zip(pairwise(offsets.tolist()), problem.segments.run, strict=True) if r == run

@@ -139,11 +139,10 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
-    """Return the curve of a smaller set that imitates the removed effect, or None.
+    """Return the curve of a smaller set that imitates the removed effect; None if there is no such curve.
 
     The amplitudes of such a curve cancel each other, and grow when the effect is removed. On a small arc, for example,
-    an
-    eccentricity with large harmonics imitates a zero offset. This does not make the offset superfluous.
+    an eccentricity with large harmonics imitates a zero offset. This imitation does not make the offset superfluous.
     """
     if smaller.cost <= model.cost:
         return None
@@ -182,8 +181,7 @@ def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) ->
     """Return whether a vibration at a multiple of the swing's frequency only follows the residual of a missing law.
 
     In this case another set explains most of this residual. Any missing law of angle or speed leaves a residual at
-    these
-    frequencies.
+    these frequencies.
     """
     if not vibrating.on_line - other.key or not other.effects:
         return False
@@ -195,8 +193,7 @@ def follows_decay(bare: Hypothesis, drifting: Hypothesis, other: Hypothesis) -> 
     """Return whether a friction drift along one decay only follows the residual of a missing loss.
 
     In this case another set of the same size explains nearly all of this residual. Along a decay the amplitude
-    decreases
-    with time. A loss that depends on speed, which every rod has, therefore looks like a drift.
+    decreases with time. A loss that depends on speed, which every rod has, therefore looks like a drift.
     """
     if not drifting.of_decay - other.key or not other.effects or len(other.fit.free) > len(drifting.fit.free):
         return False
@@ -237,7 +234,7 @@ def adds_less_than_remains(richer: Hypothesis, simpler: Hypothesis | None) -> bo
 def small_effects(bare: Hypothesis, path: Sequence[tuple[str, Hypothesis]]) -> frozenset[str]:
     """Return the small effects of a set.
 
-    In addition to the larger effects, they explain together less than `THRESHOLDS.small` of the gap.
+    The small effects together explain less than `THRESHOLDS.small` of the gap in addition to the larger effects.
 
     Args:
         bare: the bare model
@@ -257,9 +254,8 @@ def significance(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> flo
     """Return the minimum significant reduction of cost from one set to a larger one.
 
     An effect that follows the noise of a tracker leaves residuals that are less correlated. The penalty of all
-    parameters
-    then decreases with the inflation of these residuals. If only noise remains without the effect, this decrease is not
-    evidence. Both sets are then compared at the inflation of the larger one.
+    parameters then decreases with the inflation of these residuals. If only noise remains without the effect, this
+    decrease is not evidence. Both sets are then compared at the inflation of the larger one.
     """
     limit = _significance(bare, before, after)
     if at_noise_floor(before):
@@ -280,10 +276,8 @@ def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.co
     """Return the reduction of chi2 that can occur by chance, from its scatter between segments.
 
     The result is inf if the segments are too few. The residual due to small unknown effects is smooth along a segment.
-    If
-    this residual counted as noise of every reading, a cause that improves every segment would not be significant.
-    Segments
-    are therefore the independent units.
+    If this residual counted as noise of every reading, a cause that improves every segment would not be significant.
+    Segments are therefore the independent units.
 
     Args:
         before: set of larger chi2
@@ -302,8 +296,7 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
     The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
     the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
     scatter between segments. Neither set is then the exact model, so the noise of a reading is not the relevant scale
-    of
-    the difference.
+    of the difference.
 
     Source: Vuong (1989), Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57,
     307-333.

@@ -42,10 +42,11 @@ class VaryingParameter(Saved):
 
 
 class GapBudget(Saved):
-    """Shares of the mean squared residual of the bare model; their sum is 1.
+    """Shares of the mean squared residual of the bare model; the sum of the shares is 1.
 
-    Each recording is predicted from the others. The shares are removed in this order: by the corrected model; by free
-    torques and encoder errors, fitted to the other recordings; by parameters that are fitted to the recording itself.
+    Each recording is predicted from the other recordings. The shares are removed in this order: by the corrected model;
+    by free torques and encoder errors that are fitted to the other recordings; by parameters that are fitted to the
+    recording itself.
     """
 
     basis: Literal["recordings", "pieces of one recording"]
@@ -84,9 +85,7 @@ class GapBudget(Saved):
     def changed_ratio(self) -> VaryingParameter | None:
         """Ratio that differs between recordings by more than an unchanged rig allows.
 
-        None if there is no such ratio.
-
-        Friction ratios are not considered.
+        The value is None if there is no such ratio. Friction ratios are not considered.
         """
         if self.basis != "recordings" or self.varying < CHANGED_RIG.share:
             return None

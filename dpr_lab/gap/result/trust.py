@@ -14,7 +14,10 @@ REFUSED = "refused"
 
 
 class TrustTrial(Saved):
-    """One simulated plant near the fitted estimate, recorded with the sensors of the rig, with its diagnosis."""
+    """One simulated plant near the fitted estimate, with the diagnosis of its recordings.
+
+    The recordings are simulated with the sensors of the rig.
+    """
 
     kind: Literal["as found", "another", "clean"]
     """Kind of effects of the plant: the named effects, one effect drawn from the library, or no effect."""

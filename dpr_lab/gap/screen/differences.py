@@ -1,4 +1,4 @@
-"""Noise of a smooth signal from high-order differences: level, increase with speed, correlation."""
+"""Noise of a smooth signal, estimated from high-order differences: level, increase with speed, correlation."""
 
 import math
 from collections.abc import Callable
@@ -59,8 +59,8 @@ def stride_ratio(values: Array, floor: float) -> float:
     """Return the noise of every third sample, divided by the noise of neighbouring samples.
 
     The ratio is 1 for white noise and larger for smoothed readings. `floor` is a lower limit of the noise of
-    neighbours, rad.
-    The limit is needed because the reading of a coarse encoder repeats between counts while the rod is slow.
+    neighbours, rad. The limit is needed because the reading of a coarse encoder repeats between counts while the rod is
+    slow.
     """
     near, far = spread(sixth(values)), min(spread(sixth(values[k:], 3)) for k in range(3))
     return far / max(near, floor) if near > 0 else 1.0

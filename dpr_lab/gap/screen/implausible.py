@@ -46,12 +46,9 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     """Detect readings that equal the previous reading although the rod moves.
 
     The rod moves if its path per sample is many standard deviations of a reading. Wrong instants may make the readings
-    of
-    one axis equal by chance, but rarely those of both axes. Two samples on either side of a turning point may be equal,
-    so
-    one axis that turns is not evidence. Consecutive repeated samples are judged together, by the motion of both axes
-    since
-    the last new sample. A jump after repeated samples is not a missed count.
+    of one axis equal by chance, but rarely those of both axes. Two samples on either side of a turning point may be
+    equal, so one axis that turns is not evidence. Consecutive repeated samples are judged together, by the motion of
+    both axes since the last new sample. A jump after repeated samples is not a missed count.
 
     Args:
         t: (n,) instants, s
@@ -92,7 +89,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
 def _catches_up(joints: Array, travelled: Array, held: Flags) -> Flags:
     """Return a (n,) mask of the rows after which the next new reading makes up for the missing motion.
 
-    This is the motion since the last new reading before the row.
+    The missing motion is the motion since the last new reading before the row.
     """
     n = np.arange(len(held))
     last_new = np.maximum.accumulate(np.where(held, 0, n))

@@ -1,4 +1,4 @@
-"""Tests of the sign and unit of an arm's input, and of the sign, zero and scale of the measured angles."""
+"""Tests of an arm's input, for its sign and unit, and of the measured angles, for their sign, zero and scale."""
 
 from dataclasses import dataclass, replace
 
@@ -83,7 +83,7 @@ def refuse_wrong_input(recordings: Recordings, start: Array) -> None:
 def _falls_upwards(fitted: Fit, recordings: Recordings) -> bool:
     """Return whether the fitted gravity torque of a recording has the wrong sign.
 
-    The table then states angles from hanging that were read as angles from upright, or the reverse.
+    In this case the table states angles from hanging that were read as angles from upright, or the reverse.
     """
     rig, e1 = recordings.rig, BASE.index("e1")
     return any(
@@ -105,8 +105,7 @@ def _far_better(other: Fit, as_read: Fit, factor: float) -> bool:
     """Return whether another interpretation reduces chi-square by a factor.
 
     The factor must be reached in total and in most of the segments that the given interpretation does not fit. A failed
-    fit
-    leaves large residuals in a few segments, whichever interpretation is right.
+    fit leaves large residuals in a few segments, whichever interpretation is right.
     """
     if not factor * other.chi2 < as_read.chi2:
         return False

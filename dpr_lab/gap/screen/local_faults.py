@@ -1,4 +1,4 @@
-"""Outliers and lasting steps: deviations from a local polynomial.
+"""Outliers and lasting steps, detected by their deviations from a local polynomial.
 
 A swing is smooth over a few milliseconds; a single wrong reading, or a step of all later readings, is not.
 """
@@ -155,9 +155,10 @@ def _peaks(z: Array, half: int) -> Integers:
 
 
 def _usual(z: Array, centres: Integers, half: int, share: float) -> Array:
-    """Return a quantile of the values around each place, (places,); zero if there are none.
+    """Return a quantile of the values around each centre, (centres,).
 
-    The values are those at a distance of 2 to 10 half windows from the place.
+    The values are those at a distance of 2 to 10 half windows from the centre. The quantile is zero if there are no
+    such values.
     """
     reach = 10 * half
     away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])

@@ -1,4 +1,7 @@
-"""Division of a single long record into pieces, every second one held out, so that the diagnosis can be validated."""
+"""Division of a single long record into pieces.
+
+Every second piece is held out, so that the diagnosis can be validated.
+"""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -23,7 +26,7 @@ PIECES = PieceSettings()
 
 
 def whole(name: str) -> str:
-    """Name of the run from which a piece was cut; the name itself if the run was not cut."""
+    """Return the name of the run from which a piece was cut; return `name` itself if the run was not cut."""
     return re.sub(r" \d+-\d+ s$", "", name)
 
 
@@ -34,10 +37,10 @@ def are_pieces(names: Iterable[str]) -> bool:
 
 
 def in_pieces(runs: Sequence[Run], held_out: Sequence[Run]) -> tuple[Sequence[Run], Sequence[Run], str]:
-    """Divide a single long record into pieces; return runs to fit, runs to hold out, and a sentence on the division.
+    """Divide a single long record into pieces.
 
-    Only a single record is divided, because several records validate each other. The time of a piece continues the time
-    of the previous piece.
+    Return the runs to fit, the runs to hold out, and a sentence on the division. Only a single record is divided,
+    because several records validate each other. The time of a piece continues the time of the previous piece.
     """
     if len(runs) != 1 or held_out or runs[0].duration < PIECES.from_s:
         return runs, held_out, ""

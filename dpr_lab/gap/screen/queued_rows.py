@@ -76,7 +76,7 @@ class QueuedRows:
 
     @property
     def evidence(self) -> str:
-        """Sentence with the evidence of the finding and the remedy."""
+        """Sentence that states the evidence of the finding and the remedy."""
         return (
             f"a row is sent for each count over a saturated link: after {self.series} turning points the"
             " rows arrive at even intervals, one count each, and their delay differs from the delay of the"

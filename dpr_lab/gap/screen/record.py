@@ -1,7 +1,7 @@
 """A run thinned for the diagnosis: block averages of the encoder readings, each with its own noise.
 
-The average over a block of 5 ms keeps all information in the presence of white encoder noise. In a curved swing it is
-shifted by half the acceleration times the variance of the block's instants. This shift is subtracted:
+The average over a block of 5 ms keeps all information if the encoder noise is white. In a curved swing the average is
+shifted by half the acceleration alpha times the variance of the block's instants. This shift is subtracted:
 
     y = mean(theta) - alpha var(t) / 2
 
@@ -114,7 +114,7 @@ class Record:
 
     @property
     def _rounded(self) -> bool:
-        """Whether neighbouring readings have few distinct differences, as with an encoder of fixed step."""
+        """Whether neighbouring readings have few distinct differences, as for an encoder of fixed step."""
         changes = np.round(np.diff(self.screened.joints[:, np.isfinite(self.screened.noise)], axis=0), 7)
         return any(len(np.unique(joint)) < THINNING.distinct * len(joint) for joint in changes.T)
 
@@ -128,13 +128,13 @@ class Record:
         return replace(self, sigma=self.sigma * factor, noise_correlation=correlation)
 
     def with_shutter(self, shutter: Shutter, constants: RigConstants) -> "Record":
-        """Record with its readings corrected for a rolling shutter; a previous correction is replaced."""
+        """Return the record with its readings corrected for a rolling shutter; a previous correction is replaced."""
         shown = self.joints if self.shown is None else self.shown
         joints = shutter.corrected(self.t, shown, constants, alone=self.setup.alone)
         return replace(self, joints=joints, shown=shown)
 
     def with_finding(self, name: str, evidence: str) -> "Record":
-        """Record with a fault of the whole run; a previous fault of this name is replaced."""
+        """Return the record with a fault of the whole run; a previous fault of this name is replaced."""
         others = [finding for finding in self.screened.findings if finding.name != name]
         finding = Finding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
@@ -164,11 +164,11 @@ class Record:
         )
 
     def with_findings(self, findings: Iterable[Finding]) -> "Record":
-        """Record with additional findings."""
+        """Return the record with additional findings."""
         return replace(self, screened=replace(self.screened, findings=(*self.screened.findings, *findings)))
 
     def only(self, samples: slice | Flags) -> "Record":
-        """Record with only the selected samples."""
+        """Return the record with only the selected samples."""
         shown = None if self.shown is None else self.shown[samples]
         return replace(self, t=self.t[samples], joints=self.joints[samples], sigma=self.sigma[samples], shown=shown)
 
@@ -280,7 +280,7 @@ def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
 def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
     """Average instants and readings over blocks of 1 / `rate_hz`; return the means and their standard deviations.
 
-    Without dither, fewer readings are independent.
+    If the rounding errors are not independent (no dither), the standard deviations are larger.
     """
     number = np.floor(screened.t * rate_hz + 1e-6).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=number[0] - 1))

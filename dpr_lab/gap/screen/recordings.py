@@ -264,7 +264,7 @@ class Recordings:
 def _initial_states(record: Record, slices: Sequence[slice], relative2: bool) -> Array:
     """Estimate (segments, states) initial states by cubics through the readings.
 
-    After a release, the rods are at rest.
+    The rods are at rest at a release.
 
     Returns:
         theta1, theta2, omega1, omega2, and theta0, omega0 of a moving arm, rad and rad/s
@@ -319,7 +319,10 @@ def _near(record: Record, start: int, begin: float) -> Integers:
 
 
 def _between(breaks: Array, t: float) -> tuple[float, float]:
-    """Return the last break before and first break after an instant, s; infinite if there is none."""
+    """Return the last break before an instant and the first break after it, s.
+
+    A time is infinite if there is no such break.
+    """
     after = int(np.searchsorted(breaks, t, side="right"))
     edges = [-np.inf, *breaks.tolist(), np.inf]
     return edges[after], edges[after + 1]

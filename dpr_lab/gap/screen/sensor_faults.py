@@ -266,7 +266,7 @@ def _late(run: Run, t: Array, joints: Array) -> tuple[Flags, list[Finding]]:
 
 
 def _read_joints(run: Run, rig: Rig) -> Array:
-    """Return the (n, 1 or 2) angles of the joints that have a rod, rad."""
+    """Return the (n, 1 or 2) angles, rad, of the joints that have a rod."""
     joints = rig.encoders.joint_angles.of_rods(run.theta[:, 1:])
     return joints[:, :1] if run.setup.alone else joints
 
@@ -335,10 +335,10 @@ def _on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
 
 
 def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
-    """Return (2,) whether the rounding errors of each joint are independent.
+    """Return a (2,) mask of the joints whose rounding errors are independent.
 
-    They are independent if the noise before rounding reaches a fifth of a count at rest. Without readings at rest,
-    independence is assumed, except for tables in which most readings equal the previous one.
+    The errors are independent if the noise before rounding reaches a fifth of a count at rest. If there are no readings
+    at rest, independence is assumed, except for tables in which most readings equal the previous one.
     """
     if run.counts is None:
         readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
@@ -351,7 +351,7 @@ def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
 
 
 def _changing(readings: Array, still: Flags) -> Flags:
-    """Return (m,) whether most readings (n, m) differ from the previous reading.
+    """Return an (m,) mask of the joints in which most readings (n, m) differ from the previous reading.
 
     Readings that stay on their step are not counted.
     """

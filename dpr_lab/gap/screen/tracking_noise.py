@@ -1,4 +1,4 @@
-"""Correlated errors of angles that were tracked in a video without a rest that shows these errors.
+"""Correlated errors of angles that were tracked in a video; no rest of the rods shows these errors.
 
 A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
 errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model
@@ -6,9 +6,10 @@ contains both parts. Within a segment its covariance is
 
     K(i, j) = s^2 rho^|i - j| + v^2 exp(-(t_i - t_j)^2 / (2 l^2)),
 
-the sum of a first-order autoregressive error and a smooth error of the motion, with free s, v, rho and correlation time
-l. The spectrum of the first term decreases with the square of the frequency, that of the second much faster. This
-difference separates them. rho is its maximum likelihood estimate.
+the sum of a first-order autoregressive error and a smooth error of the motion. The standard deviations s and v, the
+correlation rho and the correlation time l are free. The spectrum of the first term decreases with the square of the
+frequency, that of the second much faster. This difference separates the two terms. The maximum likelihood estimate of
+rho is used.
 
 Source: Rasmussen & Williams (2006), Gaussian Processes for Machine Learning, sections 4.2.1 and 5.4.1.
 """

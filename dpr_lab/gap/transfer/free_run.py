@@ -81,7 +81,7 @@ class FreeRuns:
 
     @property
     def errors(self) -> dict[str, FreeRunError]:
-        """Error after the readings to which the initial state was fitted, by run. Runs that end there are omitted.
+        """Error after the readings to which the initial state was fitted, by run; runs that end there are omitted.
 
         The error is NaN from the instant at which the simulation fails.
         """

@@ -88,7 +88,7 @@ class FreeSwings:
         """Return the (n, 2) change of the readings of each run under other conditions of the simulation.
 
         Args:
-            constants: other constants of the rig; None: unchanged
+            constants: constants of the rig for this simulation; None: unchanged
             finer: factor by which the integration steps are smaller
         """
         known = self.runs.problem
@@ -139,7 +139,7 @@ def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]
 def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
     """Return the time at which the uncertainty of the initial state causes a given error, s.
 
-    None if it exceeds the run.
+    The result is None if this time exceeds the duration of the run.
     """
     lost = np.flatnonzero((swing.start_variance() * (swing.weight > 0)).max(axis=1) > error_rad**2)
     lost = lost[~swing.head[lost]]

@@ -106,8 +106,8 @@ def _above_noise(problem: Problem, fitted: Fit, level: float) -> dict[str, float
 def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
     """Return the rms torque that would remove the residual of a fit, N m, by joint.
 
-    In every segment, a torque in each joint, piecewise linear in time, is fitted to the residual. The variance that
-    noise alone would cause is subtracted.
+    In every segment, a torque in each joint is fitted to the residual. This torque is piecewise linear in time. The
+    variance that noise alone would cause is subtracted.
     """
     along, linear = trajectory(problem, model.fit.estimate, spacing=TRAJECTORY.coarse_s), model.fit.linear
     places = np.concatenate([np.linspace(0, TORQUE_HATS - 1, count) for count in np.diff(along.edges)])

@@ -33,7 +33,7 @@ BOOTSTRAP = BlockBootstrap()
 
 
 def block(problem: Problem) -> int:
-    """Number of neighbouring segments that are resampled together."""
+    """Return the number of neighbouring segments that are resampled together."""
     offsets = problem.segments.offsets
     length = float(np.median(problem.t[offsets[1:] - 1] - problem.t[offsets[:-1]]))
     return max(1, round(BOOTSTRAP.block_s / max(length, 1e-9)))
@@ -106,7 +106,7 @@ def _out_of_sample(recordings: Recordings, problem: Problem, chi2: Callable[[Hyp
 def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers) -> Interval:
     """Return the relative reduction of the gap with a bootstrap interval.
 
-    The interval is the whole range for a single segment, because it shows no scatter, and for data without a gap.
+    The interval is the whole range if there is no gap, or if there is only one segment, which shows no scatter.
 
     Args:
         above: (2, segments) chi2 above the noise, before and after

@@ -72,7 +72,10 @@ TRANSFER = TransferSettings()
 
 @dataclass(frozen=True, slots=True)
 class WorseFreeRun:
-    """Errors of free runs, up to the time that the bare model can follow, if the named effects increase them."""
+    """Errors of free runs before and after correction, if the named effects increase the errors.
+
+    The errors are computed up to the time that the bare model can follow.
+    """
 
     before_rad: float
     """Error of the bare model: geometric mean over the runs of the rms error, rad."""

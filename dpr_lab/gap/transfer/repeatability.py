@@ -133,7 +133,7 @@ def budget_of(
 ) -> GapBudget:
     """Compute the shares of the gap from the chi2 after each step.
 
-    The steps are the bare model, the corrected model, free torques, and own parameters of each recording.
+    The steps are the bare model, the corrected model, free torques, and parameters that are fitted to each recording.
     """
     finite = np.nan_to_num([*levels, 0.0], nan=noise, posinf=REPEATABILITY.unfollowed)
     falling = np.minimum.accumulate(np.maximum(finite, noise))
@@ -187,9 +187,10 @@ class _Varying:
     """Reduction of chi2 that is expected from a fit of noise alone."""
 
     def shown(self, effect: str, name: str, common: float, unit: float, names: Sequence[str]) -> VaryingParameter:
-        """Convert to a saved record with the public name, given the common value and the unit of the column, SI.
+        """Convert to a saved record with the public name.
 
-        Quarters of a single recording are numbered.
+        `common` is the common value, and `unit` is the unit of the column in SI units. Quarters of a single recording
+        are numbered.
         """
         spread, error = np.std(self.own, ddof=1), np.sqrt(np.mean(self.std**2))
         labels = names if len(names) > 1 else [f"{names[0]}, quarter {i + 1}" for i in range(len(self.own))]

@@ -180,7 +180,7 @@ def _blocks(test: OutOfSample, reductions: Array, rows: Rows = slice(None)) -> A
 
 
 def _sum(blocks: Array) -> tuple[float, float]:
-    """Sum over groups of segments, and the minimum sum that is significant."""
+    """Return the sum over groups of segments, and the minimum sum that is significant."""
     spread = np.sqrt(len(blocks) * np.var(blocks, ddof=1)) if len(blocks) > 1 else np.inf
     return float(blocks.sum()), float(TRANSFER.beyond_chance * spread)
 
@@ -199,7 +199,7 @@ def _signed_rank(blocks: Array) -> float:
 
 
 def _of_fitted(closed: Interval, selection: Selection) -> float:
-    """Share of the gap that all effects together close on held-out data, relative to the fitted recordings."""
+    """Return the share of the gap that all effects close on held-out data, divided by the share in the fitted data."""
     fitted = _share_of_fitted(selection.bare, selection.chosen)
     return float(np.clip(closed.value / max(fitted, TRANSFER.least_fitted), 0.0, 1.0))
 

@@ -140,7 +140,10 @@ def encoder_speed(reference: Trajectory, joint: int) -> Array:
 
 
 def under_torque(problem: Problem, reference: Trajectory, joint: int, torque: Array) -> Array:
-    """Return the (segments, m, k) whitened change of the readings that torques (n, k) of a joint, N m, cause."""
+    """Return the (segments, m, k) whitened change of the readings by torques of a joint.
+
+    `torque` contains the torques (n, k), N m.
+    """
     zeros = np.zeros_like(torque)
     on = {0: [torque, zeros], 1: [-torque, torque]}.get(joint, [zeros, zeros])
     torques = [*on, torque if joint in (2, ARM) else zeros][: problem.axes]

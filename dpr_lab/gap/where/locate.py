@@ -103,7 +103,7 @@ def _place(problem: Problem, bare: Hypothesis, reference: Trajectory, free: Free
 
 
 def _sentence(site: str, kind: str, coordinate: str, share: float, knots: Array, values: Array, std: Array) -> str:
-    """Return the text that describes a residual map."""
+    """Return a sentence that describes a residual map."""
     cause = {"torque": f"A torque in {site}", "friction": f"Friction of {site}", "error": f"An error of {site}"}[kind]
     dependence = "load or on the direction of motion alone" if coordinate == "load" else coordinate
     parts = [f"{cause} that depends on {dependence}"]

@@ -84,11 +84,11 @@ class FittedSets:
         return MappingProxyType(self._fits)
 
     def copied(self) -> "FittedSets":
-        """Copy to which a move adds its fits and score tests."""
+        """Return a copy to which a move adds its fits and score tests."""
         return replace(self, _fits=dict(self._fits), _tests=dict(self._tests))
 
     def from_bare(self, bare: Hypothesis) -> "FittedSets":
-        """Copy that contains only another fit of the bare model."""
+        """Return a copy that contains only another fit of the bare model."""
         return replace(self, bare=bare, _fits={}, _tests={}, _refitted_from=set(), _short=[], _results={})
 
     def keep(self, model: Hypothesis) -> Hypothesis:
@@ -178,7 +178,7 @@ class FittedSets:
         return test
 
     def with_one(self, model: Hypothesis, score: Score) -> Hypothesis:
-        """Fit of a set with one additional effect.
+        """Fit a set with one additional effect.
 
         If chi2 decreases far less than predicted, the set is fitted from shorter segments as well.
         """
@@ -198,7 +198,7 @@ class FittedSets:
     def _best_shape(self, model: Hypothesis, score: Score) -> Hypothesis:
         """Fit one additional effect from its best shape, or from its best few shapes.
 
-        The score belongs to the present test of the set.
+        `score` belongs to the current score test of the set.
         """
         test = self._tests[model.key]
         return self._once((model, test, score), lambda: self._from_shapes(model, test, score))
@@ -238,7 +238,7 @@ class FittedSets:
         return preliminary_fit(self.problem, start, near.free, iterations=iterations)
 
     def escaped(self, model: Hypothesis) -> Hypothesis:
-        """Fit of a set after an attempt to leave a local minimum.
+        """Fit a set again in order to leave a local minimum.
 
         A few segments, long segments or a wrong order may cause such a minimum.
         """
@@ -287,13 +287,16 @@ class FittedSets:
         return hypothesis(self.problem, model.effects, other) if other.chi2 < model.fit.chi2 else model
 
     def without_substitute(self, model: Hypothesis, effect: str) -> Hypothesis:
-        """Set without one effect, and without a curve that would imitate the removed effect."""
+        """Return the set without one effect, and without a curve that would imitate the removed effect."""
         smaller = self.without(model, effect)
         curve = substitute_curve(model, smaller)
         return smaller if curve is None else self.without(smaller, curve)
 
     def predictive(self, model: Hypothesis) -> Hypothesis:
-        """Set without the effects that worsen the prediction of held-out runs; the worst effect is removed first."""
+        """Return the set without the effects that worsen the prediction of held-out runs.
+
+        The worst effect is removed first.
+        """
         if self.held_out_chi2 is None or len(model.effects) < 2:
             return model
         best = min((self.without_substitute(model, name) for name in model.effects), key=self.held_out_chi2)
@@ -327,9 +330,8 @@ class FittedSets:
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
         """Return the set in which one effect is replaced by another; None if the other effect has no score.
 
-        The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In that
-        fit the
-        new effect gradually takes over the share of the replaced effect.
+        The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In the
+        repeated fit, the new effect gradually takes over the share of the replaced effect.
         """
         smaller = self.without(model, effect)
         score = self.score(smaller, other)

@@ -121,7 +121,7 @@ def _with_one_more(
     *,
     last: bool,
 ) -> dict[frozenset[str], Hypothesis]:
-    """Extend the sets of a level by sets that add one of the most promising effects to a smaller set.
+    """Add to a level those sets that extend a smaller set by one of the most promising effects; return the level.
 
     Once only noise remains, only equally promising effects are fitted. Far from the noise, a candidate is not fitted if
     even twice its predicted reduction would leave its set too poor to be extended or accepted (`_deciding_excess`).
@@ -184,12 +184,12 @@ def _deciding_excess(sets: FittedSets, best: Hypothesis, level: Sequence[Hypothe
 def _with_two_losses(sets: FittedSets, model: Hypothesis) -> Hypothesis | None:
     """Return the set with those two losses of one joint that hide each other and explain most together.
 
-    Otherwise None.
+    If there are no such losses, the result is None.
 
-    Next to viscous friction, Coulomb friction and air drag change a decay in opposite ways. Their loss per swing
-    increases with the powers 1 and 3 of the amplitude, that of viscous friction with the power 2. Each of them alone
-    then explains little, or has the wrong sign. Both are fitted if together they are predicted to explain more than any
-    single effect.
+    If the model contains viscous friction, Coulomb friction and air drag change a decay in opposite ways. Their loss
+    per swing increases with the powers 1 and 3 of the amplitude, that of viscous friction with the power 2. Each of
+    them alone then explains little, or has the wrong sign. Both are fitted if together they are predicted to explain
+    more than any single effect.
     """
     test = sets.test(model)
     losses = [test.shaped[name][0] for name in sorted(test.shaped) if _is_loss_of_one_size(test.shaped[name][0])]
@@ -233,7 +233,10 @@ def _doubts(sets: FittedSets, best: Hypothesis, models: Iterable[Hypothesis], mo
 
 
 def _runners_up(sets: FittedSets, best: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the next best sets if their excess is close to that of the best set; other forms of it do not count."""
+    """Return the next best sets if their excess is close to that of the best set.
+
+    Other functional forms of the best set are left out.
+    """
     separate = [model for model in others if not _are_forms(sets, model, best)]
     return [model for model in separate[: BEAM.sets - 1] if bounded_excess(model) < BEAM.worse * bounded_excess(best)]
 

@@ -22,9 +22,9 @@ from dpr_lab.shown import percent
 
 
 def _smaller_adequate(sets: FittedSets, grown: Hypothesis) -> Iterator[Proposal]:
-    """Propose the smallest fitted set that explains nearly as much as the current one.
+    """Propose the smallest fitted set that explains nearly as much as the current set.
 
-    It may lie on another branch of the search.
+    The smallest set may lie on another branch of the search.
     """
     gap = bounded_excess(sets.described(grown))
     adequate = [
@@ -152,10 +152,9 @@ def _without_least_own(sets: FittedSets, current: Hypothesis) -> Iterator[Propos
 def _between(sets: FittedSets, smaller: Hypothesis, larger: Hypothesis) -> bool:
     """Return whether the search would replace the smaller set by a richer form that explains less.
 
-    It explains less than the larger set. The richer form replaces two effects of the larger set, one of which is
-    missing
-    in the smaller set: a simpler form of the richer form, and a second effect. It has more parameters than the larger
-    set.
+    The richer form explains less than the larger set. It replaces two effects of the larger set, one of which is
+    missing in the smaller set: a simpler form of the richer form, and a second effect. The set with the richer form has
+    more parameters than the larger set.
     """
     removed = larger.key - smaller.key
     replaced = (

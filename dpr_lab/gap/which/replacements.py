@@ -26,7 +26,7 @@ REPLACEMENTS = 2
 
 
 def _richer(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which a richer form replaces an effect that it contains.
+    """Propose sets in which a richer form replaces an effect that this form contains.
 
     The score test must show a contribution of the richer form.
     """
@@ -52,7 +52,7 @@ RICHER_FORM = Move(
 
 
 def _simpler(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose sets in which a simpler form replaces an effect that contains it."""
+    """Propose sets in which a simpler form replaces an effect that contains this form."""
     for name in current.effects:
         for simpler in sets.library[name].nested:
             if simpler in sets.library and simpler not in current.effects:

@@ -68,7 +68,7 @@ class SearchState:
         return cls(sets.bare, sets, max_effects)
 
     def after(self, move: Move, proposal: Proposal, decision: Decision) -> "SearchState":
-        """State after a trial."""
+        """Return the state after a trial."""
         model, change = proposal.model, proposal.model.cost - self.current.cost
         trial = SearchStep(
             move=move.name,
@@ -84,7 +84,10 @@ class SearchState:
 
 
 def _caveat(model: Hypothesis) -> str:
-    """Note on a set whose criterion contains a linear prediction that its fit did not reach; otherwise empty."""
+    """Return a note on a set whose criterion contains a linear prediction that its fit did not reach.
+
+    For other sets the text is empty.
+    """
     stuck = model.fit.stop is StopReason.NO_DESCENT
     return "; its fit may have ended above the minimum that the criterion assumes" if stuck else ""
 
@@ -121,7 +124,10 @@ def apply(move: Move, state: SearchState) -> SearchState:
 
 
 def _refusal(state: SearchState, model: Hypothesis) -> str:
-    """Return the reason why no move may replace the current set by a given one; empty if there is none."""
+    """Return the reason why no move may replace the current set by a given set.
+
+    The text is empty if there is no such reason.
+    """
     sets = state.sets
     if follows_remainder(sets.bare, model, state.current):
         return "the additional effect only fits the remainder of small unknown causes"

@@ -37,7 +37,7 @@ MOST_REVISIONS = 3
 
 
 def forward(sets: FittedSets, max_effects: int = 4) -> SearchState:
-    """State of the search after forward selection, up to a maximum number of effects."""
+    """Return the state of the search after forward selection of at most `max_effects` effects."""
     start = short_segments(max_effects) if far_from_noise(sets.bare) else START
     return run((start, forward_selection(max_effects)), SearchState.bare(sets, max_effects))
 
@@ -55,8 +55,7 @@ def _better_bare_model(problem: Problem, selection: Selection) -> Hypothesis | N
     """Return a better fit of the bare model if its first fit was a local minimum; otherwise None.
 
     The better fit starts from the result of the selected set. An effect that merely leads the fit out of such a minimum
-    is
-    not a cause.
+    is not a cause.
     """
     chosen, first = selection.chosen, selection.bare
     if not chosen.effects or not far_from_noise(first):
@@ -116,7 +115,10 @@ def _predicts_whole_segments(sets: FittedSets, current: Hypothesis, proposal: Pr
 
 
 def _revised(state: SearchState) -> SearchState:
-    """State after the first successful revision, which is accepted and still better after the moves that follow it."""
+    """Return the state after the first successful revision.
+
+    A revision is successful if it is accepted and still better after the moves that follow it.
+    """
     for revision, moves in REVISIONS:
         after = apply(revision, state)
         if after.current is state.current:

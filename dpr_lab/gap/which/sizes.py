@@ -93,10 +93,11 @@ def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, floa
 
 
 def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
-    """Return the offset of the centre of mass of the inner rod if it is larger than the distance along the rod.
+    """Return the effect that shifts the centre of mass of the inner rod sideways, if its offset is implausible.
 
-    The difference must be significant. Such a rod would hang at more than 45 degrees of its readings. A wrong zero of
-    the angles, or a constant torque, is more probable.
+    The offset is implausible if it is significantly larger than the distance of the centre of mass along the rod. Such
+    a rod would hang at more than 45 degrees of its readings. A wrong zero of the angles, or a constant torque, is more
+    probable.
     """
     effect, constants = COM_OFFSET_LINK1, problem.model.constants
     free = [i for i, parameter in enumerate(model.fit.free) if parameter.effect == effect.name]
