@@ -21,7 +21,7 @@ from dpr_lab.shown import listed, percent
 COLUMNS = ("parameter", "significant", "mean of first group", "change", "simultaneous interval", "groups", "p-value")
 GROUP_COLUMNS = ("parameter", "groups", "change", "simultaneous interval")
 CHART = (
-    "Control charts: each parameter over the runs in chronological order, with mean and limits of the first group.",
+    "Control charts: each parameter over the runs, group by group, with mean and limits of the first group.",
     "Estimate of each run: change from the mean of the first group. Shaded band: control limits of single"
     " runs of the first group (critical value times the standard deviation of a run). Differences between"
     " poses are not removed. Dotted line: change point of a significant change.",
@@ -165,12 +165,14 @@ def save_drift(
 
 
 def chart(drift: Drift, estimates: Estimates, group: Sequence[int]) -> Figure:
-    """Draw a control chart of each parameter."""
+    """Draw a control chart of each parameter, group by group: runs of two groups may alternate in time."""
+    order = np.argsort(group, kind="stable")
+    group = [group[k] for k in order]
     with style.house_style():
         figure = new_figure(0.6 + 1.1 * len(drift.parameters))  # inch: axis label, and each chart
         panels = figure.subplots(len(drift.parameters), 1, sharex=True, squeeze=False)[:, 0]
         edges = [k + 0.5 for k in range(len(group) - 1) if group[k] != group[k + 1]]
-        for axes, parameter, values in zip(panels, drift.parameters, estimates.values.T, strict=True):
+        for axes, parameter, values in zip(panels, drift.parameters, estimates.values[order].T, strict=True):
             _draw(axes, parameter, values, drift.critical)
             for edge in edges:
                 axes.axvline(edge, color="#bbbbbb", linewidth=0.6)
@@ -178,7 +180,7 @@ def chart(drift: Drift, estimates: Estimates, group: Sequence[int]) -> Figure:
                 axes.axvline(_last(group, parameter.after) + 0.5, **style.HORIZON)
         centres = [float(np.mean([k for k, g in enumerate(group) if g == i])) for i in range(len(drift.groups))]
         panels[-1].set_xticks(centres, drift.groups, fontsize=7.5)
-        panels[-1].set_xlabel("runs in chronological order, by group")
+        panels[-1].set_xlabel("runs of each group, in chronological order")
         return figure
 
 

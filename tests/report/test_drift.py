@@ -1,7 +1,10 @@
 from dataclasses import replace
 
+import numpy as np
+
 from dpr_lab.drift.changes import Difference, Drift, ParameterChange
-from dpr_lab.report.drift import basis_sentence, group_rows, relative, rows, sentence, unit_of
+from dpr_lab.drift.estimates import Estimates
+from dpr_lab.report.drift import basis_sentence, chart, group_rows, relative, rows, sentence, unit_of
 
 
 def moved(name: str = "c2/b", first: float = 0.2, change: float = 0.03) -> ParameterChange:
@@ -65,3 +68,13 @@ def test_values_have_their_unit() -> None:
 def test_ratios_of_sizes_are_explained() -> None:
     assert "ratios to b" in basis_sentence(drift(moved("coulomb_joint2.torque_Nm/b")))
     assert "ratios to b" not in basis_sentence(drift(moved("c2/b")))
+
+
+def test_the_control_chart_shows_group_after_group_although_they_alternate_in_time() -> None:
+    values = np.array([[0.20], [0.23], [0.21], [0.24]])
+    estimates = Estimates(("a", "b", "c", "d"), ("X1",) * 4, ("c2/b",), values, np.full((4, 1), 1e-3))
+    two = Drift(("before", "after"), (2, 2), (moved(),), "runs of one group", 3.5, 0.012)
+    (axes,) = chart(two, estimates, [0, 1, 0, 1]).axes
+    drawn = next(line for line in axes.lines if len(np.atleast_1d(line.get_ydata())) == 4)
+    assert np.allclose(drawn.get_ydata(), [0.0, 5.0, 15.0, 20.0])
+    assert axes.get_xticks().tolist() == [0.5, 2.5]
