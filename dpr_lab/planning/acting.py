@@ -14,10 +14,10 @@ from dpr_lab.setup import Setup
 def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
     """Return the states of the arm that a plan may use.
 
-    These are the `modes` of the limits file. Without this key they are `held` and the mode of the rig file. The state
-    `driven` is included only if the limits file contains the largest input. A plan does not choose the motion of an
-    arm.
-    Therefore an arm that is prescribed or driven by an acceleration is held in all planned releases.
+    The key `modes` of the limits file defines these states. If the key is missing, the states are `held` and the mode
+    of the rig file. The state `driven` is included only if the limits file contains the largest input. A plan does not
+    choose the motion of an arm. Therefore an arm that is prescribed or driven by an acceleration is held in all planned
+    releases.
     """
     if limits.arm.modes is not None:
         return limits.arm.modes
@@ -29,7 +29,7 @@ def arm_states(rig: Rig, limits: PlanLimits) -> tuple[ArmState, ...]:
 def allowed_rods(rig: Rig, limits: PlanLimits) -> tuple[Mounting, ...]:
     """Return the permitted mountings of the rods; the present mounting comes first if it is permitted.
 
-    A key that is missing in the limits file keeps its value of the rig file.
+    If a key is missing in the limits file, its value is that of the rig file.
     """
     elbows = limits.rods.elbow or (rig.rods.elbow,)
     of_both: list[Mounting] = ["clamped" if elbow == "clamped" else "both" for elbow in elbows]

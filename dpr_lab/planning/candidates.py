@@ -51,7 +51,10 @@ SEARCH = Search()
 
 
 def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Array:
-    """Return (n, 2) reachable start angles, rad: an evenly spread set, followed by small deflections from hanging."""
+    """Return (n, 2) reachable start angles, rad.
+
+    An evenly spread set of poses is followed by small deflections from hanging.
+    """
     from scipy.stats.qmc import Sobol  # slow to import
 
     points = Sobol(2, rng=rng).random_base2(int(np.ceil(np.log2(count))) + 4)

@@ -6,10 +6,10 @@ the amount is drawn from this distribution. The probability of a decision is the
 reaches `SURE`. If the cause is outside the library, no release decides it. Causes that no release separates count as
 one cause, as in the stopping rule, because a bench check distinguishes them.
 
-A release may also reveal another effect or another alternative. The causes then stay undecided until a further
-release. The setting `confirmed` takes this into account. It is a fraction that was measured in blind trials, among
-planned releases for which the above probability predicted a decision. It states how many of these releases decided the
-causes. The fraction did not depend on the kind of the diagnosis: it was 14 of 16 for one cause, 7 of 8 for several
+A release may also reveal another effect or another alternative. The causes then stay undecided until a further release.
+The setting `confirmed` takes this into account. It is a fraction that was measured in blind trials. The trials contain
+planned releases for which the above probability predicted a decision. The fraction states how many of these releases
+decided the causes. It did not depend on the kind of the diagnosis: it was 14 of 16 for one cause, 7 of 8 for several
 causes, 13 of 14 for no gap, and 4 of 5 for a remainder. Releases from a fixed menu are not counted, because they decide
 less often: 24 of 40 menu releases decided the causes, and 26 of all 36 planned releases. If n of N releases decided the
 causes, `confirmed` is (n + 1/2) / (N + 1), the posterior mean for the Jeffreys prior.
@@ -22,9 +22,9 @@ with the beta-binomial probability
     1 - product over j < k of (b + failed + j) / (weight + failed + j),    b = (1 - confirmed) weight.
 
 If no gap is visible, a small effect may become visible with further releases. Let z be the estimate of effect i in
-standard deviations, l the estimate up to which it is excluded, and g the factor by which the releases increase the
-information about it. The hypotheses are that no effect is present, or that effect i alone is present, with a flat prior
-of its size. Their probabilities have the ratio
+standard deviations, l the estimate up to which the effect is excluded, and g the factor by which the releases increase
+the information about the effect. The hypotheses are that no effect is present, or that effect i alone is present, with
+a flat prior of its size. Their probabilities have the ratio
 
     1 : exp((z^2 - l^2) / 2),
 

@@ -141,9 +141,7 @@ def simulated_states(batch: Sequence[CandidateRelease], model: PresentModel) -> 
 def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) -> dict[str, float]:
     """Return the speed that each joint reaches in both directions, rad/s.
 
-    The directions may occur in different releases.
-
-    The keys are `joint0`, `joint1` and `joint2`.
+    A joint may reach the two directions in different releases. The keys are `joint0`, `joint1` and `joint2`.
     """
     forwards, backwards = np.zeros(3), np.zeros(3)
     for release in releases:
@@ -192,9 +190,9 @@ def _slopes(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Arr
 
 
 def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int) -> Array:
-    """Return (samples, 2) inverse standard deviations of the readings; a joint without a rod has the value zero.
+    """Return (samples, 2) inverse standard deviations of the readings.
 
-    If the arm moves, there are 3 columns.
+    The value is zero for a joint without a rod. If the arm moves, there are 3 columns.
     """
     axes = 2 if batch[0].mounted.arm_held else 3
     read = np.array([[1.0, float(not release.setup.alone), 1.0][:axes] for release in batch])
@@ -202,7 +200,7 @@ def _weight(batch: Sequence[CandidateRelease], model: PresentModel, samples: int
 
 
 def _horizons(batch: Sequence[CandidateRelease], model: PresentModel) -> Array:
-    """Compute the predictability horizon of each release, (releases,), s."""
+    """Compute the (releases,) predictability horizon of each release, s."""
     t = np.arange(1, round(batch[0].duration_s * SWING.horizon_hz) + 1) / SWING.horizon_hz
     swings = segments([t] * len(batch), range(len(batch)), [release.setup for release in batch], SWING.step_s)
     starts = np.array([release.start for release in batch])

@@ -88,7 +88,10 @@ class Knowledge:
 
     @property
     def amplitudes(self) -> Array:
-        """Amplitudes (k,) of the effects in the model, in the order of the unknowns; zero for all other unknowns."""
+        """Amplitudes (k,) of the effects in the model, in the order of the unknowns.
+
+        The values of other unknowns are zero.
+        """
         values = np.array([column.read(self.model.estimate) for column in self.model.columns])
         values[:RATIO_COLUMNS] = 0.0
         return values
@@ -150,7 +153,7 @@ def known_after(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, acting: Act
 
 
 def _made(run: Run) -> CandidateRelease:
-    """Release that corresponds to a recorded run."""
+    """Return the release that corresponds to a recorded run."""
     _, theta1, theta2 = run.theta[np.searchsorted(run.t, 0.0)].tolist()
     arm: ArmState = run.arm_mode if run.arm_mode in ("free", "driven") else "held"
     return CandidateRelease(theta1, theta2, run.duration, run.mounting, run.added_mass, arm=arm)
@@ -200,7 +203,10 @@ def _of_one_rod(model: PresentModel, acting: Acting) -> PresentModel:
 
 
 def _can_act(effect: Effect, rig: Rig, acting: Acting) -> bool:
-    """Return whether an effect can act in a planned release; an event that occurs only once cannot."""
+    """Return whether an effect can act in a planned release.
+
+    An event that occurs only once cannot act in a further release.
+    """
     if effect.event or effect.absorbed_by or (effect.of_arm and not acting.arm_moves):
         return False
     if effect.joints == (1,) and not acting.elbow:

@@ -1,29 +1,16 @@
 """Limits file of a plan: reachable poses, permitted mountings, limits of the drives, and durations of the steps.
 
-[poses]
-theta1_rad = [0.5, 5.8]
-theta2_rad = [0.0, 6.3]
+[poses] theta1_rad = [0.5, 5.8] theta2_rad = [0.0, 6.3]
 
-[recording]
-longest_s = 20.0
+[recording] longest_s = 20.0
 
-[rods]
-mounted = ["both", "inner"]
-elbow = ["free"]
+[rods] mounted = ["both", "inner"] elbow = ["free"]
 
-[[masses]]
-rod = "outer"
-mass = 0.1
-position = 0.2
+[[masses]] rod = "outer" mass = 0.1 position = 0.2
 
-[drive]
-torque_Nm = [0.2, 0.1]
-speed_rad_s = [15.0, 20.0]
-rate_hz = 200
+[drive] torque_Nm = [0.2, 0.1] speed_rad_s = [15.0, 20.0] rate_hz = 200
 
-[arm]
-modes = ["driven", "held"]
-input = 4.0
+[arm] modes = ["driven", "held"] input = 4.0
 
 A file may also contain the limits of `dpr-lab accept` ([effects], [friction], [ratios]). A plan then states which of
 these limits its releases are expected to decide.
@@ -52,7 +39,10 @@ Minutes = Annotated[float, Field(ge=0, le=1e4, strict=True)]
 
 
 class ReachablePoses(RigTable):
-    """Start angles that a hand or a latch can reach; absolute angles, 0 = upright, rad."""
+    """Start angles that a hand or a latch can reach, rad.
+
+    The angles are absolute; 0 is upright.
+    """
 
     theta1_rad: Range = (0.0, 2 * math.pi)
     """Range of the angle of the inner rod."""
@@ -195,7 +185,7 @@ def load_plan_limits(path: Path, rig: Rig) -> PlanLimits:
 
     Raises:
         ConfigError: the file is not readable, a key or value is not valid, or the limits permit no release; the message
-            names the cause.
+            states the cause.
     """
     limits = read_config(path, PlanLimits)
     refuse_other_limits(path, limits)

@@ -50,7 +50,7 @@ def plan(
 ) -> Plan:
     """Plan the next recordings of a rig.
 
-    Without a budget, three releases are planned. Once the causes are decided, the plan contains no release, or one
+    If there is no budget, three releases are planned. Once the causes are decided, the plan contains no release, or one
     release that tests the effects that are not excluded.
 
     Args:

@@ -63,7 +63,7 @@ class SequenceSoFar:
     """Remaining time, minutes."""
 
     def after(self, step: SequenceStep) -> "SequenceSoFar":
-        """State of the sequence after a further release."""
+        """Return the state of the sequence after a further release."""
         return SequenceSoFar(
             self.information + step.information,
             (*self.made, step.release),
@@ -145,7 +145,7 @@ class Planner:
     def _best(self, pool: list[Informed], now: SequenceSoFar) -> SequenceStep | None:
         """Return the best release of all candidates after refinement.
 
-        None if no release fits into the remaining time.
+        The result is None if no release fits into the remaining time.
         """
         ranked = self._ranked(pool, now)
         if not ranked:

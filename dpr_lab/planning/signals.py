@@ -1,13 +1,14 @@
-r"""Input signals of drives at the joints and the arm: multi-sines and chirps within limits of torque, speed and angle.
+r"""Input signals of drives at the joints and the arm: multi-sines and chirps that respect given limits.
 
-A multi-sine of duration T is a sum of harmonics of the frequency 1/T. Schroeder phases keep its peak low:
+The limits concern torque, speed and angle. A multi-sine of duration T is a sum of K harmonics of the frequency 1/T.
+Schroeder phases keep its peak low:
 
     tau(t) = A sum over k of cos(2 pi k t / T + phi_k),    phi_k = -pi k (k - 1) / K.
 
-The frequency of a chirp increases linearly from the lowest to the highest frequency. A signal acts on joint 1, on
-joint 2, on both joints, or on the motor of the arm. The input of this motor is the torque divided by the gain of the
-drive. The amplitude is at most the limit of torque or input. It is reduced until the simulated swing respects the
-limits of speed and angle.
+The frequency of a chirp increases linearly from the lowest to the highest frequency. A signal acts on joint 1, on joint
+2, on both joints, or on the motor of the arm. The input of this motor is the torque divided by the gain of the drive.
+The amplitude is at most the limit of torque or input. It is reduced until the simulated swing respects the limits of
+speed and angle.
 
 Source: M. R. Schroeder (1970), Synthesis of low-peak-factor signals and binary sequences with low autocorrelation, IEEE
 Trans. Information Theory 16, 85-89.
@@ -87,7 +88,9 @@ SHAPES: dict[SignalKind, Callable[[Array, float, float], Array]] = {
 
 
 def driven_releases(model: PresentModel, limits: PlanLimits, rig: Rig) -> list[CandidateRelease]:
-    """Create a release from hanging for each signal that respects the limits; without drives the list is empty.
+    """Create a release from hanging for each signal that respects the limits.
+
+    The list is empty if there are no drives.
 
     Raises:
         ConfigError: no signal of a drive respects its limits.
@@ -157,7 +160,10 @@ def _kept(
 
 
 def _within(release: CandidateRelease, model: PresentModel, limits: PlanLimits, rig: Rig) -> CandidateRelease | None:
-    """Release with the largest amplitude that stays within the limits of speed and angle; None if there is none."""
+    """Return the release with the largest amplitude that stays within the limits of speed and angle.
+
+    The result is None if no amplitude does.
+    """
     share, torques = 1.0, release.torques
     assert torques is not None
     while share >= SIGNALS.least:
@@ -187,7 +193,10 @@ def _keeps(release: CandidateRelease, model: PresentModel, limits: PlanLimits, r
 
 
 def arm_input(torques: Torques, rig: Rig) -> Array:
-    """Return the (n,) input of the arm's motor that produces the torques of a signal, in the unit of `[motor]`."""
+    """Return the (n,) input of the arm's motor that produces the torques of a signal.
+
+    The unit of the input is that of `[motor]`.
+    """
     assert torques.on_arm is not None
     return np.asarray(torques.on_arm / drive_gain(rig).value, dtype=np.float64)
 

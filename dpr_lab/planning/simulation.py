@@ -1,8 +1,8 @@
 """Check a planned release with the nonlinear model: simulate one cause, and fit another to the simulated readings.
 
 The linearised distance of two causes is valid only near the estimate. The best releases are therefore simulated with
-the more probable cause. The other cause is fitted to the simulated readings by Gauss-Newton steps, with the information
-of the runs as prior:
+the more probable cause. The other cause is fitted to the simulated readings by Gauss-Newton steps. The information F of
+the runs is the prior:
 
     min over p and initial states of chi2(p) + (p - p*)^T F (p - p*),
 
@@ -39,7 +39,9 @@ SIMULATED_FIT = SimulatedFit()
 def simulated_distance(
     release: CandidateRelease, known: Knowledge, pairs: OpenPairs, truth: int, other: int
 ) -> float | None:
-    """Compute Delta D^2 of a release between two causes by nonlinear simulation; None if the fit becomes non-finite.
+    """Compute Delta D^2 of a release between two causes by nonlinear simulation.
+
+    The result is None if the fit becomes non-finite.
 
     Args:
         release: the release
@@ -82,7 +84,10 @@ def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Est
 
 
 def _best_fit(known: Knowledge, pairs: OpenPairs, truth: int, other: int, initial: Array, free: list[int]) -> Estimate:
-    """Fit the cause `other` to the runs recorded so far, by the linear solution, if `truth` is the true cause."""
+    """Fit the cause `other` to the runs recorded so far by the linear solution.
+
+    `truth` is assumed to be the true cause.
+    """
     true_places = list(pairs.places[truth])
     lost = known.information[np.ix_(free, true_places)] @ pairs.sizes[truth]
     shift = np.asarray(np.linalg.solve(known.information[np.ix_(free, free)], lost), dtype=np.float64)

@@ -114,9 +114,9 @@ def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
 
 
 def reservation(diagnosis: Diagnosis) -> str:
-    """Compose a sentence with the effects that are not excluded although the causes are decided.
+    """Compose a sentence that lists the effects that are not excluded although the causes are decided.
 
-    Empty if all other effects are excluded, or if the causes are not decided.
+    The text is empty if all other effects are excluded, or if the causes are not decided.
     """
     if not decided(diagnosis) or not possible(diagnosis):
         return ""

@@ -1,6 +1,6 @@
 """Compose the plan from a sequence of releases.
 
-The plan contains the reasons of the releases, the forecast, and the causes that no release separates.
+The plan contains the reasons for the releases, the forecast, and the causes that no release separates.
 """
 
 from collections.abc import Collection, Sequence
@@ -63,7 +63,7 @@ def summed_up(objective: Objective, steps: Sequence[SequenceStep], limits: PlanL
 
 
 def _reasons(objective: Objective, after: Array) -> list[Reason]:
-    """Return the reason of each release.
+    """Return the reason for each release.
 
     Args:
         objective: the objective
@@ -111,9 +111,10 @@ def _planned(
 def _forecast(
     objective: Objective, F: Array, gained: Sequence[Array], releases: int, together: Collection[str]
 ) -> float | None:
-    """Return the probability that a number of releases decides the causes; the causes in `together` count as one.
+    """Return the probability that a number of releases decides the causes.
 
-    The result is None before any recording and if no further release is necessary.
+    The causes in `together` count as one cause. The result is None before any recording, and if no further release is
+    necessary.
     """
     diagnosis = objective.known.diagnosis
     if diagnosis is None or _state(objective.known, together) != "record":

@@ -73,7 +73,7 @@ WORTH = Worth()
 
 
 def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
-    """Return the information about some unknowns while others are fitted as well, by the Schur complement.
+    """Return the information about some unknowns by the Schur complement, if other unknowns are fitted as well.
 
     Args:
         F: (k, k) information about all unknowns
@@ -253,7 +253,7 @@ class OpenAmplitudes:
     def of(cls, known: Knowledge, F: Array, excluded: bool = False) -> "OpenAmplitudes":
         """Return the amplitudes that are not excluded, with their information.
 
-        There are none if part of the gap remains unexplained.
+        The result contains no amplitudes if part of the gap remains unexplained.
 
         Args:
             known: the present knowledge
@@ -286,7 +286,10 @@ def open_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_bits(known: Knowledge, F: Array) -> float:
-    """Return the negative log2 of the volume of the covariance of the five ratios, up to a constant, bits."""
+    """Return the negative log2 of the volume of the covariance of the five ratios, in bits.
+
+    The value is defined up to a constant.
+    """
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     G = given(F, nuisance, range(len(RATIOS)))
     scale = np.array([known.model.columns[i].size for i in range(len(RATIOS))])
@@ -324,7 +327,9 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
 def detectable(
     known: Knowledge, F: Array, sigmas: float, names: Iterable[str] | None = None
 ) -> dict[str, dict[str, float | None]]:
-    """Return the size of each amplitude at a given number of standard deviations; None if it is not detectable.
+    """Return, for each amplitude, the size that equals a given number of standard deviations.
+
+    A size is None if the amplitude is not detectable.
 
     Args:
         known: the present knowledge

@@ -1,9 +1,9 @@
-"""Limits of a rig (`dpr-lab accept`) as goals of a plan, and whether its releases decide between pass and fail.
+"""Limits of a rig (`dpr-lab accept`) as goals of a plan.
 
-The test of a limit uses a 90 % interval, 1.645 standard deviations on either side. Consider a quantity at half its
-limit, or in the middle of its range. On average it passes if the half width of the interval is smaller than the
-distance from the limit. A friction limit also requires a recording in which the joint reaches the speed of the limit in
-both directions.
+A goal states whether the releases decide between pass and fail. The test of a limit uses a 90 % interval, 1.645
+standard deviations on either side. Consider a quantity at half its limit, or in the middle of its range. On average the
+quantity passes if the half width of the interval is smaller than the distance from the limit. A friction limit also
+requires a recording in which the joint reaches the speed of the limit in both directions.
 """
 
 from collections.abc import Iterator, Sequence
@@ -89,7 +89,10 @@ def limit_forecasts(
 
 
 def _too_slow(known: Knowledge, limits: Limits, releases: Sequence[CandidateRelease]) -> dict[str, float]:
-    """Return the friction limits whose speed the joint does not reach, each with the speed that it reaches, rad/s."""
+    """Return the friction limits whose speed the joint does not reach.
+
+    The value of each limit is the speed that the joint reaches, rad/s.
+    """
     if not limits.friction:
         return {}
     planned, evidence = reached_speeds(releases, known.model), known.diagnosis.evidence if known.diagnosis else None

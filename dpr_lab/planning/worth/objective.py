@@ -57,7 +57,7 @@ class Objective:
         return cls(known, pairs, before, ratio_bits(known, known.information), limits or Limits())
 
     def gained(self, F: Array) -> list[Array]:
-        """Return the (n, n) d^2 between the causes of each named effect that additional information contributes."""
+        """Return, for each named effect, the (n, n) d^2 that additional information contributes between its causes."""
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:

@@ -1,4 +1,4 @@
-"""Compose the reason for a release of a plan: a text on its contribution."""
+"""Compose the reason for a release of a plan: a text that states the contribution of the release."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -79,7 +79,9 @@ def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
 
 
 def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
-    """Compose a sentence on the releases that only improve the accuracy of the ratios; empty if there are none.
+    """Compose a sentence on the releases that only improve the accuracy of the ratios.
+
+    The text is empty if there are no such releases.
 
     Args:
         reasons: reasons of all releases
