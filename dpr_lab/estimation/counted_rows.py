@@ -5,9 +5,10 @@ rod is at the lower end of count n + 1 if it moves up, and at the upper end of c
 
     theta = (theta_before + theta_read) / 2
 
-with theta_before the reading of the previous row. The angle of an edge has no rounding error. In contrast, the count
-itself has an error of half a count, with a sign that depends on the direction of motion, like the torque of dry
-friction. The readings of the other encoders are equal in both rows, so the mean does not change them.
+Here theta_read is the reading of the row and theta_before the reading of the previous row. The angle of an edge has no
+rounding error. In contrast, the count itself has an error of half a count. The sign of this error depends on the
+direction of motion, like the torque of dry friction. The readings of the other encoders are equal in both rows, so the
+mean does not change them.
 """
 
 from dataclasses import dataclass
@@ -40,10 +41,9 @@ SETTINGS = CountedRowSettings()
 def edge_rows(angles: Array) -> Integers | None:
     """Return the indices of the rows at an edge, one count after the previous row.
 
-    None if rows are not sent at each count.
-
-    Rows sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. Two kinds
-    of rows are left out: the first row, and a row that differs by more than one count and therefore follows a lost row.
+    The result is None if rows are not sent at each count. Rows sampled at an even rate repeat a reading at turning
+    points, and skip counts when the rods move fast. Two kinds of rows are left out: the first row, and a row that
+    differs by more than one count and therefore follows a lost row.
 
     Args:
         angles: (n, m) readings of the encoders, in any unit
@@ -58,7 +58,7 @@ def edge_rows(angles: Array) -> Integers | None:
 def whole_changes(angles: Array) -> Integers | None:
     """Return the (n - 1, m) changes from row to row, in units of the smallest change.
 
-    None if they are not integers.
+    The result is None if these changes are not integers.
 
     Args:
         angles: (n, m) readings of the encoders, in any unit

@@ -162,7 +162,7 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
 
 
 def free_part_of(run: Run) -> FreePart:
-    """Find the part of a run in which the rods swing freely; errors as for `free_part`."""
+    """Find the part of a run in which the rods swing freely; the errors are those of `free_part`."""
     arm = run.theta[:, 0] if run.arm_mode != "clamped" else None
     return free_part(RodMotion(run.t, run.theta[:, 1:], run.torques, arm), str(run.file or run.name))
 
@@ -181,7 +181,7 @@ def refuse_held(runs: Sequence[Run]) -> None:
 def rest_fault(motion: RodMotion, part: FreePart) -> str:
     """Return the reason why the rest before the release does not determine the noise of the readings.
 
-    Empty if there is none.
+    The text is empty if there is no such reason.
     """
     t, rods = motion.t[part.rest : part.start], motion.rods[part.rest : part.start]
     if len(t) < HELD.fewest:
@@ -208,7 +208,10 @@ def _noise(motion: RodMotion) -> Array:
 
 
 def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
-    """Return the intervals in which the rods are held, each as first sample and index after the last."""
+    """Return the intervals in which the rods are held.
+
+    Each interval consists of its first sample and the index after its last sample.
+    """
     return [
         (first, stop)
         for first, stop in _still_intervals(motion, band)
@@ -219,9 +222,9 @@ def _held_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 
 
 def _highest(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """Return the (n - width + 1, ...) maxima over windows of `width` rows of (n, ...).
+    """Return the (n - width + 1, ...) maxima over windows of `width` rows of `values`, (n, ...).
 
-    They are combined recursively from the maxima over windows of half the width.
+    The maxima are combined recursively from those over windows of half the width.
     """
     if width == 1:
         return values
@@ -246,8 +249,9 @@ def _still_intervals(motion: RodMotion, band: float) -> list[tuple[int, int]]:
 def _turns(motion: RodMotion, first: int, stop: int) -> bool:
     """Return whether an interval contains a turning point of a swing.
 
-    The criterion is a significant parabola that accelerates towards hanging. Near a turning point, the noisy readings
-    of a slow rod, for example from a video, stay within the band for a long time, like those of a rod at rest.
+    The criterion is a significant parabola that accelerates towards hanging. Near a turning point, a slow rod with
+    noisy readings, for example from a video, stays within the band for a long time. These readings look like those of a
+    rod at rest.
     """
     t, rods = motion.t[first:stop], motion.rods[first:stop]
     if not _free(motion) or len(t) < HELD.fewest:
@@ -262,9 +266,8 @@ def _turns(motion: RodMotion, first: int, stop: int) -> bool:
 def _fall(t: Array, rods: Array) -> int:
     """Return the first sample of a fall from rest, if a fall describes the readings better than one parabola.
 
-    Otherwise 0.
-
-    The model of a fall is rest until t0, and alpha (t - t0)^2 / 2 after it.
+    Otherwise the result is 0. In the model of a fall, the rods rest until t0 and have moved by alpha (t - t0)^2 / 2 at
+    a later time t.
     """
     tried = range(HELD.fewest, len(t) - HELD.fewest)
     if not tried:
@@ -291,7 +294,10 @@ def _hangs(rods: Array) -> bool:
 
 
 def _known_input(motion: RodMotion, first: int, stop: int, band: float) -> bool:
-    """Return whether the motion in an interval has a known input: a known torque acts, or the prescribed arm moves."""
+    """Return whether the motion in an interval has a known input.
+
+    The input is a known torque, or the motion of the prescribed arm.
+    """
     pushed = False
     if motion.torques is not None:
         largest = np.abs(motion.torques).max(axis=1)
@@ -310,10 +316,10 @@ def _swings(motion: RodMotion, first: int, stop: int, band: float) -> bool:
 
 
 def _short_rest(motion: RodMotion, band: float) -> int:
-    """Number of samples of a rest at the beginning that is shorter than a held interval; 0 without such a rest.
+    """Return the number of samples of a rest at the beginning that is shorter than a held interval.
 
-    Rods that are released at t0 fall by alpha (t - t0)^2 / 2. From the times t1 and t2 at which they have fallen by d
-    and 4 d follows t0 = 2 t1 - t2.
+    The number is 0 if there is no such rest. Rods that are released at t0 fall by alpha (t - t0)^2 / 2. If they have
+    fallen by d at t1 and by 4 d at t2, then t0 = 2 t1 - t2.
     """
     t, n = motion.t, len(motion.t)
     waits = not _free(motion) and _hangs(motion.rods[:1])

@@ -1,4 +1,7 @@
-"""Log-likelihood of the angles of one rod under a chain of integrators driven by white noise, by a compiled filter."""
+"""Log-likelihood of the angles of one rod, computed by a compiled Kalman filter.
+
+The angles are modelled as a chain of integrators driven by white noise.
+"""
 
 import math
 
@@ -11,11 +14,12 @@ from dpr_lab.kernels import njit, subroutine
 
 @njit
 def log_likelihood(t: Array, theta: Array, snap: float, prior: Array) -> float:
-    """Return the log-likelihood of the innovations, up to a constant, in filter units (the noise of a reading is 1).
+    """Return the log-likelihood of the innovations y_k with variances S_k, up to a constant.
 
         -1/2 sum_k (log S_k + y_k^2 / S_k)
 
-    The first CHAIN readings only initialise the state and are not counted.
+    All arguments are in filter units, in which the noise of a reading is 1. The first CHAIN readings only initialise
+    the state and are not counted.
 
     Args:
         t: (n,) increasing instants

@@ -72,7 +72,7 @@ class FilterUnits:
 
 
 class VelocityFilter:
-    """Live Kalman filter for the speeds of both rods; `update` takes each sample as it arrives.
+    """Live Kalman filter that estimates the speeds of both rods; `update` takes each sample as it arrives.
 
     Create a filter before the recording starts, because its creation imports filterpy, which can take some seconds.
 

@@ -66,9 +66,10 @@ class NoiseFloor:
 
     @property
     def covariance(self) -> Array:
-        """(2, 2) covariance of (theta1, theta2), rad^2: J diag(std_joint^2) J^T with J from joint to absolute angles.
+        """(2, 2) covariance of (theta1, theta2), rad^2: J diag(std_joint^2) J^T.
 
-        With a relative encoder of joint 2 the errors of both angles are correlated.
+        J is the derivative of the absolute angles with respect to the joint angles. If the encoder of joint 2 is
+        relative, the errors of both angles are correlated.
         """
         J = self.joints.to_rods_matrix
         return J @ np.diag(self.std_joint**2) @ J.T
@@ -142,7 +143,8 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
         counts: (m,) counts of the encoders in the rig file, rad
 
     Returns:
-        (n, m) whether a reading stays within one step; (n, m) length of its sequence of equal readings there, else 1
+        (n, m) mask of the readings that stay within one step, and (n, m) length of the sequence of equal readings to
+        which such a reading belongs; the length is 1 for other readings
     """
     steps = np.abs(counts) if run.counts is not None else _steps(readings, np.abs(counts))
     window = _still_window(run)
@@ -165,7 +167,10 @@ def _still_window(run: Run) -> int:
 
 
 def _still(readings: Array, steps: Array, window: int) -> Flags:
-    """Return the (n - window + 1, m) whether `window` successive readings, of (n, m), stay within one step."""
+    """Return an (n - window + 1, m) mask: whether `window` successive readings stay within one step.
+
+    The readings have the shape (n, m).
+    """
     least = most = readings
     covered = 1
     while covered < window:  # the extremes over a window follow from those over two neighbouring halves
@@ -178,8 +183,8 @@ def _still(readings: Array, steps: Array, window: int) -> Flags:
 def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool) -> Array:
     """Return the (m,) standard deviation of the rounding of the readings (n, m) of a swing, rad.
 
-    A table of angles may come from other encoders than those of the rig file. Unless it has no noise at all, it counts
-    as rounded only if its own readings show a step.
+    A table of angles may come from other encoders than those of the rig file. It counts as rounded only if its own
+    readings show a step, or if it has no noise at all.
     """
     steps = counts = np.abs(counts)
     if run.counts is None:
@@ -188,9 +193,9 @@ def _rounding(run: Run, readings: Array, counts: Array, std: Array, still: bool)
 
 
 def _steps(readings: Array, counts: Array) -> Array:
-    """Return the (m,) rounding step: all changes of the readings are multiples of this step; 0 if there is none.
+    """Return the (m,) rounding step: all changes of the readings are multiples of this step.
 
-    A count of the rig and the smallest change are tried.
+    A count of the rig and the smallest change are tried. The step is 0 if neither fits.
     """
     steps = np.zeros(readings.shape[1])
     for joint, changes in enumerate(np.abs(np.diff(readings, axis=0)).T):
@@ -218,9 +223,10 @@ def rounding_std(readings: Array, steps: Array, window: int) -> Array:
 
 
 def difference_std(t: Array, values: Array) -> Array:
-    """Return the standard deviation of white noise on a smooth signal at uneven instants, robust to jumps.
+    """Return the standard deviation of white noise on a smooth signal at uneven instants.
 
-    Divided differences over seven neighbours cancel any polynomial of degree five. At unit gain on white noise they are
+    The estimate is robust to jumps. Divided differences over seven neighbours x_j, taken at the instants t_j, cancel
+    any polynomial of degree five. At unit gain on white noise they are
 
         r = sum_j w_j x_j / sqrt(sum_j w_j^2),    w_j = 1 / prod_{i != j} (t_j - t_i).
 
@@ -267,10 +273,9 @@ def difference_weights(windows: Array, period: float) -> Array:
 def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
     """Return the (2,) autocorrelation of the noise of joints 1 and 2 at a lag of `apart` samples.
 
-    0 if it is not significant.
-
-    For white noise the estimate is 0 +- 1 / sqrt(n). A tracker or a filter causes a larger value. For a video the value
-    is the autocorrelation of the lengths of the rods, modelled as a process of first order.
+    The value is 0 if it is not significant. For white noise the estimate is 0 +- 1 / sqrt(n). A tracker or a filter
+    causes a larger value. For a video the value is the autocorrelation of the lengths of the rods, modelled as a
+    process of first order.
     """
     if run.film_noise is not None:
         return np.full(2, run.film_noise.correlation**apart)
@@ -284,9 +289,9 @@ def rest_correlation(run: Run, rig: Rig, apart: int = 1) -> Array:
 
 
 def _rest_std(t: Array, joints: Array) -> Array:
-    """Return the standard deviation of each joint about a straight line, because a hand-held rod drifts.
+    """Return the standard deviation of each joint at rest.
 
-    Outliers are excluded.
+    The deviations are taken from a straight line, because a hand-held rod drifts. Outliers are excluded.
     """
     line = np.vander(t - t.mean(), 2)
     return np.array([_about(line, joint) for joint in joints.T])

@@ -55,7 +55,7 @@ SETTINGS = RepeatSettings()
 def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], str]:
     """Return the indices of the rows with a new reading, and a note about the other rows.
 
-    The note is empty if there are none.
+    The note is empty if all rows have a new reading.
 
     Args:
         t: (n,) increasing times, s

@@ -1,7 +1,8 @@
 """Compiled Kalman filter and Rauch-Tung-Striebel smoother for the chains of both rods.
 
-The state x consists of the chains of rod 1 and rod 2. With F and Q of `dpr_lab.estimation.chain` on the diagonal, H
-selecting the two angles, R their noise and y the innovation, the forward pass is
+The state x, with the covariance P, consists of the chains of rod 1 and rod 2. F and Q contain the matrices of
+`dpr_lab.estimation.chain` on the diagonal. H selects the two angles, R is the covariance of their noise, and y is the
+innovation. The forward pass is
 
     x- = F x,   P- = F P F^T + Q,    S = H P- H^T + R,   K = P- H^T S^-1,    x = x- + K y,   P = P- - K H P-
 
@@ -9,8 +10,9 @@ The backward pass, from the last sample but one to the first, is
 
     C = P F^T (P-)^-1,    x_s = x + C (x_s' - x-'),    P_s = P + C (P_s' - P-') C^T
 
-where ' denotes the next sample. P- is factored by Cholesky. Every inner loop runs along a row of `STATES` numbers, and
-no sum changes its order. The compiler can therefore use vector registers in strict arithmetic.
+where ' denotes the next sample and the index s the smoothed values. P- is factored by Cholesky. Every inner loop runs
+along a row of `STATES` numbers, and no sum changes its order. The compiler can therefore use vector registers in strict
+arithmetic.
 
 Source: H. E. Rauch, F. Tung & C. T. Striebel (1965), AIAA Journal 3(8), 1445-1450.
 """
@@ -174,7 +176,7 @@ def _smooth(
     P_moved: Array,
     work: Array,
 ) -> None:
-    """Compute x + C^T x_moved and P + C^T P_moved C in place, where C is the transposed smoother gain."""
+    """Compute x + C^T x_moved and P + C^T P_moved C in place; C is the transposed smoother gain."""
     for i in range(STATES):
         for j in range(STATES):
             x[j] += C[i, j] * x_moved[i]

@@ -69,7 +69,7 @@ class Smoothed:
 
     @property
     def states(self) -> Array:
-        """(n, 4) theta1, theta2, omega1, omega2."""
+        """(n, 4) array with the columns theta1, theta2, omega1, omega2, rad and rad/s."""
         return np.hstack([self.theta, self.omega])
 
 
@@ -138,7 +138,10 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
 
 
 def _swing(run: Run) -> tuple[Array, Array, float]:
-    """Return the instants, s, angles of the rods, rad, and median sampling interval, s, from the release on."""
+    """Return the instants, s, the angles of the rods, rad, and the median sampling interval, s.
+
+    All values start at the release.
+    """
     swing = run.swing
     if len(swing.t) < 2:
         raise RunError(f"{run.name}: {len(swing.t)} samples after the release; at least 2 are needed for a velocity")

@@ -14,7 +14,7 @@ def considered(fit: Fit, inflation: float, changes: Sequence[Array] = ()) -> Arr
 
         f V + sum over changes c of s_c s_c^T,    V = (A^T A + f P)^-1,    s_c = V A^T c
 
-    P is the inverse covariance of the prior.
+    A is the Jacobian with the initial states projected out, and P is the inverse covariance of the prior.
 
     Args:
         fit: the fit
@@ -48,7 +48,7 @@ def shifted(fit: Fit, change: Array) -> Array:
 
 
 def _inner(fit: Fit, inflation: float) -> Array:
-    """Return the (inside, inside) covariance of the values inside their bounds, divided by the inflation."""
+    """Return the (inside, inside) covariance, divided by the inflation, of the values that are inside their bounds."""
     space = ColumnSpace.of(fit.linear.A[:, :, fit.inside], fit.linear.e)
     rows = inflation**0.5 * fit.prior[:, fit.inside]
     return space.with_prior(rows, np.zeros(len(rows))).covariance()

@@ -21,9 +21,9 @@ Fewer samples contain no information about a model.
 
 
 def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
-    """Cut samples into segments of about equal length that do not span breaks; too short segments are omitted.
+    """Cut samples into segments of about equal length that do not span breaks.
 
-    If samples are sparse, segments are longer than requested.
+    Too short segments are omitted. If samples are sparse, segments are longer than requested.
 
     Args:
         t: (n,) increasing instants of one run, s
@@ -62,7 +62,9 @@ def partition(run: Run, length: float) -> list[slice]:
 
 
 def carried(source: Segments, states: Array, other: Segments, otherwise: Array) -> Array:
-    """Transfer initial states to another division into segments, for segments with the same first sample.
+    """Transfer initial states to another division into segments.
+
+    Segments with the same first sample have the same state.
 
     Args:
         source: first division of the samples

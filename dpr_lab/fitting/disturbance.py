@@ -41,11 +41,9 @@ ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
 def torque_noise(torques: Torques) -> Array:
     """Return the (2,) standard deviation of the white noise of measured torques after the release, N m.
 
-    Zero for other torques.
-
-    It is estimated from the median absolute differences of several orders. The smallest estimate is used, because
-    changes of the torque itself can only increase an estimate. For interpolated torques, the original rows are used,
-    because high-order differences of a cubic polynomial are zero.
+    The value is zero for torques that were not measured. It is estimated from the median absolute differences of
+    several orders. The smallest estimate is used, because changes of the torque itself can only increase an estimate.
+    For interpolated torques, the original rows are used, because high-order differences of a cubic polynomial are zero.
     """
     rows = _rows(torques)
     joints = rows.joints[rows.t >= 0.0]
@@ -61,7 +59,9 @@ def disturbance(
     begins: Callable[[float], float] = segment_start,
     most_Nm: ArrayLike = np.inf,
 ) -> Disturbance | None:
-    """Compute the effect of the process noise on the readings of a problem; None for free swings.
+    """Compute the effect of the process noise on the readings of a problem.
+
+    The result is None for free swings.
 
     Args:
         problem: segments with their inputs
@@ -103,8 +103,8 @@ def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
     """Return the (2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
 
     The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised by halving the
-    variance of each joint, starting from the upper limits `torque_noise`. These are upper limits because the torque of
-    a controller varies from sample to sample, which differences cannot distinguish from noise.
+    variance of each joint. The search starts from the upper limits `torque_noise`. They are upper limits because the
+    torque of a controller varies from sample to sample. Differences cannot distinguish this variation from noise.
 
     Args:
         problem: segments, some of which have measured torques
@@ -171,12 +171,12 @@ def _push_of_inner(reference: Trajectory, problem: Problem) -> Array:
 
 
 def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
-    """Return the first and second time derivative, (n, 4) each, of the equivalent change of the initial state `push`.
+    """Return the first and second time derivative, (n, 4) each, of the equivalent initial-state change `push`.
 
-    They are needed because an error e of a prescribed angle acts through its second derivative. Integrating by parts
-    twice gives two contributions to the readings: -out slope e at the same instant, and out times the integral of bend
-    e afterwards. Here slope and bend are the two derivatives, and out is the derivative of the readings with respect to
-    the initial state.
+    These derivatives are needed because an error e of a prescribed angle acts through its second derivative.
+    Integrating by parts twice gives two contributions to the readings: -out slope e at the same instant, and out times
+    the integral of bend e afterwards. Here slope and bend are the first and the second derivative, and out is the
+    derivative of the readings with respect to the initial state.
     """
     slope, bend = np.empty_like(push), np.empty_like(push)
     for first, last in pairwise(reference.edges):
@@ -188,7 +188,7 @@ def _derivatives(push: Array, reference: Trajectory) -> tuple[Array, Array]:
 def _of_motion(motion: ArmMotion | None) -> float:
     """Return the square root of the intensity of the noise of a prescribed angle, rad s^(1/2).
 
-    Zero without a prescribed motion.
+    The value is zero if no motion is prescribed.
     """
     return 0.0 if motion is None else motion.noise * float(np.median(np.diff(motion.t))) ** 0.5
 

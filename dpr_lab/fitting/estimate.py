@@ -170,12 +170,15 @@ class FreeParameter:
     """Whether the parameter is an amplitude; otherwise it is a shape parameter."""
 
     def read(self, estimate: Estimate) -> float:
-        """Return the value of the parameter in an estimate."""
+        """Return the value that the parameter has in an estimate."""
         return float(estimate.vector[self.place])
 
 
 def unknown_ratios(base: ArrayLike) -> Array:
-    """Return (7,) five ratios, b and p/b, from base parameters (7,) with p, or (6,) without p."""
+    """Return the (7,) unknowns, five ratios, b and p/b, from base parameters.
+
+    The base parameters have the shape (7,) with p, or (6,) without p.
+    """
     values = np.asarray(base, dtype=np.float64)
     b = values[BASE.index("b")]
     return np.append(base_ratios(values[: len(BASE)]), [b, values[-1] / b if len(values) > len(BASE) else np.nan])
@@ -191,7 +194,7 @@ def with_scale(ratios: Array, b: float) -> Array:
 def whole_of(ratios: Array) -> Array:
     """Return the (..., 7) base parameters of the whole rig, SI, from (..., 7) ratios, b and p/b.
 
-    P is nan without p/b.
+    If p/b is nan, p is nan.
     """
     on_elbow = ratios[..., ON_ELBOW:] if ratios.shape[-1] > ON_ELBOW else np.full((*ratios.shape[:-1], 1), np.nan)
     unit = np.concatenate([base_from_ratios(ratios[..., : len(RATIOS)]), on_elbow], axis=-1)
@@ -210,11 +213,9 @@ def alone_share(ratios: Array) -> float:
 def visible_ratios(setups: Iterable[Setup], scale_visible: bool = False) -> tuple[int, ...]:
     """Return the indices of the unknowns in `Estimate.ratios` that the runs determine.
 
-    All other unknowns keep their values.
-
-    Runs with two free rods determine the five ratios; additional runs with only the inner rod also determine p/b. If
-    joint 1 is prescribed, the outer rod determines d/b and c2/b. If no run has a swing of both rods, some elements have
-    another meaning:
+    All other unknowns keep their values. Runs with two free rods determine the five ratios. Additional runs with only
+    the inner rod also determine p/b. If joint 1 is prescribed, the outer rod determines d/b and c2/b. If no run has a
+    swing of both rods, some elements have another meaning:
 
         e1/b, c1/b    gravity and friction, divided by the inertia of the swinging part
         d/b           gravity of the outer rod, if it does not hang in line with the inner rod
@@ -269,7 +270,7 @@ def effect_parameters(
 ) -> tuple[FreeParameter, ...]:
     """Return the free parameters for the amplitudes of an effect.
 
-    With `refined` also for its continuous shape parameters.
+    If `refined` is true, the continuous shape parameters of the effect are included.
 
     Args:
         effect: the effect
@@ -300,7 +301,7 @@ def effect_parameters(
 
 
 def moved(estimate: Estimate, free: Sequence[FreeParameter], step: Array, initial_step: Array) -> Estimate:
-    """Apply a step to an estimate, with all parameters kept within their bounds.
+    """Apply a step to an estimate; every parameter stays within its bounds.
 
     Args:
         estimate: estimate before the step

@@ -247,7 +247,10 @@ def descend(
     predicted: Array | None = None,
     settings: GaussNewton = GAUSS_NEWTON,
 ) -> Iteration:
-    """Iterate as `fit` does, but without the final linearisation; arguments as for `fit`."""
+    """Iterate as `fit` does, but without the final linearisation.
+
+    The arguments are those of `fit`.
+    """
     start, free = problem.with_zeros(start), problem.all_free(free)
     linear = first or linearise(problem, start, free, predicted)
     state = Iteration(start, predicted, linear.chi2, linear, start, True, settings.least_damping)
@@ -297,11 +300,11 @@ def iterate(
 
 
 def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, settings: GaussNewton) -> StopReason | None:
-    """Return the reason to stop after a successful step with a small reduction of the cost; None: continue.
+    """Return the reason to stop after a successful step that reduces the cost by a small amount.
 
-    If the residual is far above the noise, a preliminary fit stops already at a larger reduction, because the model
-    error exceeds any small reduction. The values of chi2 are not compared if the simulation of a segment failed before
-    the step.
+    The result is None if the iteration must continue. If the residual is far above the noise, a preliminary fit stops
+    already at a larger reduction, because the model error exceeds any small reduction. The values of chi2 are not
+    compared if the simulation of a segment failed before the step.
     """
     if not np.isfinite(chi2):
         return None
@@ -312,7 +315,10 @@ def _end(problem: Problem, chi2: float, reduction: float, tolerance: float, sett
 
 
 def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iteration) -> Iteration:
-    """State with the residuals at its estimate, and with a new Jacobian unless the frozen one may be used."""
+    """Return the state with the residuals at its estimate.
+
+    The state has a new Jacobian, unless the frozen Jacobian may be used again.
+    """
     if state.current:
         return state
     if state.frozen_jacobian and state.predicted is not None:
@@ -324,7 +330,7 @@ def _linearised(problem: Problem, free: tuple[FreeParameter, ...], state: Iterat
 
 
 def _step(state: Iteration, free: tuple[FreeParameter, ...], prior: RigPrior) -> Array:
-    """Return the (free,) damped step within the bounds; zero for absorbed amplitudes."""
+    """Return the (free,) damped step within the bounds; the step of an absorbed amplitude is zero."""
     if not free:
         return np.zeros(0)
     space = ColumnSpace.of(*state.linear.flat)
@@ -348,10 +354,11 @@ def _line_search(
     settings: GaussNewton,
     tries: int,
 ) -> tuple[Estimate, Array, float, float] | None:
-    """Find a step length that reduces the cost; None if there is none.
+    """Find a step length that reduces the cost.
 
     Returns:
-        The estimate after the step, with its predicted readings, its chi2, and the cost of the prior.
+        the estimate after the step, its predicted readings, its chi2, and the cost of the prior; None if no step length
+        reduces the cost
     """
     before = state.linear.chi2_by_segment
     followed = np.isfinite(before)

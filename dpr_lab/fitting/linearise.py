@@ -1,11 +1,11 @@
 """Linearise a problem at an estimate, and eliminate the initial states of the segments.
 
-An initial state affects only its own segment. With B = dreadings/dx_s = Q R, weighted like the readings,
+An initial state x_s affects only its own segment s. Let B = dreadings/dx_s = Q R be weighted like the readings. Then
 
     A = (I - Q Q^T) dreadings/dp,    e = (I - Q Q^T) residual
 
 give normal equations for the free parameters p alone, for any number of segments. A and e are stored by segment. All
-later computations are linear algebra with them: the predicted reduction by a further effect, the prediction of a
+later computations are linear algebra with A and e: the predicted reduction by a further effect, the prediction of a
 held-out run, the similarity of effects, and minimum detectable effects.
 
 Source: multiple shooting, H. G. Bock (1983); variable projection, Golub & Pereyra (1973). docs/theory.md.
@@ -87,7 +87,10 @@ class Linearisation:
         return np.subtract(columns, absorbed, out=absorbed)
 
     def carried(self, problem: Problem, predicted: Array) -> "Linearisation | None":
-        """Return a copy with other predicted readings (samples, 2) and the same derivatives; None after a failure."""
+        """Return a copy with other predicted readings (samples, 2) and the same derivatives.
+
+        The result is None if a simulation has failed.
+        """
         residual = problem.whitened(problem.measured - predicted)
         if not (np.isfinite(self.residual).all() and np.isfinite(residual).all()):
             return None
@@ -100,7 +103,7 @@ class Linearisation:
         )
 
     def predicted_chi2(self, step: Array) -> float:
-        """Sum of squared residuals that the linear model predicts after a step of the free parameters."""
+        """Return the sum of squared residuals that the linear model predicts after a step of the free parameters."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def initial_steps(self, step: Array) -> Array:

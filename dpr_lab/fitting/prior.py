@@ -77,7 +77,7 @@ class Prior:
     """(SIZE,) maximum sizes of the amplitudes of effects."""
 
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-        """Return the rows A (n, free) and e (n,) of the cost |e - A step|^2 that the prior adds to a step."""
+        """Return the rows A (n, free) and e (n,) of the prior, which adds |e - A step|^2 to the cost of a step."""
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
         if of_ratios:
@@ -153,7 +153,10 @@ def prior_of(rig: Rig) -> Prior:
 
 
 def parameter_std(rig: Rig) -> Array:
-    """Return the (9,) prior standard deviation of each parameter: of its measurement, or of its bounds."""
+    """Return the (9,) prior standard deviation of each parameter.
+
+    It follows from the measurement of the parameter, or from its bounds.
+    """
     lower, upper = rig.bounds
     measured = np.array([rig.parameters[name].std or 0.0 for name in PARAMETERS])
     return np.where(rig.searched, (upper - lower) / np.sqrt(12), measured)

@@ -30,9 +30,9 @@ class OutputModel(Protocol):
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
-        """Return the (samples, 2) readings of joint 1 and joint 2 by their encoders, rad.
+        """Return the (samples, 2) readings of the encoders of joints 1 and 2, rad.
 
-        Not finite if the integration fails.
+        The readings are not finite if the integration fails.
         """
         ...
 
@@ -43,12 +43,11 @@ class OutputModel(Protocol):
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """Return the (samples, 2, free + 4) derivatives.
+        """Return the (samples, 2, free + 4) derivatives of the readings.
 
-        The last four are with respect to the initial state of the segment.
-
-        `predicted` are the readings at the estimate, if known. A model that computes derivatives less accurately
-        compares its own readings with them.
+        The last four derivatives are those with respect to the initial state of the segment. `predicted` contains the
+        readings at the estimate, if they are known. A model that computes derivatives less accurately compares its own
+        readings with `predicted`.
         """
         ...
 
@@ -169,7 +168,10 @@ class Problem:
         return self.model.predict(self.segments, estimate) + self._zeros(estimate)
 
     def _zeros(self, estimate: Estimate) -> Array | float:
-        """Return the (samples, 2) encoder zeros in the run of each sample, rad; 0 if no zeros are free."""
+        """Return the (samples, 2) encoder zeros, rad, that apply to the run of each sample.
+
+        The result is the number 0 if no zeros are free.
+        """
         if not len(estimate.zeros):
             return 0.0
         zeros = np.zeros((len(estimate.zeros), self.axes))
@@ -179,9 +181,8 @@ class Problem:
     def slopes(self, estimate: Estimate, free: Sequence[FreeParameter], predicted: Array | None = None) -> Array:
         """Return the (samples, 2, free + 4) derivatives of the predicted readings.
 
-        The last four are for the initial state.
-
-        With `predicted`, (samples, 2), the model checks the accuracy of its derivatives (`OutputModel.slopes`).
+        The last four derivatives are those with respect to the initial state. If `predicted`, (samples, 2), is given,
+        the model checks the accuracy of its derivatives (`OutputModel.slopes`).
         """
         zeros = [i for i, parameter in enumerate(free) if parameter.block == "zeros"]
         of_rods = None if predicted is None else predicted - self._zeros(estimate)
@@ -205,11 +206,14 @@ class Problem:
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
 
     def prior_weight(self, chi2_by_segment: Array) -> float:
-        """Weight of the prior, max(1, reduced chi2): a residual above the noise is treated as noise of its size."""
+        """Return the weight of the prior, max(1, reduced chi2).
+
+        A residual above the noise is thereby treated as noise of its size.
+        """
         return max(1.0, float(chi2_by_segment[np.isfinite(chi2_by_segment)].sum()) / max(self.evidence, 1))
 
     def chi2(self, estimate: Estimate) -> float:
-        """Sum of squared whitened residuals of all segments."""
+        """Return the sum of squared whitened residuals of all segments."""
         return float(self.chi2_by_segment(self.predict(estimate)).sum())
 
     def weighted(self, factor: Array) -> "Problem":

@@ -3,7 +3,8 @@
     min_x  | e - A x |^2
 
 Columns are scaled to unit norm, so that units have no influence. A small ridge is added to the diagonal of every normal
-matrix. Collinear columns therefore share the reduction, instead of having large coefficients of opposite sign.
+matrix. Without the ridge, collinear columns would have large coefficients of opposite sign. With the ridge, they share
+the reduction.
 """
 
 from collections.abc import Sequence
@@ -116,7 +117,7 @@ class ColumnSpace:
         return remaining
 
     def covariance(self) -> Array:
-        """Return the (k, k) covariance of the solution under unit white noise."""
+        """Return the (k, k) covariance of the solution if the noise is white with unit variance."""
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:

@@ -1,6 +1,7 @@
 """Compute the response of the readings to small torques along a given trajectory, by variation of constants.
 
-With Phi(t) the sensitivity of the state to the initial state and M the mass matrix,
+Let Phi(t) be the sensitivity of the state x to the initial state, and M the mass matrix. A torque tau changes the state
+by
 
     dx(t) = Phi(t) integral Phi(s)^-1 [0; M(s)^-1 tau(s)] ds.
 
@@ -208,9 +209,9 @@ def _grid(first: float, last: float, spacing: float) -> Array:
 
 
 def _prescribed_torques(bases: Array, rig: RigConstants, states: Array, arm: Array) -> Array:
-    """Return the (n, 2) torques on theta1 and theta2, N m, due to the acceleration and squared speed of an arm, (n, 2).
+    """Return the (n, 2) torques on theta1 and theta2 that a prescribed motion of the arm causes, N m.
 
-    The equation is (54) of docs/theory.md.
+    `arm` (n, 2) contains the acceleration and the squared speed of the arm. The equation is (54) of docs/theory.md.
     """
     (a, b, d, e1, *_), (alpha0, squared) = bases.T, arm.T
     (sin1, sin2), (cos1, cos2) = np.sin(states[:, :2].T), np.cos(states[:, :2].T)
@@ -234,7 +235,7 @@ def _accelerations(bases: Array, held: Flags, L1: float, g: float, states: Array
 
 @njit(allocates=False)
 def _response(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
-    """Trapezoidal integral of the response from the start of each segment, weighted at the samples.
+    """Integrate the response by the trapezoidal rule from the start of each segment, and weight it at the samples.
 
     This function is `_response_with_arm` for the four states of two rods, unrolled, because a diagnosis integrates
     thousands of torques. The inner loop runs over torques. The result is written to `response`, (segments, m, k), where
@@ -280,7 +281,7 @@ def _response(grid: _Grid, weight: Array, torque: Array, sums: Array, response: 
 
 @njit(allocates=False)
 def _response_with_arm(grid: _Grid, weight: Array, torque: Array, sums: Array, response: Array) -> None:
-    """`_response` for any number of states and axes; `sums` is (2, states, k)."""
+    """Compute the same result as `_response` for any number of states and axes; `sums` is (2, states, k)."""
     t, into, out, positions, edges, first = grid
     states, axes, count, before, total = into.shape[1], into.shape[2], torque.shape[2], sums[0], sums[1]
     for s in range(len(first) - 1):

@@ -20,8 +20,8 @@ def without_outstanding(
 ) -> Fit:
     """Fit with down-weighted outlying segments, then refit all segments from the result.
 
-    Without the down-weighting, a single swing that passes near the upright position can keep all parameters in a local
-    minimum.
+    If outlying segments are not down-weighted, a single swing that passes near the upright position can keep all
+    parameters in a local minimum.
 
     Args:
         problem: measured readings, weights and model
@@ -48,9 +48,10 @@ def without_outstanding(
 
 
 def relative_chi2(fitted: Fit) -> Array:
-    """Return the (segments,) chi2 of each segment relative to the median; inf for a segment whose simulation fails.
+    """Return the (segments,) chi2 of each segment relative to the median.
 
-    The median is that of the segments that the model can simulate.
+    The median is that of the segments that the model can simulate. The value is inf for a segment whose simulation
+    fails.
     """
     chi2 = np.nan_to_num(fitted.linear.chi2_by_segment, nan=np.inf, posinf=np.inf)
     finite = chi2[np.isfinite(chi2)]
@@ -86,7 +87,7 @@ def refit_lost(problem: Problem, first_fit: Fit, initial: Array, *, iterations: 
 
 
 def _lost_and_chi2(fitted: Fit) -> tuple[int, float]:
-    """Number of segments whose simulation fails, and chi2 of the others."""
+    """Return the number of segments whose simulation fails, and the chi2 of the other segments."""
     chi2 = fitted.linear.chi2_by_segment
     followed = np.isfinite(chi2)
     return int(np.count_nonzero(~followed)), float(chi2[followed].sum())

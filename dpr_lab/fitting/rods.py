@@ -1,8 +1,8 @@
 """Model of the rods without effects, with exact derivatives of the Runge-Kutta map.
 
-A segment starts at its first sample. The base parameters of a run follow from the base parameters of the whole rig, b
-times (a/b, 1, d/b, e1/b, c1/b, c2/b, p/b), the mounting, and a known attached mass
-(`dpr_lab.dynamics.base.base_of_run`). Such a mass can make b or p/b identifiable.
+A segment starts at its first sample. The base parameters of a run (`dpr_lab.dynamics.base.base_of_run`) depend on the
+mounting, a known attached mass, and the base parameters of the whole rig. The latter are b times (a/b, 1, d/b, e1/b,
+c1/b, c2/b, p/b). An attached mass can make b or p/b identifiable.
 """
 
 from collections.abc import Sequence
@@ -76,7 +76,7 @@ class RodsAlone:
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """Adapt derivatives (..., 4) with respect to an initial state to rods that turn as one body."""
+    """Adapt derivatives (..., 4) with respect to an initial state if the rods of the setup turn as one body."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]
@@ -102,9 +102,9 @@ def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
 
 
 def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """Return the (6,) ratios of a run and 1 / b of the run, and (6, 7) derivatives of these values.
+    """Return the (6,) ratios and 1 / b of a run, and their (6, 7) derivatives.
 
-    1 / b is zero without torques.
+    1 / b is zero if no torques act.
     """
     values, slopes = ratios_of_run(unknown, setup, L1, g)
     push, by_unknown = 0.0, np.zeros(len(WHOLE))

@@ -1,4 +1,6 @@
-"""Model of the rods with effects: readings by Runge-Kutta steps in lanes, derivatives by forward differences.
+"""Model of the rods with effects.
+
+Runge-Kutta steps, computed for many segments in parallel, give the readings. Forward differences give the derivatives.
 
 A segment starts a little before its first sample (`dpr_lab.dynamics.prediction`). All differences are computed in one
 batch with twice the integration step, which halves the time. The resulting relative error of a derivative, 1e-3, does
@@ -86,7 +88,9 @@ class RodsWithEffects:
         free: Sequence[FreeParameter],
         predicted: Array | None = None,
     ) -> Array:
-        """Return the (samples, 2, free + 4) derivatives of the readings; the last four are for the initial state.
+        """Return the (samples, 2, free + 4) derivatives of the readings.
+
+        The last four derivatives are those with respect to the initial state.
 
         Args:
             segments: layout of the samples

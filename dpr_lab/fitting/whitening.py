@@ -2,12 +2,13 @@
 
 Noise of the inputs accumulates along a swing. Its effect on the readings of sample k is C_k z_k, where z_k is a sum of
 independent steps of covariance D_k in the coordinates of the initial state. The errors of the readings of one segment
-are therefore correlated. A Kalman filter converts them to innovations of unit variance,
+are therefore correlated. A Kalman filter converts the weighted readings y to innovations e of unit variance, one
+reading after the other,
 
     P <- P + D_k,    e = (y - C z) / sqrt(S),    S = 1 + C P C^T,    z <- z + P C^T (y - C z) / S
 
-one reading after the other. This is equivalent to multiplication by the inverse Cholesky factor of their covariance,
-but takes linear time.
+where P is the covariance of z. The result is the same as multiplication by the inverse Cholesky factor of the
+covariance of the readings, but the filter takes linear time.
 
 Source: F. C. Schweppe (1965), Evaluation of likelihood functions for Gaussian signals, IEEE Trans. Inf. Theory 11.
 """
