@@ -48,6 +48,18 @@ def test_torques_are_read_and_kept(paper: Rig, tmp_path: Path, header: str) -> N
     assert run.setup.torques is not None
 
 
+def test_desired_and_measured_columns_of_named_joints_are_distinguished(paper: Rig, tmp_path: Path) -> None:
+    """The log of a robot with a passive shoulder; its desired values have times of their own."""
+    header = "shoulder_des_pos,elbow_des_pos,des_time,elbow_des_tau,shoulder_meas_pos,elbow_meas_pos,elbow_meas_tau"
+    desired = [0 * T, 0.1 * T, T / 10, 2 * TAU[:, 1]]
+    rows = np.column_stack([*desired, *ANGLES[:, 1:].T, TAU[:, 1], T])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=f"{header},meas_time", comments="")
+    run = import_csv(tmp_path / "a.csv", paper)
+    assert run.t[-1] == pytest.approx(T[-1])
+    assert run.torques == pytest.approx(np.column_stack([0 * T, TAU[:, 1]]))
+    assert run.torque_kind == "measured"
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("mNm", 1e-3), ("N mm", 1e-3), ("Ncm", 1e-2)])
 def test_a_unit_in_the_name_of_a_torque_is_converted(paper: Rig, tmp_path: Path, unit: str, factor: float) -> None:
     run = import_csv(table(tmp_path, f"tau1_meas_{unit},tau2_meas_{unit}", TAU / factor), paper)
@@ -196,7 +208,8 @@ def test_a_joint_without_a_torque_column_is_passive(paper: Rig, tmp_path: Path, 
 
 
 def test_torques_of_the_other_kind_alone_are_refused(paper: Rig, tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"joint 2 has a torque \(tau_cmd2\), but no measured torque like tau_meas1"):
+    refusal = r"joint 2 has a torque \(tau_cmd2\), but no measured torque like tau_meas1.*--columns tau1=tau_meas1\)"
+    with pytest.raises(RunError, match=refusal):
         import_csv(table(tmp_path, "tau_meas1,tau_cmd1,tau_cmd2", TAU, TAU[:, :1]), paper)
     with pytest.raises(RunError, match="has no column of measured torques"):
         import_csv(table(tmp_path, "other", TAU[:, :1]), paper, ImportOptions(torque="measured"))

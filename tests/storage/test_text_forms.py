@@ -143,14 +143,19 @@ def test_errors_next_to_x_and_y_are_no_second_point(tmp_path, one):
     np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-5)
 
 
-def test_rates_are_no_angles(tmp_path, one):
-    """A table of the app phyphox."""
-    names = ["Time (s)", "Gyroscope x (rad/s)", "Gyroscope y (rad/s)", "Absolute (rad/s)"]
-    (tmp_path / "a.csv").write_text(
-        ",".join(names) + "\n" + lines("{t:.2f},{angle:.6f},{angle:.5f},{angle:.4f}\n", SWING)
-    )
+@pytest.mark.parametrize("rates", [["Gyroscope x (rad/s)", "Gyroscope y (rad/s)", "Absolute (rad/s)"], ["omega"]])
+def test_rates_are_no_angles(tmp_path, one, rates):
+    """Tables of the app phyphox and of one rate."""
+    row = "{t:.2f}" + "".join(f",{{angle:.{digits}f}}" for digits, _ in enumerate(rates, 4)) + "\n"
+    (tmp_path / "a.csv").write_text(",".join(["Time (s)", *rates]) + "\n" + lines(row, SWING))
     with pytest.raises(RunError, match="These are rates and accelerations: an angle is required"):
         import_csv(tmp_path / "a.csv", one)
+
+
+def test_the_angle_of_an_inertial_sensor_is_an_angle(tmp_path, one):
+    (tmp_path / "a.csv").write_text("t,acc angle\n" + lines("{t:.2f},{angle:.6f}\n", SWING))
+    run = import_csv(tmp_path / "a.csv", one, ImportOptions(zero="hanging"))
+    np.testing.assert_allclose(run.theta[:, 1] - np.pi, SWING, atol=1e-5)
 
 
 def test_a_table_of_times_is_not_called_a_table_of_rates(tmp_path, one):

@@ -31,7 +31,7 @@ _ANGLE_NAME = (
 )
 _MEASURED_NAME = rf"{_ANGLE_WORD}({{axis}}{_MEASURED}|{_MEASURED}{{axis}}){_ANGLE_UNIT}?"
 _ARM_NAME = rf"arm(angle|pos|position)?{_ANGLE_UNIT}?"
-_JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
+JOINT_NAMES = {"theta1": "shoulder|(inner|upper)(rod|link|arm)", "theta2": "elbow|(outer|lower)(rod|link|arm)"}
 _ON_ARM = {"theta0": f"theta{_ANGLE_UNIT}?", "theta1": f"alpha{_ANGLE_UNIT}?"}
 """Patterns of the angles of arm and rod in the notation of Quanser."""
 _ROD_NAME = rf"(rod|pole|pend(ulum|ulo|ule|el)?)(angle|pos|position)?{_ANGLE_UNIT}?"
@@ -51,8 +51,8 @@ _SAID_UNIT = re.compile(
 _COUNTER = re.compile(r"(frame|image|sample|row)s?(index|idx|number|num|no|nr|id)?|index|idx|number|no|nr|n|i|k")
 _ERROR = re.compile(r"d[xyt]|(delta|δ|unc|uncertainty|sigma|std)\w*")
 """Pattern of the error of a value, a column of fit programs."""
-_RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|gyro|acc(?!ura)")
-"""Pattern of angular rates and accelerations."""
+_RATE = re.compile(r"(rad|deg|degrees?|°|m)/s|omega|veloc|speed|^(?!.*(angle|pitch|roll|tilt)).*(gyro|acc(?!ura))")
+"""Pattern of rates and accelerations in lower case; the angle of a gyroscope is no rate."""
 _NO_NAME = re.compile(r"\d+|.+\[\d+\]|[xy]", re.I)
 """Pattern of names without a meaning: numbers, elements of an array, and axes of a plot."""
 SPEED_CORRELATION = 0.9
@@ -113,14 +113,15 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
         if unit == "counts"
         else (_ANGLE_NAME, f"{_ANGLE_NAME}|{_ARM_NAME}", f"(angle|pos)?{_ANGLE_UNIT}?")
     )
-    patterns = {"t": [_TIME_NAME.format(unit=_TIME_SUFFIX[time_unit])]}
+    time = _TIME_NAME.format(unit=_TIME_SUFFIX[time_unit])
+    patterns = {"t": [time, _MEASURED + time]}
     for axis, quantity in enumerate(AXES):
         patterns[quantity] = [
             (angle if quantity == "theta0" else common).format(axis=axis),
             _MEASURED_NAME.format(axis=axis),
         ]
-    for quantity, joint in _JOINT_NAMES.items():
-        patterns[quantity] += [f"({joint}){ending}"]
+    for quantity, joint in JOINT_NAMES.items():
+        patterns[quantity] += [f"({joint}){ending}", f"({joint}){_MEASURED}{ending}"]
     named = {q: _matches(names, alternatives) for q, alternatives in patterns.items()}
     return {quantity: matches[0] for quantity, matches in named.items() if len(matches) == 1}
 
@@ -228,7 +229,7 @@ def _only_varying(table: Table, given: Mapping[str, str]) -> list[str]:
         name
         for name, column in zip(table.names, table.values, strict=True)
         if name not in given.values() and not is_time(name) and not _ERROR.fullmatch(bare(name))
-        if (only_two or not runs(column)) and varies(column)
+        if (only_two or not runs(column)) and varies(column) and not _RATE.search(name.lower())
     ]
     if len(varying) == 2 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
         varying = _without_speed(varying, table, clock)

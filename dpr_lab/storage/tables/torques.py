@@ -13,7 +13,7 @@ from dpr_lab.identification.misread.balance import EnergyFit, energy_fit
 from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.rig import Rig
 from dpr_lab.shown import percent
-from dpr_lab.storage.tables.columns import bare
+from dpr_lab.storage.tables.columns import JOINT_NAMES, bare
 from dpr_lab.storage.tables.options import ImportOptions
 from dpr_lab.storage.tables.readings import READ
 from dpr_lab.storage.tables.table import Table
@@ -31,6 +31,12 @@ _NAME = re.compile(
 )
 _FACTORS = (1e-3, 1e-2, 1e3)
 """Factors of other common units of torque relative to N m: mN m, N cm, kN m."""
+
+_OF_JOINT = [
+    (re.compile(f"({joint})(?P<kind>.*?)(?P<torque>tau|torque|trq|effort)"), rf"\g<torque>\g<kind>{number}")
+    for number, joint in enumerate(JOINT_NAMES.values(), 1)
+]
+"""Pattern of a torque with the name of its joint, and the same name with the number of the joint."""
 
 Pairs = Mapping[str, tuple[str, str]]
 """Names of the columns of joints 1 and 2 for each kind, `measured` first. The kind is empty if no column states it."""
@@ -59,7 +65,7 @@ def find_torques(
         return {}
     if stated := {joint: given[joint] for joint in JOINTS if joint in given}:
         return _stated(names, source, stated, path)
-    matches = {name: match for name in names if (match := _NAME.fullmatch(bare(name)))}
+    matches = {name: match for name in names if (match := _named(name))}
     numbered = {name: match for name, match in matches.items() if match[2]}
     matches = matches if alone and not numbered else numbered
     kinds = {name: _KINDS.get(match[1] or match[3] or "", "") for name, match in matches.items()}
@@ -81,10 +87,11 @@ def find_torques(
     by_joint = {joint: name for name, joint in driven.items()}
     for kind, pair in chosen.items():
         for joint in by_joint.keys() - pair.keys():
-            available, name = ", ".join(pair.values()), by_joint[joint]
+            stated = ",".join(f"tau{other}={column}" for other, column in pair.items())
             raise RunError(
-                f"{path}: joint {joint} has a torque ({name}), but no {kind} torque like {available}: choose"
-                f" one kind for both joints with --torque, or remove {name} from the table"
+                f"{path}: joint {joint} has a torque ({by_joint[joint]}), but no {kind} torque like"
+                f" {', '.join(pair.values())}: choose one kind for both joints with --torque, or, if joint {joint} has"
+                f" no drive, name the other column (--columns {stated})"
             )
     return {kind: (pair.get("1", PASSIVE), pair.get("2", PASSIVE)) for kind, pair in chosen.items()}
 
@@ -94,10 +101,18 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
     for joint, name in stated.items():
         if name not in names:
             raise RunError(f"{path}: no column is named {name!r} ({joint}); the table has: {', '.join(names)}")
-    matches = [match for name in stated.values() if (match := _NAME.fullmatch(bare(name)))]
+    matches = [match for name in stated.values() if (match := _named(name))]
     kinds = {_KINDS[kind] for match in matches if (kind := match[1] or match[3])}
     kind = source or (kinds.pop() if len(kinds) == 1 else "")
     return {kind: (stated.get("tau1", PASSIVE), stated.get("tau2", PASSIVE))}
+
+
+def _named(name: str) -> re.Match[str] | None:
+    """Kind, joint and unit of a torque in the name of its column; `elbow_meas_tau` is another form of `tau_meas_2`."""
+    short = bare(name)
+    for pattern, numbered in _OF_JOINT:
+        short = pattern.sub(numbered, short)
+    return _NAME.fullmatch(short)
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
@@ -105,7 +120,7 @@ def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> 
 
     Otherwise the list is empty. On a moving arm, such a torque belongs to the drive of the arm.
     """
-    torques = [name for name in names if (match := _NAME.fullmatch(bare(name))) and not match[2]]
+    torques = [name for name in names if (match := _named(name)) and not match[2]]
     if driving or options.arm != "clamped" or options.torque == "none" or not torques:
         return []
     return [f"{', '.join(torques)}: not used; name the joint of a torque, for example --columns tau1={torques[0]}"]
@@ -124,7 +139,7 @@ def torque_column(table: Table, name: str) -> Array:
             f"{table.path}: torques of another length: {table.other_lengths[name]:,} values of {name!r} for"
             f" {len(table.lines):,} rows"
         )
-    match = _NAME.fullmatch(bare(name))
+    match = _named(name)
     return table.column(name) * (_UNITS[match[4]] if match and match[4] else 1.0)
 
 
