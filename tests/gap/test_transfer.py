@@ -23,7 +23,7 @@ from dpr_lab.gap.screen.sensor_faults import screen
 from dpr_lab.gap.transfer.free_run import FreeRunError
 from dpr_lab.gap.transfer.out_of_sample import block_starts, reduction
 from dpr_lab.gap.transfer.outcome import Transfer, WorseFreeRun
-from dpr_lab.gap.transfer.transfer import _blocks, _signed_rank, judged, worse_free_run
+from dpr_lab.gap.transfer.transfer import _blocks, _helps, _signed_rank, judged, worse_free_run
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from dpr_lab.shown import percent
@@ -333,6 +333,16 @@ def test_signed_ranks_of_equal_and_zero_differences_do_not_depend_on_the_order()
     assert _signed_rank(np.zeros(5)) == 0.0
     assert _signed_rank(np.array([0.0, 3.0, 0.0, -1.0, 2.0])) == _signed_rank(np.array([3.0, -1.0, 2.0]))
     assert _signed_rank(np.arange(1.0, 7.0)) == pytest.approx(21 / np.sqrt(91))
+
+
+def test_a_short_held_out_run_shows_a_large_reduction_although_its_groups_are_few() -> None:
+    """The first group has by far the largest reduction, and three groups have no significant rank sum."""
+    chi2 = np.array([[9e5, 4e4, 7e3], [300.0, 250.0, 280.0]])
+    test = Mock(run=np.zeros(3, dtype=int), block=1, runs=[("a", slice(None))], whole_runs=True)
+    assert _helps(test, chi2)
+    assert not _helps(test, np.array([[9e3, 400.0, 300.0], [900.0, 300.0, 300.0]]))  # a factor of 6.5
+    test.whole_runs = False  # the quarters of a single recording have the same unknown causes
+    assert not _helps(test, chi2)
 
 
 def test_held_out_pieces_of_a_single_recording_are_not_called_runs() -> None:

@@ -1,7 +1,7 @@
 """Reduction of the gap by the named effects, on recordings that were not fitted."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -67,6 +67,8 @@ class OutOfSample:
     """Function that returns the (segments,) chi2 of a model."""
     block: int
     """Number of neighbouring segments that count as one independent value."""
+    whole_runs: bool = True
+    """Whether whole recordings are predicted from others; otherwise quarters of the only recording."""
 
     @property
     def runs(self) -> list[tuple[str, Flags]]:
@@ -77,7 +79,8 @@ class OutOfSample:
 def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
     """Predict each run from the other runs, or each quarter of a single run from the other quarters."""
     fold = folds(problem)
-    return _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
+    predicted = _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
+    return replace(predicted, whole_runs=len(recordings.records) > 1)
 
 
 def held_out_prediction(recordings: Recordings, bare: Hypothesis) -> OutOfSample:

@@ -19,6 +19,13 @@ class TransferSettings:
 
     Chance exceeds it in one of twenty cases.
     """
+    ranked: int = 4
+    """Minimum number of groups of segments whose signed ranks can be significant."""
+    clear: float = 10.0
+    """Minimum factor by which chi2 decreases if the reduction in fewer groups is significant.
+
+    The 95 % point of the F distribution with three and three degrees of freedom is 9.3 (decision 70).
+    """
     kept: float = 0.5
     """Minimum ratio of the share closed on held-out data to the share closed in the fitted recordings.
 

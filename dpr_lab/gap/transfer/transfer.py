@@ -6,7 +6,8 @@ The selected set and the set without one effect are fitted to the same runs and 
 
 for each segment s, with neighbouring segments grouped. An effect carries over to held-out data under three conditions:
 
-1. d is significantly positive, by its sum or by its signed ranks.
+1. d is significantly positive, by its sum or by its signed ranks. If there are fewer than four groups, a reduction of
+   chi2 by a large factor is also significant.
 2. d is significantly negative in no run.
 3. The share of the gap that the effect closes is not significantly below half of that in the fitted recordings.
 
@@ -159,18 +160,27 @@ class _Test:
 
         The closed share of the gap must be at least `least` if it is measurable.
         """
-        helps = _helps(self.data, pair[0] - pair[1])
+        helps = _helps(self.data, pair + self.noise)
         if not helps or pair[0].sum() < TRANSFER.gap_from * self.noise.sum():
             return helps
         return self.reduction(pair).interval90[1] >= least
 
 
-def _helps(test: OutOfSample, reductions: Array) -> bool:
-    """Return whether an effect reduces chi2 significantly in total and increases it significantly in no run."""
+def _helps(test: OutOfSample, chi2: Array) -> bool:
+    """Return whether an effect reduces chi2 significantly in total and increases it significantly in no run.
+
+    Args:
+        test: data that were not fitted
+        chi2: (2, segments) chi2 without and with the effect
+    """
+    reductions = chi2[0] - chi2[1]
     blocks = _blocks(test, reductions)
     total, tolerance = _sum(blocks)
     by_run = [_sum(_blocks(test, reductions, rows)) for _, rows in test.runs]
     beyond_chance = total > tolerance or (total > 0.0 and _signed_rank(blocks) > TRANSFER.beyond_chance)
+    if test.whole_runs and len(blocks) < TRANSFER.ranked:
+        without, remaining = chi2.sum(axis=1)
+        beyond_chance = beyond_chance or bool(without > TRANSFER.clear * remaining)
     return beyond_chance and all(of_run > -tolerance_of_run for of_run, tolerance_of_run in by_run)
 
 
