@@ -6,7 +6,13 @@ A plant has no effect, one effect or two effects of 0.5 to 2 times the minimum d
 two further effects of 0.05 to 0.2 times this size. The poses of a first plan for the rig `paper` are recorded, 10 s
 each. After each release that leaves the causes undecided, a forecast is made for the next one, two and three of these
 releases, as far as they are recorded. It is compared with the diagnoses of these releases. The sampling error of the
-calibration error is found by drawing plants with replacement.
+calibration error is found by drawing plants with replacement. With `--adaptive`, each release is the first one of a new
+plan. With `--own`, the plants are those of the simulated device.
+
+The net calibration error is defined in `dpr_lab.trials.summary.net_calibration_error`. With `--adaptive`, it was 0.106
+on 61 plants (seeds 1016000 to 1016043, 1016048 to 1016051, 1016060 to 1016063 and 1016090 to 1016098; 240 forecasts;
+calibration error 0.104, of an exact forecast 0.063). On 24 own plants (`single:faint`, from 2017000 on; 21 forecasts)
+it was 0.
 """
 
 import sys

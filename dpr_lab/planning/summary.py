@@ -123,7 +123,8 @@ def _forecast(
         settled = settled_probability(OpenAmplitudes.of(objective.known, F, excluded=True))
         return settled * decision_probability(objective.pairs, gained, releases, together)
     failed = recorded_releases(diagnosis) - 1  # there is no forecast for the first release
-    return decision_probability(objective.pairs, gained, releases, together, failed)
+    confirmed = FORECAST.revealed if diagnosis.gap.remainder_Nm else FORECAST.confirmed
+    return decision_probability(objective.pairs, gained, releases, together, failed, confirmed)
 
 
 def _detectable(known: Knowledge, F: Array) -> list[Detectable]:

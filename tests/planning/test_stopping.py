@@ -251,6 +251,16 @@ def test_a_cause_without_alternatives_lowers_the_forecast_if_it_may_be_outside_t
     assert objective.simulated(swing.release, swing.information) is None
 
 
+def test_a_remainder_above_the_noise_lowers_the_forecast(paper: Rig) -> None:
+    known, partly = known_before(paper), one_cause(verdict="partly_explained")
+    (swing,) = informed([CandidateRelease(0.3, 5.6, 5.0)], known.model)
+    step = SequenceStep(swing.release, swing.information, swing.horizon_s, 1.0, 0.0, 1.0)
+    for remainder, expected in (({}, FORECAST.confirmed), ({"joint1": 1e-4}, FORECAST.revealed)):
+        gap = partly.gap.model_copy(update={"remainder_Nm": remainder})
+        after = replace(known, diagnosis=of_runs(partly.model_copy(update={"gap": gap}), "P1"))
+        assert summed_up(Objective.of(after), [step], PlanLimits(), 0.0).forecast == [pytest.approx(expected)]
+
+
 @pytest.mark.parametrize("changed", [{"verdict": "partly_explained"}, {"hints": ["the clock"]}])
 def test_a_remainder_or_a_wrong_description_is_never_enough(changed: dict[str, Any]) -> None:
     assert not decided(of_runs(one_cause(**changed), "P1", "P2", "P3"))
