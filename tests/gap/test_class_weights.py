@@ -12,7 +12,10 @@ from dpr_lab.gap.classes.posterior import (
     CALIBRATION,
     Alternative,
     _added_cost,
+    _adds_nothing,
+    _class_members,
     _cost,
+    _in_one_class,
     _Place,
     _prior_odds,
     _takes_over,
@@ -126,6 +129,77 @@ def test_a_richer_form_is_charged_the_indifference_beyond_chance(monkeypatch: py
     assert _added_cost(place(), Alternative("latency_joint2", 0.5, 130.0)) == 30.0
     assert _added_cost(place(), Alternative("latency_joint2", 0.5, 70.0)) == 0.0
     assert _added_cost(place(), Alternative("stribeck_joint2", 0.5, 130.0)) == 30.0 + 400.0 - 30.0 * 5.0
+
+
+def score(name: str, gain: float, *nested: str, absorbed: Any = None) -> Any:
+    """Score of an effect that contains some simpler forms."""
+    effect = Mock(nested=nested)
+    effect.name = name
+    return Mock(effect=effect, gain=gain, absorbed=absorbed or {})
+
+
+@pytest.mark.parametrize(
+    ("alike", "cost", "gain", "member"),
+    [
+        (False, 100.0, 500.0, False),
+        (True, 109.9, 0.0, True),
+        (True, 110.0, 500.0, False),
+        (True, None, 490.1, True),  # not fitted: the scores are compared
+        (True, None, 490.0, False),
+    ],
+)
+def test_an_effect_with_the_same_signature_and_cost_is_in_the_class(
+    monkeypatch: pytest.MonkeyPatch, alike: bool, cost: float | None, gain: float, member: bool
+) -> None:
+    """The indifference margin is 10."""
+    monkeypatch.setattr(posterior, "indistinguishable", lambda *_: alike)
+    monkeypatch.setattr(posterior, "indifference", lambda *_: 10.0)
+    monkeypatch.setattr(posterior, "adds_less_than_remains", lambda *_: False)
+    fits = {} if cost is None else {frozenset({"base_tilt", "latency_joint2"}): Mock(cost=cost)}
+    of_set = place(fits, final_test=Mock(absorbs=lambda *_: False), tests_without={NAME: None})
+    named, other = score(NAME, 500.0), score("latency_joint2", gain)
+    assert _in_one_class(of_set, named, other) is member
+    richer = score("latency_joint2", gain, NAME)
+    assert not _in_one_class(of_set, named, richer)
+    if cost is None:
+        assert not _in_one_class(of_set, score(NAME, 500.0, "latency_joint2"), other)  # a simpler form
+        monkeypatch.setattr(of_set.selection.final_test, "absorbs", lambda *_: True)
+        assert _in_one_class(of_set, named, other)
+        assert _in_one_class(of_set, named, score("latency_joint2", 0.0, absorbed={"a": "b"})) is False
+    monkeypatch.setattr(posterior, "adds_less_than_remains", lambda *_: True)
+    assert _in_one_class(of_set, score(NAME, 500.0, "latency_joint2"), other)
+
+
+@pytest.mark.parametrize(
+    ("excluded", "cost", "nothing"),
+    [([], 200.0, False), ([True, True], 200.0, True), ([True, False], 200.0, False), ([True], 99.0, False)],
+)
+def test_a_richer_form_adds_nothing_if_all_its_amplitudes_are_excluded(
+    monkeypatch: pytest.MonkeyPatch, excluded: list[bool], cost: float, nothing: bool
+) -> None:
+    monkeypatch.setattr(posterior, "linear_exclusions", lambda *_: [Mock(is_excluded=one) for one in excluded])
+    richer = Mock(cost_at=lambda _: cost)
+    of_set = place({frozenset({"base_tilt", "stribeck_joint2"}): richer}, final_test=Mock(), detectable={})
+    monkeypatch.setattr(of_set.selection.chosen, "effects", ("base_tilt", NAME))
+    assert _adds_nothing(of_set, "stribeck_joint2") is nothing
+    monkeypatch.setattr(of_set.selection.final_test, "of", lambda _: None)
+    assert not _adds_nothing(of_set, "stribeck_joint2")
+
+
+@pytest.mark.parametrize("hidden", [True, False])
+def test_hidden_richer_forms_are_members_and_others_that_add_nothing_are_forms(
+    monkeypatch: pytest.MonkeyPatch, hidden: bool
+) -> None:
+    """The friction curve was not tested, so it is neither."""
+    others = {name: score(name, 1.0) for name in ("stribeck_joint2", "latency_joint2", "air_drag_outer")}
+    sizes = {"stribeck_joint2": 0.2, "latency_joint2": 0.4}
+    monkeypatch.setattr(posterior, "_in_one_class", lambda _, named, other: other is others["latency_joint2"])
+    monkeypatch.setattr(posterior, "_hidden", lambda *_: ("stribeck_joint2", "friction_curve_joint2") if hidden else ())
+    monkeypatch.setattr(posterior, "_adds_nothing", lambda *_: True)
+    monkeypatch.setattr(posterior, "_plausibility", lambda _, other: sizes[other.effect.name])
+    members, forms = _class_members(place(), score(NAME, 1.0), others)
+    assert list(members) == (["latency_joint2", "stribeck_joint2"] if hidden else ["latency_joint2"])
+    assert forms == (() if hidden else ("stribeck_joint2",))
 
 
 def test_the_own_share_counts_unless_every_rig_has_a_member_of_the_class() -> None:

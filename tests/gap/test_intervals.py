@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.conclusion import ratios
 from dpr_lab.gap.conclusion.causes import _implied, _size
 from dpr_lab.gap.conclusion.ratios import determined
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.gap.transfer.out_of_sample import block, reduction, share
 from dpr_lab.gap.transfer.outcome import Transfer
-from dpr_lab.gap.transfer.transfer import _of_fitted, judged
+from dpr_lab.gap.transfer.transfer import _of_fitted, _sum, judged
 from dpr_lab.identification.scaling.scale import Scale
 
 
@@ -92,6 +93,11 @@ def test_neighbouring_segments_of_one_second_are_resampled_together(length: floa
     t = np.concatenate([start + np.linspace(0.0, length, 5) for start in (0.0, 10.0, 20.0)])
     problem: Any = Fake(t=t, segments=Fake(offsets=np.array([0, 5, 10, 15])))
     assert block(problem) == size
+
+
+def test_a_sum_of_groups_is_significant_beyond_its_scatter() -> None:
+    assert _sum(np.array([1.0, 3.0])) == pytest.approx((4.0, NORMAL_Q90 * 2.0))
+    assert _sum(np.array([1.0])) == (1.0, np.inf)
 
 
 def test_the_error_of_an_implied_quantity_adds_the_errors_of_the_parameters() -> None:

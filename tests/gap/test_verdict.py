@@ -109,6 +109,11 @@ def test_quarters_of_one_release_and_untested_data_do_not_refute_a_probable_set(
     assert kind(transfer(0.0, 0.49, tested=False), causes=((0.49, 0.0),)) == "partly_explained"
 
 
+def test_the_interval_decides_if_the_gap_is_below_half_of_the_noise() -> None:
+    assert kind(transfer(0.4, 0.5, gap_ratio=0.49)) == "named"
+    assert kind(transfer(0.4, 1.0, gap_ratio=0.5)) == "partly_explained"
+
+
 def test_without_effects_the_remainder_decides_between_no_gap_and_unexplained() -> None:
     assert kind(causes=()) == "no_gap"
     assert kind(causes=(), chosen=SMALL) == "no_gap"

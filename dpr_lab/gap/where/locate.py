@@ -23,7 +23,9 @@ from dpr_lab.shown import percent
 CONVINCING = 0.6
 """Minimum share of the excess chi-square that a location must explain to be the location of the gap."""
 
-MAPS: Sequence[tuple[Kind, Coordinate]] = (
+Maps = Sequence[tuple[Kind, Coordinate]]
+
+MAPS: Maps = (
     ("torque", "angle"),
     ("torque", "speed"),
     ("friction", "time"),
@@ -57,13 +59,11 @@ def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
     they are omitted.
     """
     setups = problem.segments.setups
-    of_errors = [(kind, coordinate) for kind, coordinate in MAPS if kind == "error"]
-    outer = [] if all(setup.alone for setup in setups) else of_errors if all(setup.held for setup in setups) else MAPS
-    allowed = (
-        of_errors if all(setup.inner is not None for setup in setups) else MAPS,
-        outer,
-        [(kind, coordinate) for kind, coordinate in MAPS if coordinate != "load"],
-    )
+    of_errors: Maps = [(kind, coordinate) for kind, coordinate in MAPS if kind == "error"]
+    without_load: Maps = [(kind, coordinate) for kind, coordinate in MAPS if coordinate != "load"]
+    inner = of_errors if all(setup.inner is not None for setup in setups) else MAPS
+    outer = of_errors if all(setup.held for setup in setups) else MAPS
+    allowed: Sequence[Maps] = (inner, () if all(setup.alone for setup in setups) else outer, without_load)
     for joint in range(problem.axes):
         yield from ((joint, kind, coordinate) for kind, coordinate in allowed[joint])
 
