@@ -32,7 +32,10 @@ CLAMPED, FREE, DRIVEN = range(3)
 
 
 class ArmParameters(NamedTuple):
-    """Parameters of the arm: inertia, kg m^2, viscous friction, N m s/rad, spring stiffness, N m/rad, and mode."""
+    """Parameters of the arm.
+
+    They are the inertia, kg m^2, the viscous friction, N m s/rad, the spring stiffness, N m/rad, and the mode.
+    """
 
     J0: float = 0.0
     c0: float = 0.0
@@ -41,7 +44,7 @@ class ArmParameters(NamedTuple):
 
 
 def with_gravity(base: ArrayLike, L1: float, g: float) -> BaseParameters:
-    """Return the base parameters with the corresponding e2, from (6,) a, b, d, e1, c1, c2, SI."""
+    """Return the base parameters, extended by e2, from (6,) a, b, d, e1, c1, c2, SI."""
     a, b, d, e1, c1, c2 = np.asarray(base, dtype=np.float64).tolist()
     return BaseParameters(a, b, d, e1, d * g / L1, c1, c2)
 
@@ -110,7 +113,10 @@ class ReducedRods(NamedTuple):
 def reduced_rods(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> ReducedRods:
-    """Return the reduced equations that determine the rods' accelerations; arguments as for `arm_accelerations`."""
+    """Return the reduced equations that determine the rods' accelerations.
+
+    The arguments are those of `arm_accelerations`.
+    """
     a, b, d, e1, e2, c1, c2 = base
     sin1, cos1, sin2, cos2 = motion.sin1, motion.cos1, motion.sin2, motion.cos2
     omega0, omega1, omega2 = motion.omega0, motion.omega1, motion.omega2
@@ -144,7 +150,7 @@ def reduced_rods(
 def arm_accelerations(
     motion: Motion, base: BaseParameters, terms: Terms, arm: ArmModel, mode: int, drive: float
 ) -> tuple[float, float, float]:
-    """Return the angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, with all joints sliding.
+    """Return the angular accelerations (alpha0, alpha1, alpha2) of arm and rods, rad/s^2, if all joints slide.
 
     Args:
         motion: angles and speeds

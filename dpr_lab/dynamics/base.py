@@ -110,7 +110,7 @@ def _joined(length: float, mass: float, inertia: float, added: AddedMass) -> tup
 def added_base(added: AddedMass | None, L1: float, g: float) -> Array:
     """Return the (6,) contribution of a known attached mass to the base parameters, SI.
 
-    Zeros if no mass is attached.
+    The contribution is zero if no mass is attached.
     """
     if added is None:
         return np.zeros(len(BASE))
@@ -234,7 +234,7 @@ def ratio_jacobian(Z: ArrayLike, L1: float, g: float) -> Array:
 def ratio_slopes(base: ArrayLike) -> Array:
     """Return the (5, 6) derivative of the ratios with respect to the base parameters (6,).
 
-    For a ratio x / b it is d(x/b) = (dx - (x/b) db) / b.
+    The derivative of a ratio x / b is d(x/b) = (dx - (x/b) db) / b.
     """
     unit = np.eye(len(BASE))
     return (unit[_OTHERS] - np.outer(ratios(base), unit[_B])) / np.asarray(base)[_B]

@@ -1,6 +1,7 @@
 """Coulomb friction of joints: a joint at rest is held by a torque up to a limit, beyond which it slides.
 
-Let u = (omega1, omega2 - omega1) be the speeds of the joints, tau the torques on them and A their mass matrix. Then
+Let u = (omega1, omega2 - omega1) be the speeds of the joints, tau the torques on them, A their mass matrix, and F_j the
+friction limit of joint j. Then
 
     A u' = tau - lambda,    lambda_j = F_j sgn(u_j) if u_j is not 0,    |lambda_j| <= F_j otherwise.
 
@@ -25,7 +26,7 @@ def direction_of(speed: float) -> float:
 
 @subroutine
 def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
-    """Return the accelerations (alpha0, alpha1, alpha2), rad/s^2, with each joint of direction 0 held at rest."""
+    """Return the accelerations (alpha0, alpha1, alpha2), rad/s^2, if each joint of direction 0 is held at rest."""
     free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
     together = (rods.torque1 + rods.torque2) / (rods.inertia1 + rods.inertia2 + 2.0 * rods.coupling)
     outer = rods.torque2 / rods.inertia2
@@ -37,7 +38,10 @@ def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float
 
 @subroutine
 def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float]:
-    """Return the friction torques that hold the joints of direction 0 at rest, N m; undefined for all other joints."""
+    """Return the friction torques that hold the joints of direction 0 at rest, N m.
+
+    The values for all other joints are undefined.
+    """
     across = rods.inertia2 + rods.coupling
     of_both, outer = rods.torque1 + rods.torque2, rods.torque2
     rest1, rest2 = direction1 == 0.0, direction2 == 0.0

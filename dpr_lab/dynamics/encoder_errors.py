@@ -51,7 +51,9 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
-    """Return the (n, N, axes) readings of the same angles under n sets of encoder errors, without integration, rad.
+    """Return the (n, N, axes) readings that the same angles give under n sets of encoder errors, rad.
+
+    No integration is needed.
 
     Args:
         angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad

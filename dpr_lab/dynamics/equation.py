@@ -3,8 +3,8 @@
     [ a             d cos(t1-t2) ] [alpha1]   [ -d sin(t1-t2) w2^2 - c1 w1 - c2 (w1-w2) + e1 sin t1 + tau1 ]
     [ d cos(t1-t2)  b            ] [alpha2] = [  d sin(t1-t2) w1^2 - c2 (w2-w1)         + e2 sin t2 + tau2 ]
 
-The angles are absolute, rad, with 0 = upright and pi = hanging. The base parameters may have any common scale. tau1 and
-tau2 must have the same scale (N m at scale 1).
+The angles t1 = theta1 and t2 = theta2 are absolute, rad, with 0 = upright and pi = hanging. w1 and w2 are the speeds of
+the rods. The base parameters may have any common scale. tau1 and tau2 must have the same scale (N m at scale 1).
 """
 
 import math
@@ -26,7 +26,10 @@ def coupled(
     c1: float,
     c2: float,
 ) -> tuple[float, float, float]:
-    """Compute the coupling inertia d cos(theta1 - theta2) and both right-hand sides of equation (1) without tau."""
+    """Compute the coupling inertia d cos(theta1 - theta2), and the right-hand sides of equation (1).
+
+    The torques tau1 and tau2 are not included.
+    """
     sin12 = sin1 * cos2 - cos1 * sin2
     cos12 = cos1 * cos2 + sin1 * sin2
     whirl = d * sin12

@@ -100,7 +100,7 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
 def stopped(
     thetas: Three, omegas: Three, alphas: Three, joint: int, later: float, resting2: bool
 ) -> tuple[Three, Three]:
-    """Set a joint that stops to rest; returns angles and speeds in the order theta0, theta1, theta2.
+    """Set a joint that stops to rest; return angles and speeds in the order theta0, theta1, theta2.
 
     Args:
         thetas: angles, rad
@@ -149,6 +149,9 @@ def yields_at(before: float, after: float, h: float) -> float:
 
 @subroutine
 def correction(speed: float, acceleration: float, h: float) -> float:
-    """Return the time until a speed near zero becomes zero, s, limited to a small part of the preceding step h."""
+    """Return the time until a speed near zero becomes zero, s.
+
+    The time is limited to a small part of the preceding step h.
+    """
     later = -speed / acceleration if acceleration != 0.0 else 0.0
     return min(max(later, -EVENTS.farthest * h), EVENTS.farthest * h)

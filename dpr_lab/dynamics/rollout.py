@@ -117,7 +117,7 @@ def segment_errors(
 
 
 def _targets(targets: ArrayLike, samples: int) -> tuple[Array, bool]:
-    """Return the targets extended to (samples, 4), and whether they contain speeds."""
+    """Extend the targets to (samples, 4); return them, and whether they contain speeds."""
     targets = np.asarray(targets, dtype=np.float64)
     if targets.ndim != 2 or targets.shape[0] != samples or targets.shape[1] not in (2, 4):
         raise ValueError(f"targets must have shape ({samples}, 2 or 4), not {targets.shape}")
@@ -130,8 +130,8 @@ def _targets(targets: ArrayLike, samples: int) -> tuple[Array, bool]:
 def _weights(whitening: ArrayLike | None, weigh_speeds: bool) -> Array:
     """Return the (4,) weights of the cost.
 
-    The first three are the metric of the angle error, elements 11, twice 12, and 22 of W^T W. The last one is the
-    weight of the squared speed errors.
+    The first three weights are the metric of the angle error: element 11, twice element 12, and element 22 of W^T W.
+    The fourth one is the weight of the squared speed errors.
     """
     W = np.eye(2) if whitening is None else np.asarray(whitening, dtype=np.float64)
     if W.shape != (2, 2):
@@ -263,7 +263,7 @@ def _advance(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage1(lanes: Array, h: float) -> None:
-    """Stage 1: accelerations p at the start of the step.
+    """Compute stage 1: the accelerations p at the start of the step.
 
     The sines are then rotated by half a step with the initial speed.
     """
@@ -281,7 +281,7 @@ def _stage1(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage2(lanes: Array, h: float) -> None:
-    """Stage 2: accelerations q in the middle of the step, with the speed that follows from p.
+    """Compute stage 2: the accelerations q in the middle of the step, with the speed that follows from p.
 
     The sines are then nudged to the angles of stage 3.
     """
@@ -300,7 +300,7 @@ def _stage2(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage3(lanes: Array, h: float) -> None:
-    """Stage 3: accelerations r in the middle of the step, with the speed that follows from q.
+    """Compute stage 3: the accelerations r in the middle of the step, with the speed that follows from q.
 
     The initial sines are then rotated by a whole step with this speed.
     """
@@ -321,7 +321,10 @@ def _stage3(lanes: Array, h: float) -> None:
 
 @subroutine
 def _stage4(lanes: Array, h: float) -> None:
-    """Stage 4: accelerations z at the end of the step, with the speed that follows from r, and the new state."""
+    """Compute stage 4: the accelerations z at the end of the step, with the speed that follows from r.
+
+    The new state is then set.
+    """
     half, sixth = 0.5 * h, h / 6.0
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = _sines(lanes, k, STAGE_SIN1)

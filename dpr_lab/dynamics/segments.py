@@ -52,7 +52,7 @@ class Segments:
 
     @property
     def held(self) -> Flags:
-        """(S,) whether all parts on joint 1 turn as one body."""
+        """(S,) mask of the segments in which all parts on joint 1 turn as one body."""
         return np.array([setup.held for setup in self.setups], dtype=np.bool_)[self.run]
 
     @property
@@ -97,11 +97,11 @@ class Segments:
         return np.concatenate([[0], np.flatnonzero(np.diff(self.run)) + 1, [len(self)]]).astype(np.int64)
 
     def samples_of(self, indices: Integers) -> Integers:
-        """Return the indices of the samples of some segments in sequence; the segments are given by their indices."""
+        """Return the indices of the samples of some segments, in sequence."""
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
     def chosen(self, indices: Integers) -> "Segments":
-        """Return a layout that contains only the segments with the given indices, which are in order."""
+        """Return a layout that contains only the segments with the given indices, which must be in order."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
         return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
 

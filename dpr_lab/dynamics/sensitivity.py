@@ -1,7 +1,8 @@
 """Sensitivity of a swing to its parameters and initial state: exact derivative of the Runge-Kutta map.
 
-With state x, parameters p and S = dx/d(p, x(0)), every stage k = f(x + h a k', p) is differentiated: dk = f_x (S + h a
-dk') + f_p. Up to rounding, the result is the exact derivative of the result of `simulate`, not an approximation of the
+Let x be the state, p the parameters, f the right-hand side, and S = dx/d(p, x(0)). Every stage k = f(x + h a k', p) of
+a step of length h is differentiated, where k' is the previous stage and a its coefficient: dk = f_x (S + h a dk') +
+f_p. Up to rounding, the result is the exact derivative of the result of `simulate`, not an approximation of the
 derivative of the true swing.
 
 The columns of S belong to the ratios a/b, d/b, e1/b, c1/b, c2/b (with b = 1), then to theta1, theta2, omega1, omega2 at
@@ -40,7 +41,9 @@ ROWS = 14 * WIDTH
 def sensitivities(
     ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike, outputs: int = STATES
 ) -> tuple[Array, Array]:
-    """Simulate segments, with the derivatives of the states with respect to the ratios and the initial states.
+    """Simulate segments.
+
+    Also compute the derivatives of the states with respect to the ratios and the initial states.
 
     Args:
         ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) for each segment
@@ -83,7 +86,7 @@ def driven(
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> Array:
-    """Return the (samples, 4) states as in `sensitivities`, without derivatives and in a third of the time."""
+    """Return the same (samples, 4) states as `sensitivities`, without derivatives and in a third of the time."""
     return _followed(ratios, L1, g, segments, initial, 0)[0]
 
 
@@ -209,7 +212,10 @@ def _runge_kutta(
 
 @subroutine
 def _after(turn: float, angle: float, sines: tuple[float, float]) -> tuple[float, float]:
-    """Return the sine and cosine of an angle after a rotation by `turn`, from the sine and cosine before it."""
+    """Return the sine and cosine of an angle after a rotation by `turn`.
+
+    `sines` contains the sine and cosine before the rotation.
+    """
     square = turn * turn
     if square > GUARD:
         return math.sin(angle + turn), math.cos(angle + turn)
@@ -232,7 +238,7 @@ def _differentiate(
 ) -> None:
     """Add dk = f_x S + f_p of one stage to the weighted sum, and advance S to the next stage.
 
-    M alpha = f implies M dalpha = df - dM alpha for each column. With joint 2 fixed, the sum of the two rows of this
+    M alpha = f implies M dalpha = df - dM alpha for each column. If joint 2 is fixed, the sum of the two rows of this
     equation is used.
     """
     a, d, e1, c1, c2, _ = ratios

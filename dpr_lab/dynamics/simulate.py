@@ -65,7 +65,7 @@ def rig_model(
     effects: ArrayLike | None,
     constants: RigConstants | None = None,
 ) -> tuple[RigModel, int]:
-    """Model of the whole rig for `integrate`, and mode of its arm.
+    """Return the model of the whole rig for `integrate`, and the mode of its arm.
 
     Args:
         Z: (9,) parameters in the order of `dpr_lab.rig.PARAMETERS`, SI
@@ -111,7 +111,8 @@ def as_state(values: Sequence[float] | Array) -> AnyState:
 def motors_of(states: Array) -> Array:
     """Return the (n, 3) state of the motor behind backlash, from rows of `integrate`.
 
-    The columns are its angle, rad, its speed, rad/s, and the impulse that the gear has still to transmit, N m s.
+    The columns are the angle of the motor, rad, its speed, rad/s, and the impulse that the gear has still to transmit,
+    N m s.
     """
     first = 6 + len(STEPPED)
     return states[:, first : first + 3]

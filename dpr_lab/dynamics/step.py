@@ -41,7 +41,10 @@ class RigModel(NamedTuple):
 
 
 class RigState(NamedTuple):
-    """State of a rig: angles, rad, speeds, rad/s, and the internal states of effects that move with a joint."""
+    """State of a rig, with the internal states of effects that move with a joint.
+
+    Angles are in rad, speeds in rad/s.
+    """
 
     theta0: float
     theta1: float
@@ -54,7 +57,10 @@ class RigState(NamedTuple):
 
 
 def model_with(base: BaseParameters, constants: RigConstants, arm: ArmModel, params: Array) -> RigModel:
-    """Model of the rig with the effects of a parameter vector; `arm` is used unless an effect replaces it."""
+    """Return the model of the rig with the effects of a parameter vector.
+
+    `arm` is used unless an effect replaces it.
+    """
     active = active_effects(params)
     required = Requirements(*map(bool, required_by(active)))
     if required.arm:
@@ -110,9 +116,9 @@ def _length(x: float, y: float) -> float:
 def joint_forces(motion: Motion, alphas: Three, base: BaseParameters, constants: RigConstants) -> tuple[float, float]:
     """Return the magnitudes of the forces on joints 1 and 2, N.
 
-    A force is the sum of mass times acceleration minus weight over all parts that hang on the joint. The forces are
-    those
-    in the plane of the rods. The component along the arm, which is zero for a held arm, is neglected.
+    A force is the sum of mass times acceleration minus weight over all parts that hang on the joint. Only the
+    components in the plane of the rods are included. The component along the arm, which is zero for a held arm, is
+    neglected.
     """
     alpha0, alpha1, alpha2 = alphas
     whirl1, whirl2 = motion.omega1 * motion.omega1, motion.omega2 * motion.omega2
@@ -164,9 +170,9 @@ def _stage(
     drive: float,
     directions: Three,
 ) -> SteppedStage:
-    """Return one stage of a step with given directions of sliding of joint 1, joint 2 and the arm.
+    """Return one stage of a step in which joint 1, joint 2 and the arm slide in given directions.
 
-    0 is a joint at rest.
+    The direction 0 is that of a joint at rest.
     """
     motion = motion_of(
         t,
@@ -227,9 +233,9 @@ def directions_at(t: float, x: RigState, model: RigModel, mode: int, drive: floa
 
 @subroutine
 def _directions(x: RigState, model: RigModel, mode: int) -> Three:
-    """Return the directions of joint 1, joint 2 and the arm by the signs of their speeds.
+    """Return the directions of joint 1, joint 2 and the arm, which are the signs of their speeds.
 
-    Nan without Coulomb friction.
+    The directions are nan if the model has no Coulomb friction.
     """
     first = direction_of(x.omega1) if model.required.dry1 else math.nan
     second = direction_of(x.omega2 - x.omega1) if model.required.dry2 else math.nan
@@ -266,7 +272,7 @@ def _runge_kutta(
 ) -> TriedStep:
     """Return one classical Runge-Kutta step of length h.
 
-    Accelerations and margins at its end are those of the last stage.
+    The accelerations and margins at the end of the step are those of the last stage.
     """
     resting = directions[0] == 0.0 or directions[1] == 0.0 or directions[2] == 0.0
     reached = _stage(t, x, (0.0, 0.0, 0.0), model, mode, drive, directions)
@@ -300,7 +306,10 @@ def _runge_kutta(
 
 @subroutine
 def _stopped(x: RigState, joint: int, directions: Three, later: float, alphas: Three) -> RigState:
-    """State at a stop: x moved by the time correction `later`, s, with zero speed of the joint that stops."""
+    """Return the state x at the instant at which a joint stops.
+
+    The angles are corrected by the time `later`, s, and the speed of the joint that stops is zero.
+    """
     thetas, omegas = (x.theta0, x.theta1, x.theta2), (x.omega0, x.omega1, x.omega2)
     thetas, omegas = stopped(thetas, omegas, alphas, joint, later, directions[1] == 0.0)
     return RigState(thetas[0], thetas[1], thetas[2], omegas[0], omegas[1], omegas[2], x.internal)

@@ -52,7 +52,9 @@ class KnownMotion(NamedTuple):
 
 
 def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of effects on the rods along a trajectory; internal states stay as at the release.
+    """Compute the torques of effects on the rods along a trajectory.
+
+    Internal states stay as they are at the release.
 
     Args:
         motion: motion of the rods
@@ -74,13 +76,14 @@ def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstan
 
 
 def arm_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of a slightly compliant arm; arguments and result as for `effect_torques_along`.
+    """Compute the torques of a slightly compliant arm; arguments and result are those of `effect_torques_along`.
 
     The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration acts on the rods:
 
         F = r sum_i e_i (sin(theta_i) omega_i^2 - cos(theta_i) alpha_i),    tau_i = -r e_i cos(theta_i) alpha0,
 
-    with r = L0 / g. This is the first order in 1 / A of `dpr_lab.dynamics.arm`. The arm is held until the release.
+    where r = L0 / g, and A, c0 and k0 are the inertia, friction and stiffness of the arm. The torques are those of
+    `dpr_lab.dynamics.arm` to first order in 1 / A. The arm is held until the release.
     """
     named = with_gravity(base, constants.L1, constants.g)
     levers = constants.L0 / constants.g * np.array([named.e1, named.e2])
@@ -106,7 +109,10 @@ def _effect_torques(
     w: LaneWorkspace,
     torques: Array,
 ) -> None:
-    """Compute the torques of each effect vector, with one instant in each lane; `used` lists the parameters in use."""
+    """Compute the torques of each effect vector; each lane contains one instant.
+
+    `used` lists the indices of the parameters in use.
+    """
     for first in range(0, len(t), LANES):
         for k in range(LANES):
             i = min(first + k, len(t) - 1)
@@ -187,7 +193,7 @@ def _c(values: Array) -> Array:
 
 
 def arm_effects_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of effects at a free or driven arm; arguments as for `effect_torques_along`.
+    """Compute the torques of effects at a free or driven arm; the arguments are those of `effect_torques_along`.
 
     The motion contains theta0 as third axis.
 

@@ -162,9 +162,9 @@ def effect_params(values: Mapping[str, Mapping[str, float]]) -> Array:
 
 
 def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dict[str, float]]:
-    """Convert a flat vector to named coefficients of the active effects; the inverse of `effect_params`.
+    """Convert a flat vector to named coefficients of the active effects.
 
-    Only effects in `among` are included.
+    This is the inverse of `effect_params`. Only effects in `among` are included.
     """
     return {
         name: dict(zip((p.name for p in EFFECTS[name].parameters), params[SLICES[name]].tolist(), strict=True))
@@ -198,7 +198,7 @@ def without_events(params: Array) -> Array:
 
 
 def param_index(effect: str, parameter: str) -> int:
-    """Index of one parameter of one effect in the flat vector.
+    """Return the index of one parameter of one effect in the flat vector.
 
     Raises:
         ValueError: the effect has no such parameter.
@@ -212,7 +212,7 @@ def param_index(effect: str, parameter: str) -> int:
 def proposed_shapes(effect: Effect, recorded: Recorded) -> list[Shape] | None:
     """Return the values of the shape parameters that an effect proposes for given recordings.
 
-    None if the effect has no such function; the grid of `scan` is then used.
+    The result is None if the effect has no such function. The grid of `scan` is then used.
     """
     proposed = effect.propose(recorded) if effect.propose else None
     if proposed is None:

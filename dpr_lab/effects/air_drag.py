@@ -15,7 +15,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _between(start: float, slope: float, low: float, high: float) -> tuple[float, float]:
-    """Return the integrals of v |v| and s v |v| over low <= s <= high for v of constant sign, by two Gauss points."""
+    """Return the integrals of v |v| and s v |v| over low <= s <= high by two Gauss points.
+
+    The sign of v = start + slope s must be constant.
+    """
     span, node = high - low, 0.5 / math.sqrt(3.0)
     s1, s2 = low + (0.5 - node) * span, low + (0.5 + node) * span
     v1, v2 = start + slope * s1, start + slope * s2

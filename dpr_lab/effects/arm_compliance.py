@@ -9,9 +9,11 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: float, damping_ratio: float) -> ArmModel:
-    """Model of a compliant arm in the equation of the whole rig.
+    """Return the model of a compliant arm in the equation of the whole rig.
 
     A = L0^2 / coupling,    k0 = A w^2,    c0 = 2 zeta A w,    w = 2 pi f
+
+    Here A, k0 and c0 are the inertia, stiffness and friction of the arm, f is its frequency and zeta its damping ratio.
     """
     inertia = constants.L0 * constants.L0 / coupling_per_kg
     speed = 2.0 * math.pi * frequency_hz
@@ -19,14 +21,18 @@ def compliant(constants: RigConstants, coupling_per_kg: float, frequency_hz: flo
 
 
 def propose(recorded: Recorded) -> list[dict[str, float]] | None:
-    """Propose the frequencies of the grid, or none if the encoder of the arm shows no motion in any run."""
+    """Propose the frequencies of the grid.
+
+    The result is empty if the encoder of the arm shows no motion in any run.
+    """
     return [] if all(moves is False for moves in recorded.arm_moves) else None
 
 
 def longest_step(params: Params, *, per_period: float = 40.0, finest_s: float = 6.25e-4) -> float:
-    """Return the longest integration step, s: 40 steps per period of the arm's vibration, but not below `finest_s`.
+    """Return the longest integration step, s.
 
-    The default of `finest_s` is a quarter of 2.5 ms.
+    The step is 1/40 of the period of the arm's vibration, but not below `finest_s`. The default of `finest_s` is a
+    quarter of 2.5 ms.
     """
     return max(1.0 / (per_period * params["frequency_hz"]), finest_s)
 

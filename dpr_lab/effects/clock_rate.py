@@ -6,7 +6,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def fast(t: float, excess: float) -> float:
-    """True time minus device time, s, at the device time t; `excess` is the relative rate error, > 0 if fast."""
+    """Return true time minus device time, s, at the device time t.
+
+    `excess` is the relative rate error; it is positive if the clock is fast.
+    """
     return t / (1.0 + excess) - t
 
 

@@ -12,7 +12,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
-    """Return the gravity torque m1 g y cos(theta1) and additional inertia m1 y^2 of the inner rod, for the offset y."""
+    """Return the gravity torque m1 g y cos(theta1) and the additional inertia m1 y^2 of the inner rod.
+
+    Here y is the offset of the centre of mass.
+    """
     moment = constants.m1 * offset_m
     return Terms(moment * offset_m, 0.0, 0.0, moment * constants.g * motion.cos1, 0.0)
 
@@ -21,7 +24,7 @@ def inner(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
 def outer(motion: Motion, constants: RigConstants, offset_m: float) -> Terms:
     """Return the gravity torque, the coupling inertia and the centrifugal torques of the outer rod.
 
-    They are caused by the offset of its centre of mass from the axis of the rod.
+    The offset of the centre of mass from the axis of the rod causes them.
     """
     moment = constants.m2 * offset_m
     sin12 = motion.sin1 * motion.cos2 - motion.cos1 * motion.sin2

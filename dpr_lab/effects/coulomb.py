@@ -7,7 +7,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def dry(joint: Joint, torque_Nm: float) -> float:
-    """Return the friction torque -F sgn(u) of the joint on the following rod, N m."""
+    """Return the friction torque -F sgn(u) of the joint on the following rod, N m.
+
+    F is `torque_Nm` and u is the speed of the joint.
+    """
     return -torque_Nm * joint.direction
 
 

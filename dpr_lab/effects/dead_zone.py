@@ -8,7 +8,8 @@ from dpr_lab.kernels import inlined
 def swallowed(torque: float, width_Nm: float) -> float:
     """Return the difference between acting and known torque, N m.
 
-    Inside the zone it is minus the known torque, outside it is -+ half the width of the zone.
+    Inside the zone, the difference is minus the known torque. Outside, it is half the width of the zone, with the sign
+    opposite to the torque.
     """
     return -min(max(torque, -width_Nm), width_Nm)
 

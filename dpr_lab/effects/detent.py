@@ -11,7 +11,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def cogging(joint: Joint, cos1_Nm: float, sin1_Nm: float, cos2_Nm: float, sin2_Nm: float, order: float) -> float:
-    """Return the cogging torque on the following rod, N m: harmonics of the orders N and 2 N."""
+    """Return the cogging torque on the following rod, N m.
+
+    The torque is the sum of the harmonics of the orders N and 2 N, where N is `order`.
+    """
     phase = order * joint.angle
     sin, cos = sincos(phase)
     first = cos1_Nm * cos + sin1_Nm * sin

@@ -93,7 +93,10 @@ class EffectParameter:
 
     @property
     def prior_scale(self) -> float:
-        """Scale of the prior of an amplitude, in `unit`; three times the typical size unless `plausible` is set."""
+        """Scale of the prior of an amplitude, in `unit`.
+
+        It is three times the typical size unless `plausible` is set.
+        """
         return 3.0 * self.typical if self.plausible is None else self.plausible
 
     @property
@@ -111,7 +114,7 @@ class EffectParameter:
 
     @property
     def ratio_unit(self) -> str:
-        """Unit of the ratio of this parameter to b^k; empty if k is 0."""
+        """Unit of the ratio of this parameter to b^k; the unit is empty if k is 0."""
         if not self.scale_power:
             return ""
         return _RATIO_UNITS.get(self.unit, f"{self.unit} / (kg m^2)" + ("" if self.scale_power == 1 else "^-1"))
@@ -182,7 +185,7 @@ class InternalState:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Information from the recordings by which effects propose values of shape parameters without a grid."""
+    """Information from the recordings, from which effects propose values of shape parameters that have no grid."""
 
     arm_moves: tuple[bool | None, ...]
     """For each run, whether encoder 0 detected a motion of the arm; None if the angle of the arm was not measured."""

@@ -67,7 +67,7 @@ class Contribution(NamedTuple):
     """Index in `STEPPED` of the internal state that the call updates; used in the stage `transition` only."""
 
     def guard(self) -> str:
-        """Return the source line of the `if` around the statements; its condition is that the effect is active."""
+        """Return the source line of the `if` statement that checks whether the effect is active."""
         return f"if active[{_ALL.index(self.effect)}]:"
 
     def statements(self, stage: str, notation: Mapping[str, str]) -> list[str]:
@@ -83,7 +83,7 @@ class Contribution(NamedTuple):
 
 
 def contributions(stage: str) -> list[Contribution]:
-    """Kernel calls of a stage, in the order of the library."""
+    """Return the kernel calls of a stage, in the order of the library."""
     if stage == "transition":
         return [
             Contribution(f"after{i}", state.after, effect, effect.joints[0] + 1, i)

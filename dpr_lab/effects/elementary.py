@@ -15,7 +15,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def _expm1_parts(x: float) -> tuple[float, float]:
-    """Return the parts 2^n and e^r - 1 of the exponential of x = n ln(2) + r, for |x| <= 700."""
+    """Return the parts 2^n and e^r - 1 of the exponential of x, for |x| <= 700.
+
+    n and r follow from x = n ln(2) + r with an integer n.
+    """
     # Adding 1.5 * 2^52 rounds to an integer in the low bits.
     shifted = x * 1.4426950408889634 + 6755399441055744.0
     n = shifted - 6755399441055744.0

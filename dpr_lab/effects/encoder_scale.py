@@ -37,7 +37,7 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
 def usual_counts(counts: float, near: float = 2e-3) -> int | None:
     """Return the counts per turn of the common encoder nearest to `counts`.
 
-    None if the relative difference is `near` or more.
+    The result is None if the relative difference is `near` or more.
     """
     nearest = min((4 * lines for lines in USUAL_LINES), key=lambda usual: abs(usual / counts - 1.0))
     return nearest if abs(nearest / counts - 1.0) < near else None

@@ -10,7 +10,10 @@ from dpr_lab.kernels import subroutine
 
 
 def slices(effects: Iterable[Effect]) -> dict[str, slice]:
-    """Slice of the flat vector that contains the parameters of each effect, in the order of `effects`."""
+    """Return, for each effect, the slice of the flat vector that contains its parameters.
+
+    The effects keep their order.
+    """
     blocks: dict[str, slice] = {}
     start = 0
     for effect in effects:

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def arm(constants: RigConstants, inertia_kgm2: float, viscous_Nms: float) -> ArmModel:
-    """Model of the arm: total inertia about its axis, L0 / g, viscous friction, and no stiffness."""
+    """Return the model of the arm: total inertia about its axis, L0 / g, viscous friction, and no stiffness."""
     return ArmModel(inertia_kgm2, constants.L0 / constants.g, viscous_Nms, 0.0)
 
 

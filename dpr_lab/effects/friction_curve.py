@@ -32,9 +32,10 @@ def curve(
     rise3_Nm: float,
     rise4_Nm: float,
 ) -> float:
-    """Return the friction torque on the following rod, N m: a step at rest, and one ramp between successive speeds.
+    """Return the friction torque on the following rod, N m.
 
-    Fast swings reach the last speed, 8 rad/s. Above it only viscous friction increases.
+    The torque consists of a step at rest, and one ramp between successive speeds. Fast swings reach the last speed, 8
+    rad/s. Above it only viscous friction increases.
     """
     speed = joint.speed * joint.direction
     size = forward_Nm if joint.direction > 0.0 else backward_Nm

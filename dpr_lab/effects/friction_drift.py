@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 def drifting(joint: Joint, rate_Nm_per_rad: float) -> float:
     """Return the torque -r t u on the following rod, N m.
 
-    T is the time since the release, u the speed of the joint.
+    Here r is the rate, t the time since the release, and u the speed of the joint.
     """
     return -rate_Nm_per_rad * joint.t * joint.speed
 

@@ -18,7 +18,10 @@ def deflected(presliding: float, displacement: float, length_rad: float) -> floa
 
 @inlined
 def dahl(joint: Joint, presliding: float, torque_Nm: float, length_rad: float) -> float:
-    """Return the friction torque -F z on the following rod, N m, with the presliding state z after the displacement."""
+    """Return the friction torque -F z on the following rod, N m.
+
+    F is `torque_Nm` and z is the presliding state after the displacement.
+    """
     return -torque_Nm * deflected(presliding, joint.displacement, length_rad)
 
 

@@ -32,8 +32,8 @@ QUANTITIES: dict[str, Any] = {
 def compile_errors(effect: Effect) -> Iterator[str]:
     """Describe each kernel that cannot be compiled, or that returns another type than its stage requires.
 
-    A kernel must return a number, or `Terms` in the stages `torque` and `load` without the argument `joint`. The names
-    of effects whose kernels compile are stored on disk.
+    A kernel must return a number. In the stages `torque` and `load`, a kernel that has no argument `joint` returns
+    `Terms` instead. The names of effects whose kernels compile are stored on disk.
     """
     mark = CACHE / f"checked-{effect.name}" if CACHE is not None else None
     if mark is not None and mark.exists():
@@ -64,7 +64,10 @@ def _error(kernel: Callable[..., Any], effect: Effect) -> str:
 
 
 def _place(kernel: Callable[..., Any], message: str) -> str:
-    """Return the file and line of an error; if the message does not contain them, file and line of the kernel."""
+    """Return the file and line of an error.
+
+    If the message does not contain them, the file and line of the kernel are returned.
+    """
     code = kernel.__code__
     lines = re.findall(r'File "([^"]+)", line (\d+)', message) or [(code.co_filename, str(code.co_firstlineno))]
     return f"{lines[-1][0].rpartition('/')[2]}, line {lines[-1][1]}: "

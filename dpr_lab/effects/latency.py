@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def late(delay_s: float) -> float:
-    """Shift of the sampling instant of joint 2: minus the delay, s."""
+    """Return the shift of the sampling instant of joint 2, s: minus the delay."""
     return -delay_s
 
 

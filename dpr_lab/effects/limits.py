@@ -32,7 +32,7 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, Ri
 def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
     """Return the (SIZE,) maximum absolute size of each amplitude on a rig, in the unit of the amplitude.
 
-    Inf for shape parameters.
+    The values of shape parameters are inf.
 
     Args:
         base: base parameters of the whole rig from the rig file, SI
@@ -48,8 +48,8 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
 def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
     """Return the effects whose fitted sizes are implausible: at a limit, or not possible together.
 
-    Another cause is then probable. This does not apply to limits that follow from the equation and lie within the scale
-    of the prior, such as the share 1 of a saturated drive.
+    Another cause is then probable. Limits that follow from the equation and lie within the scale of the prior are
+    exempt, such as the share 1 of a saturated drive.
 
     Args:
         params: (SIZE,) parameters of all effects

@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 def loaded(joint: Joint, friction_radius_m: float) -> float:
     """Return the friction torque -mu r |N| sgn(u) on the following rod, N m.
 
-    |N| is the magnitude of the joint force.
+    mu r is the friction radius, |N| the magnitude of the joint force, and u the speed of the joint.
     """
     return -friction_radius_m * joint.force * joint.direction
 

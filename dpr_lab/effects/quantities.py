@@ -13,9 +13,10 @@ The value is far below the speeds of any swing.
 
 
 class RigConstants(NamedTuple):
-    """Measured constants of a rig: lengths, m, gravity, m/s^2, masses, kg, and counts per turn.
+    """Measured constants of a rig.
 
-    An unknown length or mass is nan, and so is every result that depends on it.
+    They are lengths, m, gravity, m/s^2, masses, kg, and counts per turn. An unknown length or mass is nan, and so is
+    every result that depends on it.
     """
 
     L0: float
@@ -34,7 +35,10 @@ class RigConstants(NamedTuple):
 
 
 class BaseParameters(NamedTuple):
-    """Absolute base parameters and e2 = d g / L1: kg m^2 for a, b, d; N m for e1, e2; N m s/rad for c1, c2."""
+    """Absolute base parameters and e2 = d g / L1.
+
+    a, b and d are in kg m^2, e1 and e2 in N m, c1 and c2 in N m s/rad.
+    """
 
     a: float
     b: float
@@ -81,7 +85,10 @@ class Motion(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """One joint: time, s, angle, rad (0 = hanging), and speed, rad/s; the further fields are as in `Motion`."""
+    """Motion of one joint: time, s, angle, rad (0 = hanging), and speed, rad/s.
+
+    The other fields have the meaning that they have in `Motion`.
+    """
 
     t: float
     angle: float
@@ -189,5 +196,5 @@ def torques(torque1: float, torque2: float) -> Terms:
 
 @inlined
 def plus(x: Terms, y: Terms) -> Terms:
-    """Sum of two contributions to equation (1)."""
+    """Return the sum of two contributions to equation (1)."""
     return Terms(x.a + y.a, x.b + y.b, x.coupling + y.coupling, x.torque1 + y.torque1, x.torque2 + y.torque2)

@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def rotor1(inertia_kgm2: float) -> Terms:
-    """Return the contribution of an inertia J that rotates at omega1."""
+    """Return the contribution of an inertia J that rotates with joint 1, at the speed omega1."""
     return Terms(inertia_kgm2, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -15,7 +15,7 @@ def rotor1(inertia_kgm2: float) -> Terms:
 def rotor2(inertia_kgm2: float) -> Terms:
     """Return the contribution of an inertia J that rotates at omega2 - omega1.
 
-    Its kinetic energy is J (omega2 - omega1)^2 / 2.
+    The kinetic energy of this inertia is J (omega2 - omega1)^2 / 2.
     """
     return Terms(inertia_kgm2, inertia_kgm2, -inertia_kgm2, 0.0, 0.0)
 

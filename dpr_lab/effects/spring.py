@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float, constant_Nm: float) -> float:
-    """Return the torque C - k q - k3 q^3 on the following rod, N m.
+    """Return the torque C - k q - k3 q^3 on the following rod, N m, where q is the angle of the joint.
 
     A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3. The remaining term 3 K3
     q0 q^2 is neglected, so that the torque is linear in all amplitudes. For a twisted hose, only C differs from zero.
@@ -20,9 +20,8 @@ def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float,
 def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 20) -> Params:
     """Return the angle, rad from hanging, at which the torque of the spring is zero.
 
-    {} if the angle is beyond half a turn.
-
-    Newton's method starts from C / k. If the angle is farther away, the torque is practically constant.
+    The result is {} if the angle is beyond half a turn. Newton's method starts from C / k. If the angle is farther
+    away, the torque is practically constant.
     """
     k, cubic, constant = (params.get(name, 0.0) for name in _NAMES)
     q = constant / k if k > 0.0 else math.inf
@@ -49,9 +48,8 @@ def is_one_spring(params: Params, tolerance: float = 0.5, small_rad: float = 0.5
 def linear(params: Params, negligible: float = 1e-3) -> Words:
     """Return the stiffness and rest angle of a linear spring.
 
-    {} if it has no rest angle or its cubic term is not negligible.
-
-    A cubic term is negligible below the fraction `negligible` of the linear torque at half a turn.
+    The result is {} if the spring has no rest angle, or if its cubic term is not negligible. A cubic term is negligible
+    below the fraction `negligible` of the linear torque at half a turn.
     """
     rest, stiffness = rest_angle(params), params.get("stiffness_Nm_per_rad", 0.0)
     if abs(params.get("cubic_Nm_per_rad3", 0.0)) * math.pi**2 > negligible * stiffness or not rest:

@@ -10,7 +10,7 @@ from dpr_lab.kernels import inlined
 def rippled(torque: float, joint: Joint, cos_share: float, sin_share: float, order: float) -> float:
     """Return the difference between acting and known torque, N m.
 
-    It is proportional to the torque and periodic in the joint angle.
+    The difference is proportional to the torque and periodic in the joint angle.
     """
     sin, cos = sincos(order * joint.angle)
     return torque * (cos_share * cos + sin_share * sin)

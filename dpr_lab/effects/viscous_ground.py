@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def viscous_ground(motion: Motion, friction_Nms: float) -> Terms:
-    """Return the friction torque tau2 = -c omega2, N m."""
+    """Return the friction torque tau2 = -c omega2, N m; c is `friction_Nms`."""
     return torques(0.0, -friction_Nms * motion.omega2)
 
 

@@ -7,9 +7,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def longer(motion: Motion, base: BaseParameters, constants: RigConstants, added_m: float) -> Terms:
-    """Change of the gravity torque of the outer rod, N m, because e2 is d g / (L1 + x) instead of d g / L1.
+    """Return the change of the gravity torque of the outer rod, N m.
 
-    All other consequences of the length error x are equivalent to changes of the base parameters.
+    With the length error x, e2 is d g / (L1 + x) instead of d g / L1. All other consequences of x are equivalent to
+    changes of the base parameters.
     """
     return torques(0.0, base.e2 * (constants.L1 / (constants.L1 + added_m) - 1.0) * motion.sin2)
 

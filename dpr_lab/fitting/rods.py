@@ -102,7 +102,7 @@ def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
 
 
 def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """Return the (6,) ratios and 1 / b of a run, and their (6, 7) derivatives.
+    """Return the (6,) vector of the five ratios and 1 / b of a run, and its (6, 7) derivatives.
 
     1 / b is zero if no torques act.
     """

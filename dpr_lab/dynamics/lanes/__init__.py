@@ -1,1 +1,4 @@
-"""Simultaneous Runge-Kutta integration of sixteen tracks in vector lanes; a track is one candidate on some segments."""
+"""Simultaneous Runge-Kutta integration of sixteen tracks in vector lanes.
+
+A track is one candidate on some segments.
+"""

@@ -4,7 +4,7 @@ An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.m
 
     tau_i = omega0^2 lever_i - (L0 / g) e_i cos(theta_i) alpha0
 
-with lever_1 = (a sin1 + d sin2) cos1 and lever_2 = (b sin2 + d sin1) cos2.
+where lever_1 = (a sin1 + d sin2) cos1, lever_2 = (b sin2 + d sin1) cos2, sin_i = sin(theta_i) and cos_i = cos(theta_i).
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ class Drive(NamedTuple):
 def drive_of(setups: tuple[Setup, ...]) -> Drive:
     """Return the known torques and arm motions of runs.
 
-    Cached, because every prediction of their segments needs them.
+    The result is cached, because every prediction of segments of these runs needs it.
     """
     no_torques, nothing = (np.zeros(0), np.zeros((0, 2))), (np.zeros(0), np.zeros(0))
     return Drive(
@@ -58,7 +58,10 @@ def drive_of(setups: tuple[Setup, ...]) -> Drive:
 
 
 def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
-    """Concatenate the knots of all runs, each given as times (K,) and values (K,) or (K, columns)."""
+    """Concatenate the knots of all runs.
+
+    The knots of a run are given as times (K,) and values (K,) or (K, columns).
+    """
     values = np.concatenate([values for _, values in runs])
     t = np.concatenate([t for t, _ in runs])
     return Knots(t, values if values.ndim > 1 else values[:, None], np.cumsum([0, *(len(t) for t, _ in runs)]))
@@ -66,9 +69,10 @@ def _in_sequence(runs: Sequence[tuple[Array, Array]]) -> Knots:
 
 @subroutine
 def _interval(knots: Knots, run: int, i: int, t: float, near: int = 16) -> int:
-    """Index of the knot at the start of the interval that contains t in a run; -1 for a run without knots.
+    """Return the index of the knot at the start of the interval that contains t in a run.
 
-    The `near` intervals after interval i are searched in sequence, all others by bisection.
+    The index is -1 for a run without knots. The `near` intervals after interval i are searched in sequence, all others
+    by bisection.
     """
     first, last = int(knots.first[run]), int(knots.first[run + 1]) - 2
     if i < first or i > last or knots.t[i] > t or (i + near < last and knots.t[i + near] <= t):
@@ -96,7 +100,7 @@ def _value(knots: Knots, i: int, t: float, column: int) -> float:
 
 @subroutine
 def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
-    """Start and end of the next step of lane k, s."""
+    """Return the start and the end of the next step of lane k, s."""
     start = w.t[k]
     return start, w.until[k] if w.until[k] > start else start + w.step[k]
 
@@ -105,8 +109,8 @@ def _next_step(w: LaneWorkspace, k: int) -> tuple[float, float]:
 def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -> None:
     """Set the mean known torques over the next step of each lane.
 
-    `knot` (2, LANES) contains the intervals used last. Neighbouring lanes often take the same step of the same run and
-    therefore have the same torques.
+    `knot` (2, LANES) contains the intervals that were used last. Neighbouring lanes often take the same step of the
+    same run and therefore have the same torques.
     """
     rods, arm, before, start, stop = drive.rods, drive.arm, -1, 0.0, 0.0
     for k in range(LANES):
@@ -135,7 +139,7 @@ def set_torques(w: LaneWorkspace, drive: Drive, run: Integers, knot: Integers) -
 def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
     """Return the speed of the arm at time t from its values at the knots `first` to `last`, rad/s.
 
-    Constant beyond them.
+    The speed is constant before the first and after the last of these knots.
     """
     i, beyond = first, last + 1
     while i < beyond:  # bisection, because numpy's function in a kernel would import all of scipy.linalg

@@ -66,7 +66,7 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
 
 @subroutine
 def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
-    """Set the accelerations of a stage with the joints of direction 0 held, and the torques required to hold them."""
+    """Set the accelerations of a stage in which the joints of direction 0 are held, and the torques that hold them."""
     for k in range(LANES):
         mode = _mode(w, k, arm)
         torque0 = w.torque0[k] if arm else 0.0
@@ -90,7 +90,7 @@ def _mode(w: LaneWorkspace, k: int, arm: bool) -> int:
 
 @subroutine
 def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
-    """Fill a row with the margins (limit minus torque) of arms at rest, N m; return whether one is negative."""
+    """Fill a row with the margins (limit minus torque) of arms at rest, N m; return whether a margin is negative."""
     for k in range(LANES):
         w.limit0[k] = 0.0
     add_dry_limit0(w, active)
@@ -105,7 +105,10 @@ def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
 
 @subroutine
 def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) -> bool:
-    """Fill two rows with the margins (limit minus torque) of joints at rest, N m; return whether one is negative."""
+    """Fill two rows with the margins (limit minus torque) of joints at rest, N m.
+
+    Return whether a margin is negative.
+    """
     for k in range(LANES):
         w.limit1[k], w.limit2[k] = 0.0, 0.0
     add_dry_limits(w, active)

@@ -106,6 +106,9 @@ _move_states = lane_stage("transition")
 
 @subroutine
 def displaced(w: LaneWorkspace, active: Flags) -> None:
-    """Fill the rows `moved` with the internal states after the displacements of the joints, from `old_internal`."""
+    """Fill the rows `moved` with the internal states after the displacements of the joints.
+
+    The initial values are those in `old_internal`.
+    """
     copy_rows(w.old_internal, w.moved)
     _move_states(w, active)

@@ -1,11 +1,11 @@
-"""Motor behind the backlash of the arm's gear in the lanes.
+"""Motor behind the backlash of the arm's gear, computed in the lanes.
 
 In each step, the motor is computed after the arm.
 
-Inside the backlash the arm moves alone, without the inertia and the viscous friction of the motor. In contact, arm and
-motor are one body. The mode of a step of length h is the mode at its start. After the motor has been followed through
-the step, the impulse P of the gear and its first moment M about the end of the step follow from the balance of the
-motor's momentum:
+Inside the backlash the arm moves alone, without the inertia J and the viscous friction c0 of the motor. In contact, arm
+and motor are one body. The mode of a step of length h is the mode at its start. After the motor has been followed
+through the step, the impulse P of the gear and its first moment M about the end of the step follow from the balance of
+the motor's momentum, where q is the angle of the motor and tau its torque:
 
     P = tau h - c0 (change of q) - J (change of dq/dt)
     M = tau h^2/2 - c0 h/2 (change of q) - J (change of q - h dq/dt at the start)

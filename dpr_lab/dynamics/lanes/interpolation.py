@@ -1,4 +1,4 @@
-"""Angles within a step, by the cubic polynomial through the states at both ends."""
+"""Angles within a step, interpolated by the cubic polynomial through the states at both ends."""
 
 from dpr_lab.dynamics.lanes.workspace import LaneWorkspace
 from dpr_lab.kernels import subroutine

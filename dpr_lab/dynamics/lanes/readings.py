@@ -60,7 +60,7 @@ def predict_tracks(
 
 @subroutine
 def _piece(tracks: Tracks, track: int, turn: int) -> Piece:
-    """Segment number `turn` of a track, with its candidate."""
+    """Return segment number `turn` of a track, and the candidate of the track."""
     return Piece(int(tracks.candidate[track]), int(tracks.first[track]) + turn)
 
 
@@ -148,7 +148,7 @@ def _hand_over(
     required: Requirements,
     after: Array,
 ) -> None:
-    """Store the internal states for the next segment if it starts in this step.
+    """Store the internal states for the next segment if this segment starts in the current step.
 
     The backlash of joints 1 and 2 is stored at the end of the step.
     """

@@ -1,4 +1,4 @@
-"""Encoder readings within a step of all lanes."""
+"""Encoder readings of all lanes within a step."""
 
 from typing import NamedTuple
 
@@ -67,7 +67,7 @@ def _after_reading(due: Row, k: int, t: Array, j: int, count: int) -> int:
 
 @subroutine
 def read_both(w: LaneWorkspace, relative2: float, arm: bool, samples: LaneSamples) -> None:
-    """Read the samples that fall into the step, with both joints read at the same instant."""
+    """Read the samples that fall into the step; both joints are read at the same instant."""
     while shares(w, w.due1, 1.0):
         for k in range(LANES):
             w.angle1[k] = angle1(w, k, w.share[k])

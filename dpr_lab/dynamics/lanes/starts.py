@@ -31,7 +31,7 @@ PAD = 0.02
 
 @subroutine
 def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> None:
-    """Set the data of lane k that are constant along its track: candidate c in run r."""
+    """Set the data of lane k that are constant along the track of candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w.L1[k], w.L2[k] = parts[r, 0], parts[r, 1]
     w.m1[k], w.m2[k], w.mb[k] = parts[r, 2], parts[r, 3], parts[r, 4]
@@ -70,7 +70,7 @@ def params_row(r: int, block: LaneBlock) -> int:
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """Start of a segment, s since the release, from the instant `first` of its first reading, s since the release.
+    """Return the start of a segment from the instant `first` of its first reading, both in s since the release.
 
     A start less than `near` seconds after the release is moved to the release, where all internal states are known.
     """

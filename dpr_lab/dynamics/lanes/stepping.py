@@ -59,9 +59,9 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 @cache
 def advance() -> Any:
-    """Return the compiled function `_advance`, a Runge-Kutta step of all lanes, to be passed to kernels as an argument.
+    """Return the compiled function `_advance`, a Runge-Kutta step of all lanes.
 
-    The function is compiled separately from these kernels.
+    The function is passed to kernels as an argument and is compiled separately from them.
     """
     required, active = Requirements(*[False] * len(Requirements._fields)), np.zeros(1, dtype=np.bool_)
     return behind_pointer(_advance, lane_workspace(), UNKNOWN, active, required, False)

@@ -90,9 +90,10 @@ def _parts(
     first: Integers,
     last: Integers,
 ) -> Integers:
-    """Return (4, tracks) kind, candidate, first segment and last segment of the tracks of the marked candidates.
+    """Return (4, tracks) kind, candidate, first segment and last segment of each track of the marked candidates.
 
-    Tracks of one segment have neighbouring candidates, and thus the same instants, in neighbouring lanes.
+    Tracks of one segment have neighbouring candidates in neighbouring lanes. These lanes therefore have the same
+    instants.
     """
     columns = run[first] if which.shape[1] > 1 else np.zeros(len(first), dtype=np.int64)
     segment, candidate = np.nonzero(which[:, columns].T)

@@ -1,4 +1,4 @@
-"""Workspace of the lanes: a row of `LANES` numbers for each quantity, one record in memory.
+"""Workspace of the lanes: one record in memory that contains a row of `LANES` numbers for each quantity.
 
 Rows are fields of the record, so the compiler knows that they do not overlap and converts a loop over the lanes to
 vector instructions. Kernels read lane k of a row as `w.theta1[k]`.

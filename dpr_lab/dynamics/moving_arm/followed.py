@@ -64,7 +64,7 @@ FOLLOW = FollowSettings()
 
 
 def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: Array, initial: Array) -> FollowedSwing:
-    """Simulate swings of rods and arm, driven with the fitted gain, without other effects.
+    """Simulate swings of rods and arm; only the arm and its drive with the fitted gain act, no other effects.
 
     Args:
         bases: (runs, 6) base parameters of the mounted rods, SI; all runs have the same rods

@@ -39,7 +39,7 @@ AnyState = RigState | GearedState
 
 @subroutine
 def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tuple[RigModel, float, float, float, float]:
-    """Model of the rig at an instant, with the gear in contact or inside its backlash.
+    """Return the model of the rig at an instant at which the gear is in contact or inside its backlash.
 
     Returns:
         the model, whose arm has the inertia and friction of the motor only in contact; torque of the gear on the arm
@@ -60,7 +60,7 @@ def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tupl
 def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode: int, drive: float) -> GearedState:
     """Advance the state by one step of length h; `drive` is the known torque of the motor, N m.
 
-    The effects of the drive act on the motor; the model of the rig does not require them.
+    The effects of the drive act on the motor, so the model of the rig does not require them.
     """
     rig, geared, torque, inertia, loose = arm_of_gear(t, x, model, drive)
     repaid, arm, params, active = fed(x.owed, x.behind, h), model.arm, model.params, model.active

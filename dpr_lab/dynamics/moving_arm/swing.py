@@ -4,7 +4,8 @@ The equation is that of `dpr_lab.dynamics.arm`. The torque on a free or driven a
 
     tau0 = gain u - f0 tanh(phi' / SMOOTHING)
 
-where the input u is linear between samples. All parameters except L0 may have any common factor.
+where the input u is linear between samples, f0 is the Coulomb friction of the arm, and phi' is the speed of the arm.
+All parameters except L0 may have any common factor.
 """
 
 from typing import NamedTuple
