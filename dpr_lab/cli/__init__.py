@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def _end(message: str, exit_code: int) -> NoReturn:
-    """Print an error message and exit. Ctrl-C is ignored until the message is printed."""
+    """Print an error message and exit; Ctrl-C is ignored until the message is printed."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         from dpr_lab.cli.console import complain

@@ -79,7 +79,7 @@ def refusal(message: str) -> str:
 
 
 class LazyCommands(UserDict[str, Any]):
-    """Mapping of names to commands. Each command is imported on its first access."""
+    """Mapping of names to commands; each command is imported on its first access."""
 
     def __getitem__(self, name: str) -> Any:
         """Import and return a command.
@@ -105,7 +105,7 @@ class Program(Listing):
         self.commands = LazyCommands(COMMANDS)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command. Pydantic's error message for an invalid option is replaced by a plain sentence."""
+        """Run a command; a plain sentence replaces pydantic's error message for an invalid option."""
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:

@@ -92,7 +92,10 @@ def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
 
 
 def _list(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> None:
-    """Print a table that is too wide for the terminal: a block per row, or a line per row if it has two columns."""
+    """Print a table that is too wide for the terminal.
+
+    Each row becomes a block, or a line if the table has two columns.
+    """
     lines = [_hanging(title, width, "")]
     for first, *rest in rows:
         if len(rest) == 1:
@@ -120,12 +123,15 @@ class Bar(Protocol):
     """Progress bar on a terminal; otherwise it prints nothing."""
 
     def __call__(self, done: float | None, text: str = "") -> None:
-        """Move the bar to `done`, in the unit of the total, and show a text. None does not move the bar."""
+        """Move the bar to `done`, in the unit of the total, and show a text.
+
+        If `done` is None, the bar does not move.
+        """
         ...
 
 
 def no_bar(done: float | None, text: str = "") -> None:
-    """Progress bar that prints nothing."""
+    """Ignore the progress: this progress bar prints nothing."""
 
 
 @contextmanager

@@ -197,7 +197,7 @@ def _show_gap_reduction(diagnosis: "Diagnosis", most: int | None) -> None:
 
 
 def _show_repeatability(diagnosis: "Diagnosis") -> None:
-    """Print the shares of the mean squared residual in the analysis of repeatability."""
+    """Print the shares of the mean squared residual that the analysis of repeatability found."""
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
 
     if parts := repeatability_parts(diagnosis):

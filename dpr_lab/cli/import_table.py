@@ -92,7 +92,7 @@ def _parameter(option: TypedOption) -> inspect.Parameter:
 
 
 def _options(typed: Mapping[str, Any]) -> ImportOptions:
-    """Import options from the values on the command line.
+    """Create the import options from the values on the command line.
 
     Raises:
         BadParameter: a value is not valid or outside its limits.

@@ -54,7 +54,7 @@ class RodOptions:
         return (self.l1, self.m1) if self.single else (self.l1, self.m1, self.l2, self.m2)
 
     def completed(self, ask: bool) -> "RodOptions":
-        """Copy with all values; the user is prompted for each missing value."""
+        """Return a copy with all values; the user is prompted for each missing value."""
         distance, rod = (
             ("Length of the rod, m", "rod") if self.single else ("Distance between the two joints, m", "inner rod")
         )
@@ -84,7 +84,7 @@ class EncoderOptions:
     ] = False
 
     def prompted(self, *, two_rods: bool) -> "EncoderOptions":
-        """Copy with all values; the user is prompted for each missing value."""
+        """Return a copy with all values; the user is prompted for each missing value."""
         joint2 = self.joint2
         if two_rods and joint2 is None:
             question = "Encoder of the outer rod (relative to the inner rod, or absolute)"
@@ -193,7 +193,10 @@ def new(
 
 
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
-    """Return the prompt for a value on a terminal. Without a terminal, raise `BadParameter` for the missing option."""
+    """Ask for a value on a terminal and return the answer.
+
+    If there is no terminal, raise `BadParameter` for the missing option.
+    """
     if not ask:
         raise typer.BadParameter(f"{flag} is required: {question}. On a terminal, the command asks for it")
     return str(typer.prompt(question, default=default, type=kind, err=True))
@@ -204,7 +207,10 @@ def _asked_length(ask: bool, flag: str, question: str) -> float:
 
 
 def _measure(flag: str, text: str, form: str = WEIGHED) -> "Measure":
-    """Parse a nominal value such as `0.21`, or a measured value with its standard uncertainty, `0.21+-0.001`."""
+    """Parse a nominal value such as `0.21`, or a measured value such as `0.21+-0.001`.
+
+    The second number of a measured value is its standard uncertainty.
+    """
     from dpr_lab.workflows.rig_toml import Measure
 
     value, _, std = text.replace("±", "+-").partition("+-")

@@ -151,7 +151,7 @@ def _replayed(release: "PlannedRelease") -> str:
 
 
 def _show_detectable(made: "Plan", most: int = 6) -> None:
-    """Print the amplitudes that are hardest to detect with the plan, relative to their typical size."""
+    """Print the amplitudes that the planned releases detect worst, relative to their typical sizes."""
     from dpr_lab.report.words import named, parameter_words
 
     worst = sorted(

@@ -20,7 +20,7 @@ class PluginListing(TyperCommand):
     """Command whose help ends with a list of its plugins; the plugins are not imported."""
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
-        """Write the list of plugins; nothing if no plugin is installed."""
+        """Write the list of plugins; write nothing if no plugin is installed."""
         super().format_epilog(ctx, formatter)
         group, heading = EXTENDED.get(self.name or "", ("", ""))
         rows = [(plugin.name, f"{plugin.package} {plugin.version}") for plugin in announced() if plugin.group == group]

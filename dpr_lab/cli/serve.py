@@ -47,14 +47,14 @@ def serve(
 
 
 def _only_answers() -> BinaryIO:
-    """Stream for the responses; all other output is redirected to stderr."""
+    """Return the stream for the responses; all other output is redirected to stderr."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return answers
 
 
 def _lines(stream: BinaryIO, longest: int = 1 << 20) -> Iterator[bytes | None]:
-    """Yield the lines of a stream; None in place of a line that is too long."""
+    """Yield the lines of a stream; yield None in place of a line that is too long."""
     while line := stream.readline(longest):
         if len(line) < longest or line.endswith(b"\n"):
             yield line

@@ -77,7 +77,10 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 
 
 def _centre(name: str | None, arm: TrialArm | None) -> str:
-    """Name of the rig or plant. Without a name, the default for the mode of the arm."""
+    """Return the name of the rig or plant.
+
+    If no name is given, the default for the mode of the arm is used.
+    """
     return name or ("paper" if arm is None else "driven_double")
 
 
@@ -218,9 +221,9 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
 
 
 def _forecast_error(summary: dict[str, Any]) -> str:
-    """Return the calibration error of a forecast.
+    """Return the calibration error of a forecast as text.
 
-    In brackets, that of an exact forecast with the same number of outcomes.
+    The error of an exact forecast with the same number of outcomes is added in brackets.
     """
     return f"{summary['forecast_calibration_error']:.2f} ({summary['forecast_error_if_exact']:.2f})"
 

@@ -174,12 +174,12 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def get_driver_class(self) -> type[Driver]:
         """Return the class of the terminal driver.
 
-        It is the driver of this package if the driver supports this terminal, otherwise the driver of Textual.
+        If this package has a driver for the terminal, its class is returned. Otherwise the driver of Textual is used.
         """
         return our_driver(super().get_driver_class())
 
     async def on_event(self, event: events.Event) -> None:
-        """Handle an event. The response to a key or click is drawn without delay."""
+        """Handle an event; the response to a key or click is drawn without delay."""
         if isinstance(event, events.Key | events.MouseDown):
             self.terminal.hurry()
         await super().on_event(event)
@@ -221,7 +221,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def save(self) -> None:
         """Save the workspace and redraw.
 
-        If the workspace cannot be saved, this is reported only once.
+        A failure to save the workspace is reported only once.
         """
         try:
             if not self.read_only:
@@ -367,7 +367,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         open_page(self, page)
 
     def mishap(self, error: Exception) -> None:
-        """Show an error. An unexpected error is also logged with its traceback.
+        """Show an error; an unexpected error is also logged with its traceback.
 
         All exceptions of handlers, actions and workers of a step are handled here, so that the app continues.
         """

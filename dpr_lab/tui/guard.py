@@ -1,4 +1,4 @@
-"""Handling of errors in widgets: they are shown and logged, and the widget continues."""
+"""Handling of errors in widgets: an error is shown and logged, and the widget continues."""
 
 import traceback
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ def log(error: Exception, folder: Path) -> str:
     """Append an error with its traceback to `errors.log`.
 
     Returns:
-        sentence with the path of the log; if the log could not be written, with the reason
+        sentence that states the path of the log or, if the log could not be written, the reason
     """
     file = folder / "errors.log"
     try:

@@ -1,12 +1,10 @@
-"""Key bindings of the screen. A file of the operator can replace the default keys.
+"""Key bindings of the screen; a file of the operator can replace the default keys.
 
 Example of such a file:
 
-[capture]
-release = "space"
+[capture] release = "space"
 
-[app]
-next = "n,ctrl+right"
+[app] next = "n,ctrl+right"
 """
 
 import os

@@ -60,7 +60,10 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: bool = False) -> RenderableType:
-    """Create a list of sentences below a title, with marks or with numbers from 1; empty without sentences."""
+    """Create a list of sentences below a title, with marks or with numbers from 1.
+
+    The result is empty if there are no sentences.
+    """
     if not lines:
         return Text("")
     items = Table.grid(padding=(0, 1))
@@ -70,7 +73,7 @@ def sentences(title: str, lines: Sequence[str], *, mark: str = "•", numbered: 
 
 
 def counted_runs(count: int) -> str:
-    """Return the text with the number of runs, for example `1 run` or `2 runs`."""
+    """Return the number of runs as text, for example `1 run` or `2 runs`."""
     return f"{count} run" if count == 1 else f"{count} runs"
 
 
@@ -83,7 +86,7 @@ def shorter(names: Sequence[str], most: int = 6) -> str:
 def named_runs(runs: Sequence[Path]) -> str:
     """Return a text with the number of runs, their names, and the period in which they were recorded.
 
-    An example is `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`. Without runs the text is empty.
+    An example is `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`. If there are no runs, the text is empty.
     """
     names = [run_name(run) for run in runs]
     poses, times = {run_pose(run) for run in runs}, sorted(filter(None, map(recorded, runs)))

@@ -11,7 +11,7 @@ from dpr_lab.tui.read_only import READ_ONLY, SCREENS, changes
 
 
 class ViewedApp(App[None]):
-    """Base of the app that refuses actions on a read-only page with a message."""
+    """Base of the app; on a read-only page, it refuses actions with a message."""
 
     read_only = False
     """Whether the page is read-only: no command is sent to a device and no file is written."""

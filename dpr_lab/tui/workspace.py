@@ -80,9 +80,9 @@ class Workspace:
 
     @property
     def driven_by(self) -> str | None:
-        """The text `commanded` if commanded torques are selected and at least one run contains both kinds.
+        """The text `commanded` if commanded torques are selected; otherwise None.
 
-        Otherwise None.
+        The text also requires that at least one run contains both kinds of torques.
         """
         return (self.torque or None) if self.both_torques else None
 
@@ -137,7 +137,7 @@ def _stamp(path: Path) -> str:
 def _rig_stamp(rig: str) -> str:
     """Return a hash of a rig file without its poses, because poses do not affect results.
 
-    If the file cannot be read, return its time stamp.
+    If the file cannot be read, return its time stamp instead.
     """
     try:
         path = find_config("rigs", rig)

@@ -41,8 +41,8 @@ def accept(
 ) -> AcceptResult:
     """Test whether a rig meets the limits in a file.
 
-    The events are those of a diagnosis. The folder of the request receives `RECORD` and the files of the diagnosis,
-    whose report has a section on the limits.
+    The job reports the events of a diagnosis. It writes `RECORD` and the files of the diagnosis to the folder of the
+    request. The report of the diagnosis then contains a section on the limits.
 
     Args:
         request: runs and rig
@@ -78,7 +78,7 @@ def accept(
 
 
 def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
-    """Refuse a diagnosis that was made with another rig file, because its intervals are not valid for this one."""
+    """Refuse a diagnosis that was made with another rig file; its intervals are not valid for the given rig."""
     if diagnosis.evidence is None or diagnosis.evidence.rig_sha256 != rig.sha256:
         raise ConfigError(
             f"{file}: the diagnosis was made with another file of rig {rig.name}, or by an older version: diagnose the"
@@ -98,7 +98,7 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 def _with_recordings(
     acceptance: "Acceptance", wanted: "PlanLimits", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig"
 ) -> "Acceptance":
-    """Add the planned releases that are expected to decide the remaining limits."""
+    """Add the planned releases that are expected to show whether the remaining limits are met."""
     from dpr_lab.planning.plan import plan
 
     if acceptance.answer != "not decidable":

@@ -73,7 +73,7 @@ def _refuse_other_kinds(campaign: "Campaign") -> None:
 
 
 def _saved(tried: "Tried", request: CampaignRequest) -> tuple[dict[str, Any], dict[str, str]]:
-    """Write summary, figures and page, and return the summary, and the paths by name."""
+    """Write summary, figures and page; return the summary, and the paths by name."""
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
     from dpr_lab.report.trials.html import write_trials_report

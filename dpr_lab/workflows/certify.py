@@ -1,4 +1,4 @@
-"""Writing of certificates of a diagnosis, and their verification by a repetition of the diagnosis."""
+"""Writing and verification of certificates of a diagnosis; the verification repeats the diagnosis."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -103,7 +103,10 @@ def certify(
 
 
 def _accepted(diagnosis: "Diagnosis", limits: "Limits | None", request: DiagnoseRequest) -> "Acceptance | None":
-    """Return the results of the limits with the fitted runs of a request; None if the rig file states no limits."""
+    """Return the results of the limits with the fitted runs of a request.
+
+    The result is None if no limits are given.
+    """
     from dpr_lab.rig import load_rig
 
     if limits is None:

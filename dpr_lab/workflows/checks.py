@@ -55,7 +55,7 @@ def _refuse_unwritable(folder: Path, least_bytes: int = 1 << 16) -> None:
 
 
 def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
-    """Copy of the rig with other mounted rods or another mode of the elbow.
+    """Return a copy of the rig with other mounted rods or another mode of the elbow.
 
     Raises:
         ConfigError: there is no joint 2 to clamp, or the rods are not supported with a moving arm.
@@ -72,7 +72,7 @@ def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
 
 
 def with_modes(rig: "Rig", arm: str | None, inner: str | None) -> "Rig":
-    """Copy of the rig with other modes of joints 0 and 1, for the runs of one session.
+    """Return a copy of the rig with other modes of joints 0 and 1, for the runs of one session.
 
     Raises:
         ConfigError: this rig does not support these modes; the message states what is missing.

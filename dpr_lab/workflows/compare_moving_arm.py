@@ -25,10 +25,10 @@ def compare_moving_arm(
     on_event: OnEvent = ignore,
     torque: str | None = None,
 ) -> dict[str, Any] | None:
-    """Compare runs by segment with a model of a moving arm; None if the model has no moving arm.
+    """Compare runs by segment with a model of a moving arm.
 
-    `report.html` with its figures, and the measured and simulated angles as `comparison.csv`, are written to `out`.
-    Events: `RunRead`, `ArmRunCompared`.
+    The result is None if the model has no moving arm. `report.html` with its figures, and the measured and simulated
+    angles as `comparison.csv`, are written to `out`. Events: `RunRead`, `ArmRunCompared`.
 
     Raises:
         ConfigError: a file with the name of the folder exists.
@@ -87,7 +87,8 @@ def compare_any_run(
 ) -> "Comparison | ArmComparison":
     """Simulate a run by segment with a model of any arm and its effects; only the initial states are fitted.
 
-    With a clamped or prescribed arm the result also contains one free run, from the initial state of the first segment.
+    If the arm is clamped or prescribed, the result also contains one free run, from the initial state of the first
+    segment.
 
     Args:
         run: the measurement

@@ -161,7 +161,10 @@ def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
 
 
 def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:
-    """Copy of an event with the number of stages of this job, which may have one stage more than the diagnosis."""
+    """Return a copy of an event with the number of stages of this job.
+
+    The job may have one stage more than the diagnosis.
+    """
     return replace(event, of=stages) if isinstance(event, StageBegan) else event
 
 

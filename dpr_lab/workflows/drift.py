@@ -72,7 +72,7 @@ class DriftResult:
     def _sizes(self, values: "Sequence[float]") -> dict[str, float]:
         """Map the names of parameters to their values.
 
-        A size that is a ratio to b is also given as an absolute value with the assumed b.
+        For a ratio to b, the absolute value with the assumed b is added.
         """
         by_name = dict(zip(self.estimates.names, values, strict=True))
         b, inertia = self.estimates.b or 1.0, self.estimates.inertia

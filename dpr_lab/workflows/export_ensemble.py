@@ -163,9 +163,8 @@ def export_ensemble(request: EnsembleRequest, on_event: OnEvent = ignore) -> Ens
 def _diagnosis_of(model: "AnyModel", record: Path) -> "Diagnosis | None":
     """Return the diagnosis that contains the model.
 
-    None if its file does not exist, or if the model is from another fit.
-
-    The corrected model has the number of segments and the chi-square of its diagnosis.
+    The result is None if the file of the diagnosis does not exist, or if the model is from another fit. A corrected
+    model has the same number of segments and the same chi-square as its diagnosis.
     """
     from dpr_lab.gap.result.diagnosis import load_diagnosis
 
@@ -234,7 +233,7 @@ def _of_arm(model: "MovingArmModel", diagnosis: "Diagnosis | None", rig: "Rig", 
 def _fitted_runs(model: "Model", rig: "Rig") -> "list[Run]":
     """Return the fitted recordings; a single long one is cut into pieces.
 
-    Empty if one of the files was moved or replaced.
+    The list is empty if one of the files was moved or replaced.
     """
     from dpr_lab.gap.screen.pieces import in_pieces
 

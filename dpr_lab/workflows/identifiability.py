@@ -41,8 +41,8 @@ def identifiability(request: IdentifiabilityRequest, on_event: OnEvent = ignore)
     Events: `RunRead`, `Warned`.
 
     Raises:
-        ConfigError: the rig is not valid. Without runs, also if the rig has no poses, or has a joint with a prescribed
-        motion, which only recordings contain.
+        ConfigError: the rig is not valid; or there are no runs, and the rig has no poses or a joint with a prescribed
+            motion, which only recordings contain.
         RunError: a run cannot be used.
     """
     from dpr_lab.identification.moving_arm.any_arm import identifiability as identifiability_of

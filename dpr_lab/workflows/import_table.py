@@ -93,6 +93,6 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Previe
 
 
 def _unused(folder: Path, stem: str) -> Path:
-    """Return the path in the folder that does not exist yet."""
+    """Return a path in the folder that does not exist yet."""
     names = (f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap" for number in count(1))
     return next(folder / name for name in names if not (folder / name).exists())

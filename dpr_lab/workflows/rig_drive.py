@@ -35,7 +35,7 @@ class MotorMeasures:
 def arm_bounds(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> dict[str, Bounds]:
     """Return the bounds of the arm's inertia with the rods at its end, from a few measurements.
 
-    Empty if not needed.
+    The result is empty if the bounds are not needed.
 
     Args:
         mode: motion of the arm

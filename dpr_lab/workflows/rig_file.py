@@ -221,7 +221,7 @@ class RigFinding:
 
 @dataclass(frozen=True, slots=True)
 class Usual:
-    """Usual ranges of the values of a rig. Values outside are reported."""
+    """Usual ranges of the values of a rig; values outside these ranges are reported."""
 
     length: tuple[float, float] = (0.03, 2.0)
     """Range of lengths, m."""
@@ -243,7 +243,10 @@ USUAL = Usual()
 
 
 def check_rig(name: str | Path) -> list[RigFinding]:
-    """Find errors, missing values and unusual values in a rig file; the list is empty if there are none."""
+    """Find errors, missing values and unusual values in a rig file.
+
+    The list is empty if the file contains none.
+    """
     from dpr_lab.rig import load_rig
 
     try:
@@ -317,7 +320,9 @@ def _odd_bounds(name: str, p: "Parameter") -> Iterator[RigFinding]:
 def _odd_rod(rig: "Rig", rod: int, length: float | None) -> Iterator[RigFinding]:
     """Yield remarks on implausible values of a rod.
 
-    The values are the mass per length, a centre of mass beyond the end of the rod, and an inertia above m l (L - l).
+    The checked values are the mass per length, the position of the centre of mass, and the inertia. The centre of mass
+    must not lie beyond the end of the rod. The inertia must not exceed m l (L - l), where l is the distance of the
+    centre of mass.
     """
     centre, mass, inertia = (rig.parameters[f"{name}{rod}"] for name in "lmJ")
     centroid, m, J = (p.measured or p.nominal for p in (centre, mass, inertia))

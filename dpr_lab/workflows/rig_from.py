@@ -189,7 +189,7 @@ def _text(
 
 
 def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.01) -> list[int]:
-    """Return the encoder readings with the rods hanging, counts, for encoders at the joints of the model.
+    """Return the encoder readings of the hanging rods, counts, for encoders at the joints of the model.
 
     If rounding to whole counts changes a reading by more than `noted` counts, a note is added.
     """
@@ -218,7 +218,7 @@ def _reversed(chain: "ModelChain") -> list[str]:
 def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
     """Return the nominal values of the arm by key.
 
-    A is the inertia about its axis with the rods at its end, kg m^2.
+    The key `A` is the inertia about the axis of the arm with the rods at its end, kg m^2.
     """
     mass, joint = sum(bounds[name][1] for name in ("m1", "m2", "mb") if name in bounds), arm.joint
     values = {"A": arm.inertia + mass * arm.length**2, "c0": joint.damping, "k0": joint.stiffness, "f0": joint.friction}

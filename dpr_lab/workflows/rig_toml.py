@@ -63,12 +63,12 @@ def _environment() -> "Environment":
 
 
 def _number(value: float, digits: int = 4) -> str:
-    """Number in TOML with `digits` significant digits."""
+    """Return a number in TOML with `digits` significant digits."""
     return repr(float(f"{value:.{digits}g}"))
 
 
 def _text(value: str) -> str:
-    """String in TOML."""
+    """Return a string in TOML."""
     return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
@@ -78,9 +78,10 @@ def _comment(text: object) -> str:
 
 
 def _keys(bounds: Bounds, std: float | None = None, digits: int = 4) -> list[str]:
-    """Return the keys with the nominal value and either its bounds or the measured value with its standard uncertainty.
+    """Return the keys with the nominal value of a parameter.
 
-    `digits` is the number of significant digits of the nominal value.
+    The other keys are its bounds, or the measured value with its standard uncertainty. `digits` is the number of
+    significant digits of the nominal value.
     """
     lower, guess, upper = bounds
     nominal = f"nominal = {_number(guess, digits)}"

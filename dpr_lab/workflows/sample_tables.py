@@ -33,7 +33,7 @@ def write_sample_tables(out: Path) -> tuple[Path, ...]:
         out: the folder, created if missing
 
     Returns:
-        The files, the rig file first.
+        the files; the rig file is the first
 
     Raises:
         ConfigError: a file with this name exists, or the folder cannot be written.

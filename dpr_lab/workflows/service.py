@@ -129,7 +129,7 @@ class Service:
                 self._fail(request["id"] if known else None, error)
 
     def close(self, *, cancel: bool = False) -> None:
-        """Finish or cancel all jobs; returns when the last job has ended."""
+        """Finish or cancel all jobs; return when the last job has ended."""
         with self._changed:
             self._closed = True
             for job in self._all():
@@ -141,7 +141,7 @@ class Service:
             self._process.end()
 
     def _called(self, request: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the immediate result of a request; None for a job, which is queued."""
+        """Return the immediate result of a request; return None for a job, which is queued."""
         name, params = request["method"], request.get("params", {})
         if name == "status":
             return self._status()
@@ -360,7 +360,7 @@ def _imported(name: str) -> Any:
 
 
 def _progress(event: events.Event) -> dict[str, Any] | None:
-    """Return the parameters of the notification for an event; None for an event that is not reported."""
+    """Return the parameters of the notification for an event; return None for an event that is not reported."""
     match event:
         case events.StageBegan():
             return {"event": "stage", "number": event.number, "of": event.of, "name": event.name}

@@ -31,12 +31,15 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Wait while the job is paused. Return False if the job must stop and keep its result so far."""
+        """Wait while the job is paused; return False if the job must stop and keep its result so far."""
         self._going.wait()
         return not self._stop.is_set()
 
     def questions(self) -> Iterator[Any]:
-        """Wait for questions and yield them, without end. If several are pending, only the newest is yielded."""
+        """Wait for questions and yield them, without end.
+
+        If several questions are pending, only the newest is yielded.
+        """
         while True:
             question = self._asked.get()
             while not self._asked.empty():
@@ -60,7 +63,7 @@ class JobControl:
         os._exit(1)
 
     def send(self, event: JobEvent) -> None:
-        """Send an event. This method may be called from any thread."""
+        """Send an event; this method may be called from any thread."""
         with self._sending:
             self._connection.send(event)
 

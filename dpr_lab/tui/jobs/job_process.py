@@ -15,7 +15,7 @@ from dpr_lab.tui.read_only import refuse_job
 
 
 class JobProcess:
-    """Function that runs in a separate process. The constructor starts the process.
+    """Function that runs in a separate process; the constructor starts the process.
 
     Args:
         function: function importable by name; the process calls `function(control, **arguments)`
@@ -33,7 +33,9 @@ class JobProcess:
         return self._process.alive
 
     def events(self, patience_s: float = 5.0) -> Iterator[JobEvent]:
-        """Yield the events of the job until its end. The iterator blocks, so use it in a thread.
+        """Yield the events of the job until its end.
+
+        The iterator blocks, so use it in a thread.
 
         Args:
             patience_s: maximum waiting time for the process to exit, s; the process is then terminated
@@ -87,14 +89,14 @@ class JobProcess:
 
 @dataclass
 class JobHeard(Message, bubble=False):
-    """Event of a job, for the widget that started it."""
+    """Event of a job; it is posted to the widget that started the job."""
 
     job: JobProcess
     event: JobEvent
 
 
 def start_job(owner: DOMNode, function: Callable[..., Any], **arguments: Any) -> JobProcess:
-    """Start a `JobProcess`; its events are posted to its owner as `JobHeard` messages.
+    """Start a `JobProcess`, whose events are posted to `owner` as `JobHeard` messages.
 
     Raises:
         SafetyStop: the page is read-only, and the job does more than read.

@@ -68,9 +68,10 @@ class FreeRunFrom:
 
 
 def compare(control: JobControl, *, request: CompareRequest, keep: KeptComparison | None = None) -> None:
-    """Compare runs with the model and save the result. Then answer each `FreeRunStart` with a free run until cancelled.
+    """Compare runs with the model and save the result.
 
-    If the arm moves, only segments are compared, and no free run is simulated.
+    Afterwards, answer each `FreeRunStart` with a free run until the job is cancelled. If the arm moves, only segments
+    are compared, and no free run is simulated.
     """
     folder, of_arm = request.out, []
 

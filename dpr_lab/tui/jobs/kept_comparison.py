@@ -43,7 +43,10 @@ class KeptComparison:
         write_whole(self.file, write)
 
     def load(self) -> "list[Comparison] | list[ArmComparison]":
-        """Return the stored comparisons for the same inputs; empty if none are stored or the file is invalid."""
+        """Return the stored comparisons for the same inputs.
+
+        The list is empty if none are stored or the file is invalid.
+        """
         from dpr_lab.identification.compare import Comparison
         from dpr_lab.identification.moving_arm.identify import ArmComparison
 
@@ -66,11 +69,11 @@ class KeptComparison:
 
 
 def _array(value: Any) -> Any:
-    """Convert the value of a field to an array. A mapping by joint is converted to JSON text first."""
+    """Convert the value of a field to an array; a mapping by joint is first converted to JSON text."""
     return np.array("" if value is None else json.dumps(value) if isinstance(value, dict) else value)
 
 
 def _plain(array: Any) -> Any:
-    """Convert an array of `_array` back to the value of a field."""
+    """Convert an array that `_array` created back to the value of a field."""
     value = array.item() if array.ndim == 0 else array
     return json.loads(value) if isinstance(value, str) and value.startswith("{") else value

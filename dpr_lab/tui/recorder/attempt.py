@@ -51,7 +51,7 @@ class Attempt:
 
     @property
     def trace(self) -> tuple[Array, Array]:
-        """Times since the release (n,), s, and absolute angles (n, 3), rad, for display."""
+        """Times since the release (n,), s, and absolute angles (n, 3), rad; both are meant for display."""
         if not self._t:
             return np.empty(0), np.empty((0, 3))
         return np.concatenate(self._t), np.concatenate(self._theta)
@@ -60,14 +60,14 @@ class Attempt:
     def inputs(self) -> Array:
         """Input of the arm's drive (n,) at the samples of `trace`, in the unit that the rig file states.
 
-        The array is empty without a drive.
+        The array is empty if the arm has no drive.
         """
         inputs = np.concatenate(self._inputs) if self._inputs else np.empty(0)
         return inputs if len(inputs) == len(self.trace[0]) else np.empty(0)
 
     @property
     def obstacle(self) -> str:
-        """Reason why the rods may not be released now; empty if a release is permitted."""
+        """Reason why the rods may not be released now; the text is empty if a release is permitted."""
         if self.phase is Phase.READY:
             return ""
         if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:

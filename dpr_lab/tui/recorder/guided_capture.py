@@ -1,4 +1,7 @@
-"""Capture under control of the screen: sends progress; receives the release command and cancel requests."""
+"""Capture that the screen controls.
+
+It sends progress, and receives the release command and cancel requests.
+"""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -35,7 +38,7 @@ def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:
 
 
 class _GuidedCapture:
-    """Callbacks of a capture: report its progress to the operator and request the release command."""
+    """Callbacks of a capture, which report its progress to the operator and request the release command."""
 
     def __init__(self, order: CaptureAttempt, device: Device, inbox: Inbox, outbox: Outbox) -> None:
         self._order, self._device, self._inbox, self._outbox = order, device, inbox, outbox
@@ -64,9 +67,8 @@ class _GuidedCapture:
     def confirm(self) -> bool | None:
         """Return True if the rods may be released now, and None while no release command permits it.
 
-        A release command permits the release if it is recent, was sent after the request, and names this attempt and
-        this
-        pose.
+        A release command permits the release under three conditions: it is recent, it was sent after the request, and
+        it names this attempt and this pose.
         """
         self._end_if_wanted()
         if self._asked_at is None:

@@ -10,7 +10,7 @@ from dpr_lab.tui.recorder.process import serve
 
 
 class Recorder:
-    """Process that controls a device, from construction until `close`.
+    """Process that controls a device from its construction until `close` is called.
 
     Args:
         url: link to open; empty for the link of the rig file
@@ -33,7 +33,7 @@ class Recorder:
             self._process.pipe.send(order)
 
     def reports(self) -> Iterator[RecorderReport]:
-        """Yield the reports that arrived since the last call; do not wait for further ones."""
+        """Yield the reports that arrived since the last call, without waiting for further reports."""
         while not self._over and self._process.pipe.poll():
             try:
                 report = self._process.pipe.recv()
@@ -43,6 +43,9 @@ class Recorder:
             yield report
 
     def close(self, patience_s: float = 5.0) -> None:
-        """Let the process finish its file within `patience_s`, then terminate it. Repeated calls have no effect."""
+        """Let the process finish its file within `patience_s`, s, then terminate it.
+
+        Repeated calls have no effect.
+        """
         self._over = True
         self._process.end(patience_s)

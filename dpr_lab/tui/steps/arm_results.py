@@ -76,7 +76,7 @@ def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ComparedArmRun:
-    """Content of the charts: the measured and simulated angle of one joint in a run, by segment."""
+    """Content of the charts for one run: the measured and simulated angle of one joint, by segment."""
 
     comparison: "ArmComparison"
     joint: int

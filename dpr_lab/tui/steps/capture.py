@@ -116,7 +116,10 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         yield CaptureView()
 
     def on_mount(self) -> None:
-        """Read the rig of the workspace; the step Rig reports its errors. Update outdated readings regularly."""
+        """Read the rig of the workspace, and update outdated readings regularly.
+
+        The step Rig reports errors of the rig file.
+        """
         self.set_interval(SIGHTING.fresh_s / 3, self._age)
         with suppress(ConfigError):
             self._rig = load_rig(self.workspace.rig)
@@ -127,7 +130,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return counted_runs(count) if count else ""
 
     def missing(self) -> str:
-        """Return the message that names the missing device, rig or pose; empty if nothing is missing."""
+        """Return a message that names the missing device, rig or pose; the text is empty if nothing is missing."""
         if self._rig is None:
             return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
         if self.device.opening is not None:
@@ -143,7 +146,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
     def at_stake(self) -> str:
         """Return a sentence that names the recording which quitting would end or leave undecided.
 
-        Empty if there is none.
+        The text is empty if there is no such recording.
         """
         if self.recording is not None:
             return "The current recording ends now; the data recorded so far are kept."
@@ -224,7 +227,10 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self._draw()
 
     def action_release(self) -> None:
-        """Count down, then send the release command; refused unless the rods are at the pose and at rest."""
+        """Count down, then send the release command.
+
+        The release is refused unless the rods are at the pose and at rest.
+        """
         attempt = self.attempt
         obstacle = self._obstacle()
         if attempt is None or obstacle:
@@ -294,12 +300,16 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self._draw()
 
     def _require_none(self) -> None:
-        """Raise DprError during an attempt, when its settings cannot be changed."""
+        """Check that no attempt is in progress; the settings of an attempt cannot be changed.
+
+        Raises:
+            DprError: an attempt is in progress.
+        """
         if self.attempt is not None:
             raise DprError(self.worded(BUSY))
 
     def _obstacle(self) -> str:
-        """Return the reason why the rods may not be released now; empty if a release is permitted."""
+        """Return the reason why the rods may not be released now; the text is empty if a release is permitted."""
         if self.attempt is None:
             return self.worded("press {capture.start} to be guided to the pose first")
         if not self.device.fresh(now := time.monotonic()):
@@ -361,9 +371,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self.post_message(self.Done())
 
     def _decided(self, what: str, take: Callable[[Path], None]) -> None:
-        """Pass the run that waits for a decision to `take`.
-
-        The function `take` keeps the run or sets it aside.
+        """Pass the run that waits for a decision to the function `take`, which keeps it or sets it aside.
 
         Raises:
             DprError: no recording is finished; the message contains the verb `what`.

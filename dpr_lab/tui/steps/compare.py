@@ -102,7 +102,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         yield Static(id="figures", markup=False)
 
     def missing(self) -> str:
-        """Return the message that names the missing model or runs; empty if both exist."""
+        """Return a message that names the missing model or runs; the text is empty if both exist."""
         known = self.workspace.model is not None and self.workspace.model.is_file()
         no_model = f"No model yet: identify one in step {self.services.key_of('Identify')}"
         return super().missing() or ("" if known else no_model)
@@ -139,7 +139,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def work(self) -> str:
         """Progress of the simulation.
 
-        Empty once all runs are simulated, although the job still answers requests.
+        The text is empty once all runs are simulated, although the job still answers requests.
         """
         return "" if self._saved else super().work
 
@@ -149,7 +149,10 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         return f"about {net * (self._runs - done) / done:.0f} s left" if 0 < done < self._runs else ""
 
     def stale(self) -> str:
-        """Return the message if the model, runs or torques changed since the last comparison; otherwise empty."""
+        """Return a message if the model, runs or torques changed since the last comparison.
+
+        Otherwise return an empty text.
+        """
         if not self._compared or not self._saved or self.missing() or self._compared_subject == self._subject():
             return ""
         return self.worded("STALE, model, runs or torques changed; {compare.start}: run again")
@@ -157,7 +160,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Return whether an action is available.
 
-        The kind of torque can be changed while the job waits. A moving arm has no second curve.
+        The kind of torque can be changed while the job waits. If the arm moves, there is no second curve.
         """
         if action == "second_curve" and self._of_arm:
             return False

@@ -199,7 +199,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.post_message(self.Done())
 
     def ended(self, why: str) -> None:
-        """Show why no new diagnosis was computed; the previous one and its verdict remain."""
+        """Show why no new diagnosis was computed; the previous diagnosis and its verdict remain."""
         from dpr_lab.report.gap.tables import sentence
 
         previous = self._diagnosis
@@ -269,7 +269,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.query_one("#held-out", Static).update(named_runs(self.workspace.held_out) or "none")
 
     def _doubt(self, diagnosis: "Diagnosis") -> str:
-        """Note if the diagnosis does not belong to the selected runs; otherwise empty."""
+        """Return a note if the diagnosis does not belong to the selected runs; otherwise return an empty text."""
         from dpr_lab.gap.screen.pieces import whole
 
         closed = diagnosis.gap.closed_held_out

@@ -140,9 +140,9 @@ in the folder of the workspace.
         self.begin(jobs.identify, request=request)
 
     def pace(self, now: float) -> str:
-        """Return the upper limit of the remaining time of the search, as text; empty if unknown.
+        """Return the upper limit of the remaining time of the search as text.
 
-        The search may end before its maximum number of generations.
+        The text is empty if the limit is unknown. The search may end before its maximum number of generations.
         """
         if self._fitting or not self._history:
             return ""
@@ -165,7 +165,7 @@ in the folder of the workspace.
                 self.say("search finished; the local fit follows")
 
     def finished(self, result: Any) -> None:
-        """Show the model of a finished job. The model is already saved."""
+        """Show the model of a finished job, which is already saved."""
         self.workspace.model = self._shown = result.file
         self.show_model(result.model)
         self.query_one(TabbedContent).active = TABS[1]
@@ -175,7 +175,7 @@ in the folder of the workspace.
             raise DprError(f"{failed} (the model was written to {self._shown}, but it is not reliable)")
 
     def ended(self, why: str) -> None:
-        """Show why no new model was computed; the previous one and its summary remain."""
+        """Show why no new model was computed; the previous model and its summary remain."""
         if self.model is None:
             self.say(f"ended without a model: {why}")
         else:
@@ -194,7 +194,7 @@ in the folder of the workspace.
         self.say("stopping after this generation; the local fit starts from its best individual")
 
     def show_model(self, model: "Model | MovingArmModel", news: str = "") -> None:
-        """Draw a model: messages, summary, convergence, and each value with the data that determine it."""
+        """Draw a model: messages, summary, convergence, and the data that determine each value."""
         from dpr_lab.identification.model import Model
 
         self.model = model

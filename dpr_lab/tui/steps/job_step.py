@@ -1,4 +1,7 @@
-"""A step with a job in a separate process: its start, its events, and the keys that control it."""
+"""A step with a job in a separate process.
+
+The module contains the start of the job, the handling of its events, and the keys that control it.
+"""
 
 import time
 from collections.abc import Callable
@@ -30,7 +33,10 @@ def job_keys(place: str) -> list[Binding]:
 
 
 def torque_key(place: str) -> Binding:
-    """Return the key that selects measured or commanded torques; the screen shows it if runs contain both."""
+    """Return the key that selects measured or commanded torques.
+
+    The screen shows the key if runs contain both kinds of torques.
+    """
     return Binding("T", "torque", "Torques", id=f"{place}.torque", tooltip="measured or commanded torques")
 
 
@@ -76,7 +82,7 @@ class JobStep(Step):
     def stale(self) -> str:
         """Return a sentence that names the inputs which changed after the result was computed.
 
-        Empty if none changed.
+        The text is empty if no input changed.
         """
         made, now = self.workspace.made_from.get(self.NAME, {}), self.workspace.basis()
         changed = [kind for kind in self.RESTS_ON if made.get(kind, now[kind]) != now[kind]]
@@ -86,7 +92,7 @@ class JobStep(Step):
 
     @property
     def work(self) -> str:
-        """Running job with its elapsed and remaining time; empty if no job is running."""
+        """Running job with its elapsed and remaining time; the text is empty if no job is running."""
         if self.job is None or self.job.paused:
             return "" if self.job is None else f"{self.NAME} PAUSED"
         now = time.monotonic()
@@ -98,9 +104,9 @@ class JobStep(Step):
         return f"{text}, {pace}" if pace else text
 
     def pace(self, now: float) -> str:
-        """Return the remaining time as text, estimated only from the progress of this job; empty if unknown.
+        """Return the remaining time as text, estimated only from the progress of this job.
 
-        Durations of earlier jobs are not used.
+        The text is empty if the time is unknown. Durations of earlier jobs are not used.
         """
         return ""
 
@@ -150,7 +156,7 @@ class JobStep(Step):
         """
 
     def at_stake(self) -> str:
-        """Return the warning that quitting ends the running job; empty if no job is running."""
+        """Return a warning that quitting ends the running job; the text is empty if no job is running."""
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:

@@ -114,7 +114,7 @@ diagnosed first.
         self.invite()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Return whether an action is available; a release can be taken only if the plan has one."""
+        """Return whether an action is available; a release can be chosen only if the plan contains a release."""
         if action == "take":
             return self._made is not None and bool(self._made.plan.releases) and self.job is None
         return super().check_action(action, parameters)
@@ -176,7 +176,7 @@ diagnosed first.
         self.post_message(self.Done())
 
     def _refuse_changed_setup(self, release: "PlannedRelease") -> None:
-        """Refuse a release planned for other rods or added masses than in the current rig file."""
+        """Refuse a release that was planned for other rods or added masses than those in the current rig file."""
         rig = load_rig(self.workspace.rig)
         mounting = "clamped" if release.elbow == "clamped" else release.mounted
         if (mounting, release.added_mass) != (rig.rods.mounting, rig.added_mass):

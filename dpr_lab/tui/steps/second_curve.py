@@ -79,7 +79,10 @@ class SecondCurve(Guarded, Horizontal):
 
     @property
     def chosen(self) -> "Comparison | None":
-        """Comparison for the second curve: another run, or the same run with the other model; None if not chosen."""
+        """Comparison for the second curve: another run, or the same run with the other model.
+
+        The value is None if no second curve is chosen.
+        """
         number = self.query_one(Select).value
         if number == OTHER_MODEL and self._shown < len(self._runs):
             return self._model.get(self._runs[self._shown].run)

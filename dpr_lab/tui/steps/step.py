@@ -49,7 +49,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return self.services.device
 
     def worded(self, text: str) -> str:
-        """Replace the placeholders of actions in a text by the operator's keys; see `KeyNames.fill`."""
+        """Replace the placeholders of actions in a text by the operator's keys (`KeyNames.fill`)."""
         return self.services.keys.fill(text)
 
     @property
@@ -63,19 +63,19 @@ class Step(Guarded, Vertical, can_focus=True):
         return False
 
     def outcome(self) -> str:
-        """Return the short result for the list of steps; empty if there is no result."""
+        """Return the short result for the list of steps; the text is empty if there is no result."""
         return ""
 
     def stale(self) -> str:
-        """Return a sentence that names what changed after the result was computed; empty if the result is current.
+        """Return a sentence that names what changed after the result was computed.
 
-        The sentence also names the key that repeats the computation.
+        The sentence also names the key that repeats the computation. The text is empty if the result is current.
         """
         return ""
 
     @property
     def work(self) -> str:
-        """Running job and its elapsed time; empty if no job is running."""
+        """Running job and its elapsed time; the text is empty if no job is running."""
         return ""
 
     def report(self) -> Path | None:
@@ -83,15 +83,21 @@ class Step(Guarded, Vertical, can_focus=True):
         return None
 
     def missing(self) -> str:
-        """Return the sentence that names the missing prerequisite and how to provide it; empty if there is none."""
+        """Return a sentence that names the missing prerequisite and how to provide it.
+
+        The text is empty if nothing is missing.
+        """
         return ""
 
     def enter(self) -> None:
-        """Update the step; called each time it is shown."""
+        """Update the step; this method is called each time the step is shown."""
 
     def hear(self, report: RecorderReport) -> None:
         """Handle a report of the recorder."""
 
     def at_stake(self) -> str:
-        """Return the warning about work that would be lost if the operator quits now; empty if there is none."""
+        """Return a warning about work that would be lost if the operator quits now.
+
+        The text is empty if nothing would be lost.
+        """
         return ""

@@ -28,7 +28,9 @@ WARNING = "warning: "
 
 
 class TableImport(Guarded, ModalScreen[Path | None]):
-    """Dialog with the options and the preview of `dpr-lab import table`. Its result is the path of the written run.
+    """Dialog that shows the options and the preview of `dpr-lab import table`.
+
+    Its result is the path of the written run.
 
     Args:
         rig: rig file, or the name of a built-in one

@@ -69,7 +69,7 @@ def _parser() -> _Parser:
 
 
 def _reader(option: TypedOption) -> Callable[[str], Any]:
-    """Create a function that converts the text of an option. The parser reports an invalid text."""
+    """Create a function that converts the text of an option; the parser reports an invalid text."""
     if not option.reads_text:
         return option.kind
 

@@ -49,7 +49,7 @@ class Display:
         """Whether the terminal supports synchronized output."""
 
     def show(self, update: CompositorUpdate, size: Size) -> None:
-        """Draw an update when it is due. An update is not sent if a newer update replaces it."""
+        """Draw an update when it is due; an update is not sent if a newer update replaces it."""
         if (self._frame.width, self._frame.height) != size:
             self._frame = CellFrame(size.width, size.height, self._colours)
             self._pace = Pace(max(size.width * size.height, 1), time.monotonic())
@@ -78,14 +78,14 @@ class Display:
 
     @property
     def multiplexer(self) -> str:
-        """Terminal multiplexer as in `Sight.multiplexer`; empty in a browser."""
+        """Name of the terminal multiplexer as in `Sight.multiplexer`; the text is empty in a browser."""
         driver = self._driver()
         if driver is None or driver.is_web:
             return ""
         return from_environment(os.environ) or getattr(driver, "multiplexer", "")
 
     async def seen(self, patience_s: float) -> float:
-        """See `Sight.seen`."""
+        """Wait until the operator can see the current frame, as `Sight.seen` does."""
         driver = self._driver()
         if driver is None or driver.is_headless:
             raise SafetyStop(f"this screen is not drawn on a terminal, so nobody can see the countdown: {WHY_UNSEEN}")
@@ -121,7 +121,7 @@ class Display:
             self._send()
 
     def _send(self) -> int:
-        """Send the changes and request confirmation, and return the number of the frame."""
+        """Send the changes and request their confirmation; return the number of the frame."""
         driver = self._driver()
         assert driver is not None
         self._number += 1
@@ -136,7 +136,7 @@ class Display:
     def _cell(self, number: int) -> tuple[int, int]:
         """Return the cell that encodes the number of a frame.
 
-        It is in the right half of the screen, because a key also sends `ESC [ 1 ; 2 R`.
+        The cell is in the right half of the screen, because a key also sends `ESC [ 1 ; 2 R`.
         """
         right = max(self._frame.width // 2, 1)
         return self._frame.width - 1 - number % right, number // right % max(self._frame.height, 1)

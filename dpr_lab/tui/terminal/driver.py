@@ -1,4 +1,4 @@
-"""Textual driver for terminals: output without waiting, identified terminal, and shutdown in limited time."""
+"""Textual driver for terminals: it writes without waiting, identifies the terminal, and ends within a limited time."""
 
 import os
 import selectors

@@ -7,7 +7,10 @@ from textual.driver import Driver
 
 
 def our_driver(textuals: type[Driver]) -> type[Driver]:
-    """Return the driver of this package that replaces a Textual driver, or the Textual driver without replacement."""
+    """Return the driver of this package that replaces a Textual driver.
+
+    If this package has no replacement, return the Textual driver.
+    """
     if textuals.__name__ == "WebDriver":
         from dpr_lab.tui.terminal.page import PageDriver
 

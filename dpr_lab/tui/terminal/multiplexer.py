@@ -28,7 +28,10 @@ ATTRIBUTES = re.compile(r"\x1b\[>([\d;]*)c")
 
 
 def from_environment(environment: Mapping[str, str]) -> str:
-    """Name of the multiplexer according to environment variables; empty if there is none."""
+    """Return the name of the multiplexer according to environment variables.
+
+    The text is empty if they name no multiplexer.
+    """
     for variable, name in IN_ENVIRONMENT.items():
         if environment.get(variable):
             return name
@@ -36,10 +39,16 @@ def from_environment(environment: Mapping[str, str]) -> str:
 
 
 def from_attributes(reply: str) -> str:
-    """Name of the multiplexer with these attributes, such as `84;0;0`; empty for a terminal."""
+    """Return the name of the multiplexer with these attributes, such as `84;0;0`.
+
+    The text is empty if the attributes are those of a terminal.
+    """
     return IN_ATTRIBUTES.get(reply) or IN_ATTRIBUTES.get(reply.partition(";")[0], "")
 
 
 def from_version(reply: str) -> str:
-    """Name of the multiplexer with this version, such as `tmux 3.4`; empty for a terminal."""
+    """Return the name of the multiplexer with this version, such as `tmux 3.4`.
+
+    The text is empty if the version is that of a terminal.
+    """
     return reply if any(word in reply.lower() for word in IN_VERSION) else ""

@@ -20,7 +20,7 @@ SETTINGS = PaceSettings()
 
 
 class Pace:
-    """Rate control of the output, from the sent and the confirmed frames.
+    """Rate control of the output, based on the sent and the confirmed frames.
 
     The methods get the current time as an argument.
 
@@ -45,13 +45,13 @@ class Pace:
         self._credit = SETTINGS.burst_per_cell * self._cells
 
     def sent(self, frame: int, size: int, now: float) -> None:
-        """Register a frame of this number of bytes."""
+        """Register a sent frame and its size in bytes."""
         self._count(now)
         self._credit -= size
         self._out[frame] = now
 
     def confirmed(self, frame: int, now: float) -> float | None:
-        """Confirm a frame and all earlier ones; return the round trip time, s, or None for an unknown frame."""
+        """Confirm a frame and all earlier frames; return the round trip time, s, or None for an unknown frame."""
         sent = self._out.get(frame)
         self._out = {other: sent_at for other, sent_at in self._out.items() if other > frame}
         return None if sent is None else now - sent

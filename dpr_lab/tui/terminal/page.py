@@ -29,7 +29,7 @@ class PageDriver(WebDriver):
     def run_input_thread(self) -> None:
         """Read the input.
 
-        When it ends, the screen is ended; after a time limit the process is terminated.
+        When the input ends, the screen is ended. After a time limit the process is terminated.
         """
         super().run_input_thread()
         if not self.exit_event.is_set():

@@ -1,4 +1,4 @@
-"""Evidence that the operator has seen the screen, without which nothing is released."""
+"""Evidence that the operator has seen the screen; without this evidence, nothing is released."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -29,7 +29,10 @@ class Sight(Protocol):
 
     @property
     def multiplexer(self) -> str:
-        """Name of a program that confirms frames instead of the operator's terminal; empty if none is known."""
+        """Name of a program that confirms frames instead of the operator's terminal.
+
+        The text is empty if no such program is known.
+        """
         ...
 
     async def seen(self, patience_s: float) -> float:

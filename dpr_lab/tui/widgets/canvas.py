@@ -18,6 +18,6 @@ class PlainCanvas(Canvas):
         self.reset(Size(max(1, self.size.width), max(1, self.size.height)), refresh=False)
 
     def render_line(self, y: int) -> Strip:
-        """Render one line; without a layout, render only its style."""
+        """Render one line; before the first layout, render only the style of the line."""
         strip = super().render_line(y)
         return Strip([Segment(part.text, part.style or Style.null(), part.control) for part in strip])

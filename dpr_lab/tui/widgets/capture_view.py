@@ -74,7 +74,7 @@ class CaptureState:
 
     @property
     def all_done(self) -> bool:
-        """Whether every pose has the requested number of recordings and none is being repeated."""
+        """Whether every pose has the requested number of recordings and no recording is being repeated."""
         recorded = bool(self.done) and all(number >= self.repeats for number in self.done.values())
         return self.attempt is None and recorded
 
@@ -249,7 +249,7 @@ def _judgement(verdict: QualityReport) -> Iterator[Content]:
 
 
 def _placement(state: CaptureState) -> Placement | None:
-    """Return the position to which the operator turns the rods; None after all poses are recorded."""
+    """Return the position to which the operator must turn the rods; return None after all poses are recorded."""
     if state.all_done:
         return None
     if state.attempt is not None:

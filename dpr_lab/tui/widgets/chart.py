@@ -1,6 +1,6 @@
 """Line chart for the terminal, with a noise band and marks.
 
-Keys and the mouse zoom and pan it.
+The chart can be zoomed and panned by keys and by the mouse.
 """
 
 import asyncio
@@ -181,7 +181,7 @@ class Chart(Vertical, can_focus=True):
         x_range: tuple[float, float] | None = None,
         y_range: tuple[float, float] | None = None,
     ) -> None:
-        """Replace the content; a zoomed or panned view is kept.
+        """Replace the content; the view stays as it is if the operator has zoomed or panned it.
 
         Args:
             series: lines to draw
@@ -357,9 +357,9 @@ class Chart(Vertical, can_focus=True):
         return text
 
     def _colour(self, tone: Tone) -> str:
-        """Colour of the theme in the notation of Rich.
+        """Return a colour of the theme in the notation of Rich.
 
-        The terminal's default colour if the theme does not define it.
+        If the theme does not define the colour, return the terminal's default colour.
         """
         try:
             return Color.parse(self.app.theme_variables[tone]).hex6

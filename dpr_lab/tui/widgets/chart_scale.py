@@ -29,7 +29,7 @@ SETTINGS = ViewSettings()
 def range_of(values: Iterator[Array] | Sequence[Array]) -> tuple[float, float]:
     """Return the smallest and the largest finite value.
 
-    If both are equal, the range is widened. Without finite values, the range is 0 to 1.
+    If both are equal, the range is widened. If there are no finite values, the range is 0 to 1.
     """
     finite = [finite_values for array in values if len(finite_values := array[np.isfinite(array)])]
     if not finite:
@@ -66,7 +66,10 @@ def visible(x: Array, y: Array, x_view: tuple[float, float], columns: int) -> tu
 
 
 def even_ticks(low: float, high: float, most: int) -> list[float]:
-    """Round numbers in even steps within a view: at most `most`, but at least two."""
+    """Return round numbers in even steps within a view.
+
+    The result contains at most `most` numbers, but at least two.
+    """
     power = 10.0 ** math.floor(math.log10(max((high - low) / max(most, 2), 1e-300)))
     for step in (power, 2 * power, 5 * power, 10 * power, 20 * power):
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)

@@ -14,7 +14,7 @@ ASIDE = "aside"
 
 
 def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
-    """Number of runs of each pose, according to the names of the files."""
+    """Return the number of runs of each pose, according to the names of the files."""
     names = [parts[1] for run in runs if len(parts := run.stem.split("_")) > 2]
     return {pose: names.count(in_file_name(pose)) for pose in poses}
 
@@ -27,7 +27,7 @@ def next_pose(done: Mapping[str, int], repeats: int, current: str) -> str:
 
 
 def checklist_text(done: Mapping[str, int], repeats: int, current: str) -> Content:
-    """List of the poses, one line for each."""
+    """Return the list of the poses as text, with one line for each pose."""
     return Content("\n").join(_line(pose, number, repeats, pose == current) for pose, number in done.items())
 
 
@@ -37,7 +37,7 @@ def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
 
 
 def set_aside(run: Path) -> Path:
-    """Move a run with its hash and note to the folder of set-aside runs, and return the new path.
+    """Move a run with its hash and note to the folder of set-aside runs; return the new path.
 
     Raises:
         RunError: a file cannot be moved.

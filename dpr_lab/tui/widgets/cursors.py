@@ -13,7 +13,7 @@ NAMES = ("A", "B")
 
 @dataclass(frozen=True, slots=True)
 class Cursors:
-    """Positions of the two cursors, and which of them is active."""
+    """Positions of the two cursors, and the number of the active cursor."""
 
     at: tuple[float, float]
     """Positions on the x axis."""
@@ -21,12 +21,12 @@ class Cursors:
     """Active cursor: 0 or 1."""
 
     def moved(self, by: float) -> "Cursors":
-        """Copy with the active cursor moved."""
+        """Return a copy in which the active cursor is moved."""
         a, b = self.at
         return replace(self, at=(a + by, b) if self.moving == 0 else (a, b + by))
 
     def second(self) -> "Cursors":
-        """Copy with the second cursor active."""
+        """Return a copy in which the second cursor is active."""
         return replace(self, moving=1)
 
 

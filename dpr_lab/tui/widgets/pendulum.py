@@ -40,13 +40,13 @@ class _Drawing(PlainCanvas):
         """Redraw the whole picture in the current size."""
 
     def _colour(self, name: str) -> str:
-        """Colour of the theme; grey if the angles are outdated."""
+        """Return a colour of the theme; the colour is grey if the angles are outdated."""
         colours = self.app.theme_variables
         return f"dim {colours['foreground']}" if self._old else colours[name]
 
 
 class Pendulum(_Drawing):
-    """View from the end of the arm, with the plane of the rods as the plane of the picture.
+    """View from the end of the arm; the plane of the rods is the plane of the picture.
 
     The rotation of the arm is shown in perspective. Lines show the rods, and dots show the requested pose.
     """
@@ -119,7 +119,8 @@ class ArmAbove(_Drawing):
     """View of the arm from above.
 
     The arm turns about the centre; angle 0 points to the right, positive angles are counterclockwise. Dots mark the
-    circle of its tip, between its limits if the rig file states them.
+    circle on which the tip of the arm moves. If the rig file states limits of the arm, only the part between these
+    limits is marked.
     """
 
     def __init__(self, *, id: str | None = None) -> None:
@@ -166,7 +167,10 @@ class ArmAbove(_Drawing):
 
 
 def _alike(old: Angles | None, new: Angles | None) -> bool:
-    """Return whether two sets of angles give the same picture; encoder noise then causes no redrawing."""
+    """Return whether two sets of angles give the same picture.
+
+    Encoder noise therefore causes no redrawing.
+    """
     if old is None or new is None:
         return old is new
     return all(abs(a - b) < 3e-3 for a, b in zip(old, new, strict=True))

@@ -27,7 +27,11 @@ class Placement:
 
 
 def placement_text(placement: Placement, unit: AngleUnit) -> Content:
-    """Return two lines for each rod: its angle; the remaining angle and the direction in which to turn the rod."""
+    """Return two lines for each rod.
+
+    The first line contains the angle of the rod and its target. The second line contains the remaining angle and the
+    direction in which the rod must be turned.
+    """
     names = ("inner θ1", "outer θ2") if len(placement.wanted) > 1 else ("rod θ1",)
     lines = [
         line
@@ -46,7 +50,7 @@ def _rod(name: str, wanted: float, error: float, tolerance: float, unit: AngleUn
 
 
 def bar(error: float, tolerance: float, cells_wide: int = 21, reach: float = 3.0) -> str:
-    """Return the text bar of an error.
+    """Return a text bar that shows an error.
 
     The brackets `[ ]` mark the tolerance, and a character marks the error. An arrow stands for an error beyond the bar.
 
@@ -93,7 +97,7 @@ def arm_text(rest: RestReading | None, rig: Rig, unit: AngleUnit) -> Content:
 
 
 def latch_text(latched: bool | None) -> Content:
-    """State of the latch; unknown for None."""
+    """Return the state of the latch as text; the state is unknown if `latched` is None."""
     if latched is None:
         return Content.styled(f"latch  {UNKNOWN} UNKNOWN", "bold $warning")
     return Content("latch  ■ CLOSED, the rods are held" if latched else "latch  □ OPEN, the rods are free")
@@ -114,7 +118,7 @@ def _wrapped(angle: float, middle: float) -> float:
 
 
 def ordered_text(ordered: float, now: float) -> Content:
-    """Note on a release command whose result is unknown."""
+    """Return a note on a release command whose result is unknown."""
     text = f"latch  {UNKNOWN} UNKNOWN\n       RELEASE was sent {now - ordered:.1f} s ago: the rods may be free"
     return Content.styled(text, "bold $warning")
 

@@ -208,7 +208,7 @@ no samples. The reason is shown below the list.
             self._jobs.append(start_job(self, jobs.recover, path=path, out=out))
 
     def on_key(self, event: Key) -> None:
-        """Show recent folders in the field of the folder with the keys up and down."""
+        """Show recent folders when the keys up and down are pressed in the field of the folder."""
         field, recent = self.query_one("#folder", Input), list(map(str, self._services.workspace.recent_folders))
         if field.has_focus and event.key in ("up", "down") and recent:
             current = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1
@@ -377,7 +377,10 @@ def _about(known: RunSurveyed) -> str:
 
 
 def _reason(gate: str) -> str:
-    """Return the reasons why the quality gate rated a run other than "ok"; empty if the rating is "ok"."""
+    """Return the reasons why the quality gate rated a run other than "ok".
+
+    The text is empty if the rating is "ok".
+    """
     return gate if ":" in gate else ""
 
 
