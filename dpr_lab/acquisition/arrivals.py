@@ -67,7 +67,7 @@ class Arrivals:
             self._ticks[-1], self._times[-1] = tick, host_time
 
     def fit(self) -> ArrivalFit | None:
-        """Return the current estimate of the clock rate; None if the data are not sufficient."""
+        """Return the current estimate of the clock rate; return None if the data are not sufficient."""
         s = ARRIVALS
         device, host = np.array(self._ticks) / self._rate_hz, np.array(self._times)
         if len(host) < s.blocks[0] or host[-1] - host[0] < s.shortest_s or device[-1] <= device[0]:
@@ -89,7 +89,7 @@ class Arrivals:
 
 
 def _quickest(delay: Array, block: Integers) -> Integers:
-    """Index of the read with the shortest delay in each block that has reads."""
+    """Return the index of the read with the shortest delay in each block that contains reads."""
     order = np.lexsort((delay, block))
     return order[np.flatnonzero(np.diff(block[order], prepend=-1))]
 

@@ -30,9 +30,10 @@ class Batch:
 
 
 def torques_of(rows: Sequence[AnyRow], unit_uNm: int) -> Array | None:
-    """Return the known torques (kinds, n, 2) of joints 1 and 2, N m; None if their unit is unknown.
+    """Return the known torques (kinds, n, 2) of joints 1 and 2, N m.
 
-    For a driven arm, the first value is the input of its drive in its own unit, and the second is 0.
+    The result is None if the unit of the torques is unknown. For a driven arm, the first value is the input of its
+    drive in its own unit, and the second is 0.
     """
     if not unit_uNm:
         return None
@@ -47,7 +48,7 @@ def arrays(rows: Sequence[AnyRow]) -> tuple[Integers, Integers]:
 
 
 class Counter:
-    """Total count of a 16-bit counter that overflows and restarts with every stream."""
+    """Total count of a 16-bit counter, which overflows and restarts with every stream."""
 
     def __init__(self) -> None:
         self.total = 0

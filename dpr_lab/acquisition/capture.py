@@ -82,12 +82,12 @@ OnProgress: TypeAlias = Callable[[Progress], None]
 
 
 def refuse() -> bool | None:
-    """Default of the argument `confirm`: never permit the release."""
+    """Never permit the release; this function is the default of the argument `confirm`."""
     return False
 
 
 def ignore(progress: Progress) -> None:
-    """Default of the argument `on_progress`: ignore all events."""
+    """Ignore all events; this function is the default of the argument `on_progress`."""
 
 
 def capture(
@@ -202,7 +202,7 @@ def _metadata(device: Device, rig: Rig, pose_name: str, rate_hz: int, note: str)
 def _drives(info: DeviceInfo, rig: Rig) -> dict[str, str]:
     """Return the metadata on the torques of a run, or on the input of its arm.
 
-    Empty for a device without drives.
+    The result is empty for a device without drives.
 
     Raises:
         ConfigError: the input differs from the rig file, or the device reports torques of the joints as well.

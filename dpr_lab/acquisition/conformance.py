@@ -115,7 +115,7 @@ def conformity(link: Transport, settings: ConformanceSettings = ConformanceSetti
 
 
 class _Peer:
-    """Host in an exchange. It sends only the given messages."""
+    """Host in an exchange; it sends only the given messages."""
 
     def __init__(self, link: Transport, settings: ConformanceSettings) -> None:
         self.link, self.settings = link, settings
@@ -206,7 +206,10 @@ class _Peer:
 
 
 def _step(peer: _Peer, step: Step, where: str) -> str:
-    """Run a step of a trace and describe how the device deviates from it; empty if it does not deviate."""
+    """Run a step of a trace, and describe how the device deviates from the step.
+
+    The text is empty if the device does not deviate.
+    """
     if "silent_s" in step:
         asked, answers = f"{step['silent_s']} s of silence", peer.fall_silent(step["silent_s"])
     elif "frame" in step:
@@ -284,9 +287,10 @@ def _timing(peer: _Peer, settings: ConformanceSettings, simulated_time: bool) ->
 
 
 def sample_rate(arrived: Sequence[tuple[float, int]], nominal_hz: float) -> float:
-    """Sample rate by the host's clock, Hz, from the least delayed samples of the first and the last third.
+    """Return the sample rate by the host's clock, Hz.
 
-    A sample can arrive late, because host or device is busy, but never early.
+    The rate follows from the least delayed samples of the first and the last third. A sample can arrive late, because
+    host or device is busy, but never early.
 
     Args:
         arrived: host time, s, and 16-bit tick of each sample, at least 2

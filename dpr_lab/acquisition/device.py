@@ -1,4 +1,4 @@
-"""Device driver: typed commands, samples and messages, losses counted by cause.
+"""Device driver: it sends typed commands, receives samples and messages, and counts losses by cause.
 
 A reader thread reads the link in blocks, adds the host time to each block, and sends the keepalives. A slow disk or a
 busy screen can therefore neither lose a byte nor stop a stream. All other work is done in the caller's thread, in
@@ -141,7 +141,9 @@ class Device:
         return self._timing.silence_s * patience
 
     def connect(self, timeout: float = 2.0) -> DeviceInfo:
-        """Perform the handshake. It is repeated until the device answers or `timeout` s have passed.
+        """Perform the handshake.
+
+        The handshake is repeated until the device answers or `timeout` s have passed.
 
         Raises:
             LinkTimeout: the device does not answer; the message states whether any bytes arrived.
@@ -201,7 +203,7 @@ class Device:
         self._command(Stop())
 
     def poll(self, timeout: float) -> list[Batch]:
-        """Return all messages since the last call. Wait at most `timeout` s for the first one.
+        """Return all messages since the last call; wait at most `timeout` s for the first one.
 
         No message is discarded between calls, so call the method regularly while the device streams. Messages that
         arrived before the link was lost are returned first; the next call raises an exception.
@@ -247,11 +249,17 @@ class Device:
             return self._clock.fit(self._rate_hz)
 
     def clock_fit(self) -> ClockFit | None:
-        """Return the fit of `clock`; None before enough pings were answered, and for simulated time."""
+        """Return the fit of `clock`.
+
+        The result is None before enough pings were answered, and for simulated time.
+        """
         return self.clock()[0]
 
     def close(self) -> None:
-        """Close the link; repeated calls have no effect. A streaming device stops when its lease expires."""
+        """Close the link; repeated calls have no effect.
+
+        A streaming device stops when its lease expires.
+        """
         self._closing.set()
         self._reader.join()
         self._transport.close()

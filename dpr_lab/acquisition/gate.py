@@ -52,7 +52,7 @@ class QualityReport:
 
     @property
     def sentence(self) -> str:
-        """`ok`, or `degraded` with the reasons, followed by the notes."""
+        """Text `ok`, or `degraded` with the reasons, followed by the notes."""
         return "; ".join(["ok" if self.ok else f"degraded: {'; '.join(self.reasons)}", *self.notes])
 
     def to_json(self) -> dict[str, Any]:
@@ -119,8 +119,8 @@ def judge(
 def fastest_possible(rig: Rig) -> Array:
     """Return the maximum speeds (2,) of the rods after a release at rest from any pose, rad/s.
 
-    If one rod has all the potential energy E = 2 (e1 + e2), omega_i^2 = 2 E (M^-1)_ii. This is largest with the rods in
-    line, where M^-1 has the diagonal [b, a] / (a b - d^2).
+    If one rod has all the potential energy E = 2 (e1 + e2), its squared speed is omega_i^2 = 2 E (M^-1)_ii, where M is
+    the mass matrix. This value is largest if the rods are in line. M^-1 then has the diagonal [b, a] / (a b - d^2).
     """
     a, b, d, e1, _, _ = base_parameters(rig.nominal, rig.L1, rig.g)
     energy = 2 * (e1 + d * rig.g / rig.L1)
@@ -183,9 +183,9 @@ def _pose(judged: JudgedRun) -> Check | None:
 def _release_speed(judged: JudgedRun) -> Check | None:
     """Check the initial speed w of the swing.
 
-    In the first 20 ms, theta(t) = theta_rest + w t + alpha t^2 / 2, with theta_rest from the samples before. If the
-    sample rate is too low for this window, beta t^4 / 24 is added, because the acceleration of a rod that starts at
-    rest changes with t^2.
+    In the first 20 ms, theta(t) = theta_rest + w t + alpha t^2 / 2, where theta_rest comes from the samples before the
+    release. If the sample rate is too low for this window, beta t^4 / 24 is added, because the acceleration of a rod
+    that starts at rest changes with t^2.
     """
     limits = judged.limits
     rest, swing = _rest(judged), judged.run.swing

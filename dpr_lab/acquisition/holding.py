@@ -79,7 +79,7 @@ class RestWindow:
 
     @property
     def lost_before(self) -> Mapping[str, int]:
-        """Losses of the device before the oldest batch; empty if there is no batch."""
+        """Losses of the device before the oldest batch; there are none if the window contains no batch."""
         return self.batches[0].lost_before if self.batches else {}
 
     def add(self, batches: Iterable[Batch]) -> None:
@@ -92,12 +92,12 @@ class RestWindow:
     def silent_s(self, now: float) -> float:
         """Return the time from the arrival of the newest sample to the host time `now`, s.
 
-        Infinite if there is no sample.
+        The time is infinite if there is no sample.
         """
         return now - max((batch.host_time for batch in self.batches if batch.rows), default=-np.inf)
 
     def motion(self, rig: Rig) -> tuple[Array, Array] | None:
-        """Return the times (n,), s, and angles (n, 3), rad, in the window; None until the window is full."""
+        """Return the times (n,), s, and angles (n, 3), rad, in the window; return None until the window is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None
@@ -231,7 +231,7 @@ def _not_placed(pose: Pose, reading: PoseReading | None, timeout: float, rig: Ri
 
 
 class HeldPose:
-    """Held rods between pose and release, while the device streams."""
+    """State in which the rods are held between pose and release, while the device streams."""
 
     def __init__(
         self, device: Device, rig: Rig, pose: Pose, rate_hz: int, on_reading: OnReading, settings: CaptureSettings
@@ -245,7 +245,7 @@ class HeldPose:
         """Wait until the rods have been at rest and at the pose for the duration of `RestLimits`.
 
         Raises:
-            SafetyStop: this took longer than `timeout` s.
+            SafetyStop: the rods were not at rest at the pose within `timeout` s.
         """
         deadline = time.monotonic() + timeout
         while (restless := self._look(self._settings.poll_s)) != "":
@@ -286,7 +286,7 @@ class HeldPose:
     def _denied(self) -> str:
         """Return the reason against a release, from the last STATUS.
 
-        Empty if the device holds the rods and streams.
+        The text is empty if the device holds the rods and streams.
         """
         status = self._device.status
         if status is None:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def unbroken() -> Iterator[None]:
-    """Context manager that defers Ctrl-C and SIGTERM until its block ends.
+    """Defer Ctrl-C and SIGTERM until the block of this context manager ends.
 
     An incomplete record would make the rest of the file unreadable, and a lock whose acquisition is interrupted stays
     locked. Only the main thread receives signals; in other threads the context has no effect.

@@ -30,7 +30,7 @@ class LiveSpeed:
     def after(self, t: Array, theta: Array) -> tuple[float, float]:
         """Return the speeds of inner and outer rod after new samples of the swing, rad/s.
 
-        Unchanged if there are no new samples.
+        The speeds are unchanged if there are no new samples.
 
         Args:
             t: (n,) time since the release, s, later than in the previous call; samples before the release are ignored

@@ -29,11 +29,11 @@ class PingClock:
         self._quick, self._sent, self._due_at = self._timing.quick_pings, 0, now
 
     def stop(self) -> None:
-        """End the stream. Later answers are ignored, because the device may restart its ticks."""
+        """End the stream; later answers are ignored, because the device may restart its ticks."""
         self._streaming = False
 
     def due(self, now: float) -> Ping | None:
-        """PING to send at the host time `now`, s; None if no PING is due."""
+        """Return the PING to send at the host time `now`, s; return None if no PING is due."""
         if now < self._due_at:
             return None
         self._due_at = now + (self._timing.quick_ping_s if self._quick else self._timing.ping_s)
@@ -42,7 +42,10 @@ class PingClock:
         return self._pinger.ping(now)
 
     def note(self, pong: Pong, host_time: float) -> None:
-        """Add a PONG that arrived at the host time `host_time`, s; without effect if no stream is in progress."""
+        """Add a PONG that arrived at the host time `host_time`, s.
+
+        The call has no effect if no stream is in progress.
+        """
         exchange = self._pinger.exchange(pong, host_time)
         if exchange is not None and self._streaming:
             self._exchanges.append(exchange)

@@ -84,7 +84,7 @@ class Recording:
         return self._writer.metadata.rate_hz
 
     def expect_release(self) -> None:
-        """Accept a reported instant of release from now on. Call this method just before RELEASE is sent."""
+        """Accept a reported instant of release from now on; call this method just before RELEASE is sent."""
         self._earliest_release = max(self._newest_tick, 0)
 
     @property
@@ -146,7 +146,7 @@ class Recording:
         return time.monotonic() >= self._clock_at
 
     def note_clock(self, fit: ClockFit | None, missing: str = "", next_in_s: float = 5.0) -> None:
-        """Write the clock fit `fit`, or store the reason `missing` why there is none.
+        """Write the clock fit `fit`; if there is no fit, store the reason `missing`.
 
         A finished file is not changed. The next fit is due after `next_in_s`.
         """
@@ -188,9 +188,9 @@ class Recording:
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.mounted_theta(counts)
 
     def new_inputs(self) -> Array | None:
-        """Return the input of the arm's drive (n,) at the samples since the last call, in its unit of the rig file.
+        """Return the input of the arm's drive (n,) at the samples since the last call.
 
-        None if there is no drive.
+        The unit is that of the rig file. The result is None if there is no drive.
         """
         inputs, self._inputs = self._inputs, []
         return np.concatenate(inputs) if inputs else None
@@ -214,7 +214,7 @@ class Recording:
     def pose_measured(self) -> tuple[float, float, float] | None:
         """Mean angles just before the release without whole turns, rad.
 
-        None if there are no samples at rest, or no pose.
+        The value is None if there are no samples at rest, or if the recording has no pose.
         """
         pose = self.rig.poses.get(self._writer.metadata.pose or "")
         if pose is None or self.release_tick is None:
@@ -229,7 +229,7 @@ class Recording:
     def run(self, complete: bool = True) -> Run:
         """Return the recording so far as a run, for the quality gate.
 
-        Without a release, its time starts at the first sample.
+        If there was no release, the time of the run starts at the first sample.
         """
         metadata = self._writer.metadata
         ticks, counts = self.samples.newest(len(self.samples))
@@ -269,7 +269,7 @@ class Recording:
         return (note,) if lost else ()
 
     def _motor_notes(self) -> tuple[str, ...]:
-        """Note if the device drives an arm that is described as free; otherwise empty."""
+        """Return a note if the device drives an arm that is described as free; otherwise return an empty tuple."""
         if not self._motor or self.release_tick is None:
             return ()
         ticks, inputs = np.array(self._motor, dtype=np.float64).T
@@ -319,8 +319,8 @@ class Recording:
     def _take_release(self, tick: int, within_s: float = 60.0) -> bool:
         """Accept the instant of the release, which the device repeats.
 
-        Returns False if the instant is already known, or if it is more than `within_s` of device time ahead of the
-        samples, because it was then damaged on the link.
+        Return False in two cases. In the first case, the instant is already known. In the second case, it is more than
+        `within_s` of device time ahead of the samples, because it was damaged on the link.
 
         Raises:
             DeviceFault: the instant is before RELEASE was sent, so the device does not know when the rods were

@@ -26,15 +26,15 @@ def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
 
 
 def at_rest(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> bool:
-    """Return whether the rods are at rest; arguments are those of `rest_motion`."""
+    """Return whether the rods are at rest; the arguments are those of `rest_motion`."""
     speed, spread = rest_motion(t, theta)
     return speed <= limits.speed and spread <= limits.spread(rig)
 
 
 def arm_restless(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> str:
-    """Return the reason why a movable arm forbids a release; empty if it does not.
+    """Return the reason why a movable arm forbids a release.
 
-    Arguments are those of `rest_motion`.
+    The text is empty if the arm permits the release. The arguments are those of `rest_motion`.
     """
     if rig.arm.mode == "clamped":
         return ""
@@ -62,9 +62,9 @@ def pose_error(theta: Array, pose: Pose) -> Array:
 
 
 def elbow_error(theta: Array, pose: Pose) -> float:
-    """Return how far theta2 - theta1 differs from its value in a pose, in [-pi, pi), rad.
+    """Return the difference of theta2 - theta1 from its value in a pose, in [-pi, pi), rad.
 
-    Theta is (3,) absolute angles.
+    `theta` contains (3,) absolute angles.
     """
     inner, outer = pose_error(theta, pose)
     return float((outer - inner + np.pi) % (2 * np.pi) - np.pi)

@@ -40,7 +40,10 @@ class RestLimits:
     """Maximum vibration for encoders with hardly any noise, counts."""
 
     def spread(self, rig: Rig) -> float:
-        """Return the maximum vibration of a rod at rest, rad: the larger of `spread_over_noise` and `spread_counts`."""
+        """Return the maximum vibration of a rod at rest, rad.
+
+        It is the larger of two limits: `spread_over_noise` times the noise of the encoders, and `spread_counts`.
+        """
         counts = max(self.spread_over_noise * rig.encoders.noise_counts, self.spread_counts)
         return counts * float(np.abs(rig.radians_per_count[1:]).max())
 

@@ -77,7 +77,7 @@ class CertifiedLimits(_Part):
 
 
 class CertifiedChoices(_Part):
-    """Free choices of the diagnosis. `verify` prints them first."""
+    """Free choices of the diagnosis, which `verify` prints first."""
 
     library: Annotated[tuple[str, ...], Field(min_length=1)] | None
     """Names of the candidate effects; None: all."""
@@ -157,18 +157,18 @@ class Certificate(_Part):
     def content(self) -> bytes:
         """Canonical JSON of all fields except signature and seal.
 
-        `limits` is left out if there are none.
+        The field `limits` is left out if there are no limits.
         """
         absent = {"limits"} if self.limits is None else set[str]()
         fields = self.model_dump(mode="json", exclude={"signature", "seal"} | absent)
         return json.dumps(fields, sort_keys=True, separators=(",", ":")).encode()
 
     def sealed(self) -> Self:
-        """Copy of the certificate with its seal."""
+        """Return a copy of the certificate with its seal."""
         return self.model_copy(update={"seal": hashlib.sha256(self.content).hexdigest()})
 
     def compare_seal(self) -> list[Verified]:
-        """Verify the seal. The list is empty if the seal matches the content."""
+        """Verify the seal; the list is empty if the seal matches the content."""
         if self.seal == self.sealed().seal:
             return []
         return [Verified("seal", self.seal, None, False, "the certificate was changed after it was written")]
@@ -178,7 +178,7 @@ class Certificate(_Part):
         return tuple(folder / recording.file for recording in self.recordings if recording.held_out is held_out)
 
     def rig_in(self, folder: Path) -> str:
-        """Return the path of the rig file, or name of a built-in rig."""
+        """Return the path of the rig file, or the name of a built-in rig."""
         path = folder / self.rig.file
         return str(path) if path.is_file() else self.rig.file
 

@@ -50,7 +50,7 @@ class RequiredClaim:
 
 
 def required_claims(diagnosis: Diagnosis, acceptance: Acceptance | None = None) -> dict[str, RequiredClaim]:
-    """Return the claims that the policy requires of a certificate of this diagnosis, by name.
+    """Return, by name, the claims that the policy requires in a certificate of this diagnosis.
 
     Args:
         diagnosis: the diagnosis
@@ -127,7 +127,7 @@ def _scale(scale: Scale) -> RequiredClaim:
 def _size(size: EffectSize, typical: float) -> RequiredClaim:
     """Return the claim on an absolute size, with the tolerance of the fit.
 
-    Its interval includes the uncertainty of the scale.
+    The interval of the size includes the uncertainty of the scale.
     """
     interval90 = size.interval90_with_scale or size.interval90
     claim = CertifiedClaim(value=size.value, interval90=interval90)
@@ -144,7 +144,7 @@ def compare_claims(
 ) -> list[Verified]:
     """Compare the claims of a certificate with those that the policy requires.
 
-    Arguments are those of `required_claims`.
+    The last two arguments are those of `required_claims`.
     """
     required = required_claims(diagnosis, acceptance)
     lines = [_compare(name, certified.get(name), claim) for name, claim in required.items()]

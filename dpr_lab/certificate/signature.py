@@ -94,7 +94,7 @@ def load_public_key(path: Path) -> str:
 
 
 def sign(certificate: Certificate, key: "Ed25519PrivateKey") -> Certificate:
-    """Copy of a certificate with a signature of its content."""
+    """Return a copy of a certificate with a signature of its content."""
     value = key.sign(CONTEXT + certificate.content).hex()
     signature = Signature(public_key=_as_openssh(key.public_key()), value=value)
     return certificate.model_copy(update={"signature": signature})
@@ -120,7 +120,10 @@ def is_valid(certificate: Certificate) -> bool:
 
 
 def compare_signature(certificate: Certificate, trusted: str | None) -> list[Verified]:
-    """Verify the signature of a certificate; empty if there is no signature, or if `cryptography` is missing.
+    """Verify the signature of a certificate.
+
+    The list is empty in two cases: there is no signature and no key is required, or the signature cannot be verified
+    because `cryptography` is missing.
 
     Args:
         certificate: the certificate

@@ -45,8 +45,8 @@ def cma_es(
 ) -> Iterator[Generation]:
     """Search the box for the smallest cost H by CMA-ES.
 
-    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`. The population of a generation consists of its
-    sample and the best individual so far. A restart begins at a random point of the box.
+    The arguments, yields and errors are those of `dpr_lab.search.iga.iga`. The population of a generation consists of
+    its sample and the best individual so far. A restart begins at a random point of the box.
 
     Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),
     IEEE Congress on Evolutionary Computation, 1769-1776.

@@ -17,7 +17,10 @@ from dpr_lab.search.settings import NotNegative, SearchSettings, Share
 
 
 class DifferentialEvolutionSettings(SearchSettings, frozen=True):
-    """Settings of differential evolution. Names and defaults are those of scipy, except the default population size."""
+    """Settings of differential evolution.
+
+    Names and defaults are those of scipy, except the default population size.
+    """
 
     algorithm: Literal["differential_evolution"] = "differential_evolution"
     generations: Annotated[int, Field(ge=0)] = 300

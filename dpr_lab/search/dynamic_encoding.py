@@ -8,7 +8,7 @@ from dpr_lab.search.problem import Bounds
 
 
 def around(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
-    """Return the new chromosomes near the best chromosome.
+    """Return new chromosomes near the best chromosome.
 
     At the published settings, each gene differs by at most 5 %.
 

@@ -1,4 +1,4 @@
-"""Feedback mutation: near-duplicates in the population are replaced by new chromosomes, step (4)."""
+"""Feedback mutation, step (4) of the algorithm: new chromosomes replace near-duplicates in the population."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def near_duplicates(genes: Array, tolerance: Array) -> Flags:
 
 
 def replacements(best: Array, size: int, mu: float, nu: float, box: Bounds, rng: np.random.Generator) -> Array:
-    """Return the new chromosomes that replace near-duplicates.
+    """Return new chromosomes that replace near-duplicates.
 
     Each new chromosome is, with equal probability, near the best chromosome (dynamic encoding) or anywhere in the box
     (hybrid coding).

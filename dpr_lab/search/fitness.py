@@ -30,9 +30,9 @@ def cost(errors: Array, aggregate: Literal["sum", "max", "min"]) -> Array:
 def fitness(costs: Array, scale: float, delta: float) -> Array:
     """Return the fitness of each individual, in the form of a signal-to-noise ratio.
 
-    0 for an individual that failed.
-
         f = M / (H + delta)
+
+    The fitness is 0 for an individual that failed.
 
     Args:
         costs: (n,) H

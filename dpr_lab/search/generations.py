@@ -31,7 +31,7 @@ def generations(
 def _stagnated(best_costs: list[float], settings: SearchSettings) -> bool:
     """Return whether the search stagnates.
 
-    This is the case if the relative decrease of the best cost over `stagnation_generations` is at most
+    The search stagnates if the relative decrease of the best cost over `stagnation_generations` is at most
     `stagnation_improvement`.
     """
     patience = settings.stagnation_generations

@@ -12,7 +12,7 @@ INBREEDING_BELOW = 2
 
 
 def hamming_distance(x: Array, y: Array, tolerance: Array | float = 0.0) -> NDArray[np.int_]:
-    """Hamming distance: number of genes in which two chromosomes differ.
+    """Return the Hamming distance: the number of genes in which two chromosomes differ.
 
     Args:
         x: (..., n) chromosomes

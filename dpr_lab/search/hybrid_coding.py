@@ -10,9 +10,11 @@ STEPS = np.arange(11) / 10
 
 
 def fresh(size: int, box: Bounds, rng: np.random.Generator) -> Array:
-    """Return the new chromosomes; each gene is drawn from a grid of eleven values over its range.
+    """Return new chromosomes; each gene is drawn from a grid of eleven values over its range.
 
         x_i = L_i + beta (U_i - L_i),   beta uniform on {0, 0.1, ..., 1}
+
+    L_i and U_i are the bounds of gene i.
 
     Args:
         size: number of new chromosomes

@@ -70,7 +70,10 @@ def _fitness(population: Population, settings: IgaSettings) -> Array:
 
 
 def _converged(population: Population, settings: IgaSettings) -> bool:
-    """Return whether the population has converged, step (4): f_pop > alpha and f_optimal > sigma."""
+    """Return whether the population has converged: f_pop > alpha and f_optimal > sigma.
+
+    Step (4) of the algorithm defines this condition.
+    """
     f = _fitness(population, settings)
     return population_fitness(f) > settings.alpha and f[0] > settings.sigma
 
@@ -78,7 +81,7 @@ def _converged(population: Population, settings: IgaSettings) -> bool:
 def _refreshed(
     problem: SearchProblem, population: Population, settings: IgaSettings, rng: np.random.Generator
 ) -> Population:
-    """Replace the near-duplicates in the population by new chromosomes, step (4)."""
+    """Replace the near-duplicates in the population by new chromosomes, as in step (4) of the algorithm."""
     lower, upper = problem.box
     alike = near_duplicates(population.genes, settings.similarity * (upper - lower))
     best, count = population.genes[0], int(alike.sum())

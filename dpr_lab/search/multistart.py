@@ -65,7 +65,7 @@ def _populations(
 
 
 def _descended(problem: SearchProblem, start: Array, start_cost: float, settings: MultistartSettings) -> Population:
-    """Return the population of one individual: the end of the local search that begins at `start`.
+    """Return a population of one individual: the end of the local search that begins at `start`.
 
     If the cost of `start` is infinite, the individual is `start` itself.
     """

@@ -1,4 +1,4 @@
-"""Hybrid mutation, at one gene or at several genes, step (7)."""
+"""Hybrid mutation, step (7) of the algorithm: one gene or several genes change."""
 
 import numpy as np
 

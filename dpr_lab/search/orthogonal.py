@@ -1,4 +1,4 @@
-"""Orthogonal experiment: search for the best combination of two chromosomes with a few trials, step (6)."""
+"""Orthogonal experiment, step (6) of the algorithm: a few trials find the best combination of two chromosomes."""
 
 from collections.abc import Callable
 

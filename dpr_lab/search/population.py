@@ -17,7 +17,7 @@ class Population:
     """(size,) cost H of each chromosome, ascending."""
 
     def best(self, size: int) -> "Population":
-        """Return the population of the best `size` individuals."""
+        """Return a population of the best `size` individuals."""
         return Population(self.genes[:size], self.cost[:size])
 
 

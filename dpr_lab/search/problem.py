@@ -90,7 +90,7 @@ class SearchProblem:
     def costs(self, genes: Array) -> Array:
         """Return the (size,) costs H of candidates given by (size, n) free genes.
 
-        `inf` for a candidate that failed.
+        The cost is `inf` for a candidate that failed.
 
         Raises:
             ValueError: as for `errors`.

@@ -52,9 +52,10 @@ def uid_digits(text: str) -> str:
 
 
 def uid_at(link: Transport, timeout: float = 0.7) -> str:
-    """Request the UID of the device on an open link; empty if no device answers in this protocol within `timeout` s.
+    """Request the UID of the device on an open link.
 
-    The message HELLO is repeated every 0.1 s.
+    The text is empty if no device answers in this protocol within `timeout` s. The message HELLO is repeated every 0.1
+    s.
 
     Raises:
         DeviceLost: the link is lost.

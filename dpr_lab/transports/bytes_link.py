@@ -12,7 +12,10 @@ class BytePort(Protocol):
     """Port that transmits bytes, and raises DeviceLost after a disconnection."""
 
     def read(self, timeout: float) -> bytes:
-        """Return all bytes that have arrived. Wait at most `timeout` s for the first one; empty if none arrived."""
+        """Return all bytes that have arrived; wait at most `timeout` s for the first one.
+
+        The result is empty if no byte arrived.
+        """
         ...
 
     def write(self, data: bytes) -> None:
@@ -43,7 +46,7 @@ class BytesLink:
         self._port.write(encode_frame(frame))
 
     def receive(self, timeout: float) -> Received:
-        """Return all frames that have arrived. Wait at most `timeout` s for the first byte."""
+        """Return all frames that have arrived; wait at most `timeout` s for the first byte."""
         raw = self._port.read(timeout)
         return Received(time.monotonic(), tuple(self._decoder.feed(raw)), raw)
 

@@ -57,9 +57,10 @@ _NO_BUS = (can.CanError, OSError, ValueError, ImportError, NameError)
 def open_can(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a CAN bus.
 
-    Options: `bitrate`; for slcan adapters also `tty_baud` (if they are behind a real UART) and `settle_s`. The option
-    `uid` selects a device by its UID, or by its last digits, on any channel that the backend finds. With a `*` in the
-    name of the channel, only matching channels are tried, as in `can://slcan/dev/ttyACM*?uid=51d000000001`.
+    The option `bitrate` is available for all backends. The options `tty_baud` (for an adapter behind a real UART) and
+    `settle_s` are available for slcan adapters. The option `uid` selects a device by its UID, or by its last digits, on
+    any channel that the backend finds. If the name of the channel contains a `*`, only matching channels are tried, as
+    in `can://slcan/dev/ttyACM*?uid=51d000000001`.
 
     Raises:
         LinkUrlError: unknown backend or option, or no channel.
@@ -138,7 +139,7 @@ class CanBus:
             raise self._lost(error) from error
 
     def receive(self, timeout: float) -> Received:
-        """Return all frames that have arrived. Wait at most `timeout` s for the first one."""
+        """Return all frames that have arrived; wait at most `timeout` s for the first frame."""
         frames: list[Frame] = []
         message = self._next(timeout)
         until = time.monotonic() + CAN.read_at_most_s

@@ -50,18 +50,21 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
 
 
 def matching_ports(pattern: str) -> list[str]:
-    """Return the serial ports that match a name with `*`; for an empty name, all ports that can be opened."""
+    """Return the serial ports that match a name with `*`.
+
+    If the name is empty, return all ports that can be opened.
+    """
     return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
 
 
 def can_interfaces(root: Path = Path("/sys/class/net")) -> tuple[str, ...]:
-    """CAN network interfaces of the Linux kernel; empty on other systems."""
+    """Return the CAN network interfaces of the Linux kernel; the result is empty on other systems."""
     arphrd_can = "280"
     return tuple(sorted(kind.parent.name for kind in root.glob("*/type") if kind.read_text().strip() == arphrd_can))
 
 
 def can_backends() -> tuple[str, ...]:
-    """Return the names for `can://NAME/CHANNEL`; empty if python-can is not installed."""
+    """Return the names for `can://NAME/CHANNEL`; the result is empty if python-can is not installed."""
     if find_spec("can") is None:
         return ()
     from can.interfaces import BACKENDS

@@ -40,8 +40,8 @@ _GONE = (serial.SerialException, OSError, TypeError)
 def open_serial(url: LinkUrl, rig_file: Path | None) -> Transport:
     """Open a serial port for exclusive use by this process.
 
-    The option `uid` selects a device by its UID, or by its last digits, on any port. With a `*` in the name of the
-    port, only matching ports are tried, as in `serial:///dev/ttyACM*?uid=51d000000001`.
+    The option `uid` selects a device by its UID, or by its last digits, on any port. If the name of the port contains a
+    `*`, only matching ports are tried, as in `serial:///dev/ttyACM*?uid=51d000000001`.
 
     Raises:
         LinkUrlError: no port is given, or an option is not valid.
@@ -75,7 +75,7 @@ class SerialPort:
             raise LinkError(f"{url}: {_why_not_opened(name, baud, error)}") from error
 
     def read(self, timeout: float) -> bytes:
-        """Return all bytes that have arrived. Wait at most about `timeout` s for the first one."""
+        """Return all bytes that have arrived; wait at most about `timeout` s for the first byte."""
         deadline = time.monotonic() + timeout
         try:
             while True:

@@ -111,7 +111,7 @@ class SimulatedTransport:
         self._link.send(frame)
 
     def receive(self, timeout: float) -> Received:
-        """Return all frames that have arrived. Wait at most `timeout` s for the first one."""
+        """Return all frames that have arrived; wait at most `timeout` s for the first frame."""
         try:
             return self._link.receive(timeout)
         except DeviceLost as error:

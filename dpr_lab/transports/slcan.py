@@ -99,7 +99,7 @@ class SlcanBus:
         self._port.write(b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().upper().encode("ascii")))
 
     def receive(self, timeout: float) -> Received:
-        """Return all frames that have arrived. Wait at most `timeout` s for the first byte."""
+        """Return all frames that have arrived; wait at most `timeout` s for the first byte."""
         frames = self._decoder.feed(self._port.read(timeout))
         return Received(time.monotonic(), tuple(frames), b"".join(map(encode_frame, frames)))
 

@@ -1,7 +1,7 @@
 """TCP connection: `socket://192.168.1.20:5555`.
 
-This client replaces `socket://` of pyserial, whose in_waiting is only 0 or 1, and which discards data when the peer
-closes and while the connection opens.
+This client replaces `socket://` of pyserial. The value `in_waiting` of pyserial is only 0 or 1. pyserial also discards
+data when the peer closes and while the connection opens.
 """
 
 import select
@@ -41,7 +41,7 @@ class TcpPort:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, timeout: float) -> bytes:
-        """Return all bytes that have arrived. Wait at most `timeout` s for the first one."""
+        """Return all bytes that have arrived; wait at most `timeout` s for the first byte."""
         try:
             ready, _, _ = select.select([self._socket], [], [], timeout)
             data = self._socket.recv(65_536) if ready else None

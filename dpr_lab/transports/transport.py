@@ -34,7 +34,7 @@ class Capacity:
         return replace(self, bits_per_sample=frames * self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
-        """Return the sentence on the load of a sample rate on the link, with the calculation."""
+        """Return a sentence that states the load of a sample rate on the link and its calculation."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"
@@ -83,7 +83,7 @@ class Transport(Protocol):
 
     @property
     def capacities(self) -> tuple[Capacity, ...]:
-        """Capacities that limit the sample rate; empty for a link without limits."""
+        """Capacities that limit the sample rate; there are none for a link without limits."""
         ...
 
     def send(self, frame: Frame) -> None:
@@ -95,7 +95,7 @@ class Transport(Protocol):
         ...
 
     def receive(self, timeout: float) -> Received:
-        """Return all frames that have arrived. Wait at most `timeout` s for the first byte.
+        """Return all frames that have arrived; wait at most `timeout` s for the first byte.
 
         Raises:
             DeviceLost: the link is lost.
