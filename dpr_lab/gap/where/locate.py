@@ -65,7 +65,8 @@ def _maps(problem: Problem) -> Iterator[tuple[int, Kind, Coordinate]]:
     outer = of_errors if all(setup.held for setup in setups) else MAPS
     allowed: Sequence[Maps] = (inner, () if all(setup.alone for setup in setups) else outer, without_load)
     for joint in range(problem.axes):
-        yield from ((joint, kind, coordinate) for kind, coordinate in allowed[joint])
+        for kind, coordinate in allowed[joint]:
+            yield joint, kind, coordinate
 
 
 def where_sentence(places: tuple[Where, ...]) -> str:
