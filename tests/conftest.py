@@ -5,6 +5,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
 
 import gc
+import pickle
 import shutil
 import signal
 import sys
@@ -188,11 +189,14 @@ def two_runs(recorded: Callable[..., list[Any]], two_effects: Mapping[str, Mappi
 
 
 @pytest.fixture(scope="session")
-def two_found(two_runs: list[Any], paper: Rig) -> Any:
-    """Diagnosis of a rig with two effects, computed once per process."""
+def two_found(two_runs: list[Any], paper: Rig, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Any:
+    """Diagnosis of a rig with two effects, computed once for all test processes."""
     from dpr_lab.gap.diagnose import diagnose
 
-    return diagnose(two_runs, paper)
+    def diagnosed(folder: Path) -> None:
+        (folder / "diagnosis").write_bytes(pickle.dumps(diagnose(two_runs, paper)))
+
+    return pickle.loads((made_once("two_found", diagnosed) / "diagnosis").read_bytes())
 
 
 @pytest.fixture(scope="session")
