@@ -3,8 +3,9 @@
     check the hanging rods -> hold -> guide to the pose -> stream -> wait for rest -> permission -> release ->
     record -> stop -> quality gate
 
-Progress is reported by events; nothing is printed. Only the command RELEASE releases the rods. It is sent only after
-pose and rest were checked and the caller has given permission. If a capture ends before RELEASE, the rods stay held.
+Progress is reported by events; nothing is printed. Only the command RELEASE releases the rods. This command is sent
+only after pose and rest were checked and the caller has given permission. If a capture ends before RELEASE, the rods
+stay held.
 """
 
 import math

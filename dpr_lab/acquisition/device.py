@@ -121,7 +121,7 @@ class Device:
 
     @property
     def status(self) -> Status | None:
-        """Last STATUS of the device; None before the first STATUS."""
+        """Last STATUS of the device, or None before the first STATUS."""
         return self._session.status
 
     @property

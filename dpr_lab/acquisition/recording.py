@@ -89,7 +89,10 @@ class Recording:
 
     @property
     def t(self) -> float:
-        """Time from the release to the newest sample, s; 0 before the release."""
+        """Time from the release to the newest sample, s.
+
+        The time is 0 before the release.
+        """
         if self.release_tick is None or not len(self.samples):
             return 0.0
         return (self.samples.last_tick - self.release_tick) / self._writer.metadata.rate_hz

@@ -116,7 +116,7 @@ class ArmOptions:
     gear: Annotated[float, typer.Option(help="Turns of the motor per turn of the arm.", callback=positive)] = 1.0
 
     def motor(self) -> "MotorMeasures | None":
-        """Return the motor of the arm; None if `--input` is not given."""
+        """Return the motor of the arm, or None if `--input` is not given."""
         from dpr_lab.workflows.rig_drive import MotorMeasures
 
         stated = {"kt": self.kt, "ke": self.ke, "resistance": self.resistance}

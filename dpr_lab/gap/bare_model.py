@@ -90,9 +90,10 @@ def _all_followed(recordings: Recordings, problem: Problem, bare: Fit) -> None:
 def with_likeliest_noise(
     recordings: Recordings, problem: Problem, model: Hypothesis, less: float = 0.8
 ) -> Recordings | None:
-    """Return the recordings with a smaller noise of their measured torques; None if this noise is not more likely.
+    """Return the recordings with a smaller noise of their measured torques.
 
-    The likelihood of a noise is computed from the residuals of a fitted model.
+    The result is None if this noise is not more likely. The likelihood of a noise is computed from the residuals of a
+    fitted model.
     """
     before = np.minimum(most_noise(problem), recordings.torque_noise_Nm)
     if problem.disturbance is None or not before.any():

@@ -1,8 +1,9 @@
 """Knowledge of the rig before the next release: estimates, Fisher information, and undecided causes.
 
 The unknowns are the ratios, b and p/b, and the amplitudes of every effect that is detectable in a release. The
-information about the unknowns comes from the prior of the rig file and from the runs recorded so far: F = P^-1 + H / f.
-Here f is the variance inflation of a reading in these runs. Without runs, only the prior contributes.
+information about the unknowns is F = P^-1 + H / f. P is the prior covariance from the rig file, H the normal matrix of
+the runs recorded so far, and f the variance inflation of a reading in these runs. If there are no runs, only the prior
+contributes.
 """
 
 from collections.abc import Mapping, Sequence

@@ -84,7 +84,7 @@ class PlannedRelease(_Record):
 
     @property
     def torques(self) -> Torques | None:
-        """Input signal of the release; None for a free swing."""
+        """Input signal of the release, or None for a free swing."""
         return self._torques
 
     def driven_by(self, torques: Torques | None) -> Self:

@@ -132,7 +132,10 @@ class TrustTrialDone:
 
     @property
     def left_s(self) -> float:
-        """Estimated time for the remaining trials, s; nan before the first trial is finished."""
+        """Estimated time for the remaining trials, s.
+
+        The value is nan before the first trial is finished.
+        """
         return self.elapsed_s * (self.of - self.done) / self.done if self.done else math.nan
 
 

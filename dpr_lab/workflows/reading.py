@@ -74,7 +74,7 @@ def read_diagnosis(file: Path, runs: "Sequence[Run]") -> "Diagnosis":
 def refuse_other_runs(file: Path, diagnosis: "Diagnosis", runs: "Sequence[Run]") -> None:
     """Refuse a diagnosis that belongs to other runs.
 
-    Its causes must not be combined with information from other runs.
+    The causes in a diagnosis must not be combined with information from other runs.
     """
     from dpr_lab.gap.screen.pieces import whole
 

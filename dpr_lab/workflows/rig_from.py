@@ -226,7 +226,7 @@ def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
 
 
 def _motor(arm: "ChainArm", driven: dict[str, float]) -> MotorMeasures | None:
-    """Return the motor of the arm, from the gears of the driven joints; None if the arm has no motor."""
+    """Return the motor of the arm, from the gears of the driven joints, or None if the arm has no motor."""
     if arm.joint.name not in driven:
         return None
     gear = abs(driven[arm.joint.name])

@@ -206,7 +206,7 @@ class _Place:
         return self.selection.tests_without[self.name]
 
     def filled(self, other: str) -> Hypothesis | None:
-        """Return the set in which another effect replaces the effect; None if this set was not fitted."""
+        """Return the set in which another effect replaces the effect, or None if this set was not fitted."""
         return self.selection.fitted.get(self.without.key | {other})
 
 
@@ -359,7 +359,7 @@ def _prior_odds(place: _Place, other: str) -> float:
 def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()) -> float:
     """Return the probability that a cause outside the library explains the gap.
 
-    With `name`, it is the probability that such a cause acts in place of this effect.
+    If `name` is given, return the probability that such a cause acts in place of this effect.
 
     Args:
         selection: the selected set and all fitted sets

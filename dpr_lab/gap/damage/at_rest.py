@@ -58,7 +58,7 @@ class Touch:
 
 
 def touch(record: Record, slow_period_s: float) -> Touch | None:
-    """Return the first motion after the rods of a free swing have come to rest; None if the rods do not move."""
+    """Return the first motion after the rods of a free swing have come to rest, or None if the rods do not move."""
     t, joints, sigma = _blocks(record)
     if len(t) < 2:
         return None

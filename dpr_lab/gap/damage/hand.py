@@ -143,9 +143,10 @@ def _first_followed(level: Array, top: int) -> int:
 
 
 def _held_until(recordings: Recordings, undriven: Estimate) -> float | None:
-    """Return the instant in the first segment, s, until which something holds the rods; None if nothing holds them.
+    """Return the instant in the first segment, s, until which something holds the rods.
 
-    From this instant on, the model of undriven rods fits as well as in other segments.
+    From this instant on, the model of undriven rods fits as well as in other segments. The result is None if nothing
+    holds the rods.
     """
     (recording,) = recordings.records
     problem, fitted = fitted_starts(recordings, undriven, LENGTHS.first)

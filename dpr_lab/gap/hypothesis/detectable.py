@@ -61,7 +61,7 @@ def detectable(model: Hypothesis, test: ScoreTest) -> Mapping[str, Mapping[str, 
 
 
 def _size(spread: float, scale: float, remaining: float) -> float | None:
-    """Return the minimum detectable amplitude of a column; None if no size is detectable.
+    """Return the minimum detectable amplitude of a column, or None if no size is detectable.
 
     Args:
         spread: minimum detectable size of a column of unit norm

@@ -160,8 +160,8 @@ class ShapeScan:
     def _between(self, effect: Effect, separate: list[Shape]) -> list[Shape]:
         """Return the best shapes between the shapes of the grid, if the shape parameter is continuous.
 
-        The width of a frequency peak is the inverse of the record length. It is too narrow for a nonlinear fit that
-        starts from the grid.
+        The width of a frequency peak is the inverse of the record length. Such a peak is too narrow for a nonlinear fit
+        that starts from the grid.
         """
         shape = effect.shapes[0]
         if len(effect.shapes) > 1 or not shape.continuous:

@@ -72,7 +72,7 @@ class ScoreTest:
         return tuple(range(len(self.fit.free)))
 
     def of(self, effect: str) -> Score | None:
-        """Return the best score of one effect; None if the effect was not tested."""
+        """Return the best score of one effect, or None if the effect was not tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def absorbs(self, effect: Effect, by: Effect) -> bool:

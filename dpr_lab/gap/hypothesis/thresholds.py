@@ -139,7 +139,7 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
-    """Return the curve of a smaller set that imitates the removed effect; None if there is no such curve.
+    """Return the curve of a smaller set that imitates the removed effect, or None if there is no such curve.
 
     The amplitudes of such a curve cancel each other, and grow when the effect is removed. On a small arc, for example,
     an eccentricity with large harmonics imitates a zero offset. This imitation does not make the offset superfluous.

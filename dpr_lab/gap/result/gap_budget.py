@@ -71,13 +71,13 @@ class GapBudget(Saved):
 
     @property
     def of_gap(self) -> float | None:
-        """Explained share of the mean squared gap above the noise; None if there is no gap."""
+        """Explained share of the mean squared gap above the noise, or None if there is no gap."""
         above = 1 - self.noise
         return self.explained / above if above > 0 and not self._no_gap else None
 
     @property
     def of_reproducible(self) -> float | None:
-        """Explained share of the reproducible part of the gap; None if no part is known to be reproducible."""
+        """Explained share of the reproducible part of the gap, or None if no part is known to be reproducible."""
         reproducible = self.explained + self.unmodelled
         return self.explained / reproducible if reproducible > 0 and not self.undecided else None
 

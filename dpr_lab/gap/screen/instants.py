@@ -171,7 +171,7 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
 
 
 def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
-    """Return the cycle in which late readings are most significant; None if no cycle is significant.
+    """Return the cycle in which late readings are most significant, or None if no cycle is significant.
 
     Let r = W theta be the divided differences of windows of seven readings. If reading i is late by d, r = W_i d
     omega_i. Therefore

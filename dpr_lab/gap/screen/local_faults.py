@@ -107,9 +107,10 @@ def local_faults(
 
 
 def _significance(even: Array, half: int, noise: tuple[float, float], period: float) -> Array:
-    """Return the (n,) significance of a step or an outlier at each sample, in standard deviations; 0 at the ends.
+    """Return the (n,) significance of a step or an outlier at each sample, in standard deviations.
 
     A swing that is too fast for the polynomial leaves a residual. Only deviations above this residual are significant.
+    The significance is 0 at the ends.
     """
     reach = LOCAL_FAULTS.smooth
     level = np.convolve(np.pad(even, reach, mode="edge"), np.full(2 * reach + 1, 1 / (2 * reach + 1)), mode="valid")

@@ -323,7 +323,7 @@ def _curvature(t: Array, values: Array, rate_hz: float) -> Array:
 
 
 def _arm_moves(run: Run, standard_errors: float) -> bool | None:
-    """Return whether the arm moves; None if encoder 0 was not recorded.
+    """Return whether the arm moves, or None if encoder 0 was not recorded.
 
     Neighbouring readings of a moving arm are correlated, those of noise are not.
     """

@@ -49,7 +49,7 @@ class LoneRecording:
 
 
 def lone_recording(problem: Problem, model: Hypothesis, names: Sequence[str]) -> LoneRecording | None:
-    """Return the only recording with a remainder; None if no recording is the only one.
+    """Return the only recording with a remainder, or None if no recording is the only one.
 
     The result is also None if a segment cannot be simulated.
 

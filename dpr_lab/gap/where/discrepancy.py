@@ -81,7 +81,7 @@ class Discrepancy:
 
 
 def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
-    """Return the discrepancy term of a fit; None if only noise remains, or if no size is more likely than zero."""
+    """Return the discrepancy term of a fit, or None if only noise remains, or if no size is more likely than zero."""
     linear = model.fit.linear
     if at_noise_floor(model) or not np.isfinite(linear.residual).all():
         return None

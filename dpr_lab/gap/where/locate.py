@@ -1,9 +1,9 @@
 """Location of the gap before any effect is named: maps of torque and encoder error by generalised least squares.
 
-Each map is a sum of hat functions of one coordinate, for example the speed of joint 1. They are the torque of a joint
-or the error of an encoder. The ratios and initial states are projected out of the influence of a map on the readings,
-as for any effect. No torque is computed from differentiated angles. The share of the excess chi2 that a map explains is
-the largest share of the gap that this location can cause.
+Each map is a sum of hat functions of one coordinate, for example the speed of joint 1. The hat functions are the torque
+of a joint or the error of an encoder. The ratios and initial states are projected out of the influence of a map on the
+readings, as for any effect. No torque is computed from differentiated angles. The share of the excess chi2 that a map
+explains is the largest share of the gap that this location can cause.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,10 @@ SIGNIFICANT = 3.0
 
 
 def locate(problem: Problem, bare: Hypothesis) -> tuple[Where, ...]:
-    """Return the residual maps of all locations, largest share first; empty if there is no gap."""
+    """Return the residual maps of all locations, largest share first.
+
+    The result is empty if there is no gap.
+    """
     if bare.residuals.z < SIGNIFICANT:
         return ()
     reference = trajectory(problem, bare.fit.estimate, spacing=TRAJECTORY.coarse_s)

@@ -143,7 +143,7 @@ class FittedSets:
         return self.escaped(model) if model.effects else model
 
     def _best_known(self, model: Hypothesis) -> Score | None:
-        """Return the largest positive score of the known effects that a set lacks; None if there is none."""
+        """Return the largest positive score of the known effects that a set lacks, or None if there is none."""
         missing = self.expected - model.key
         test = self._tested(model, missing) if missing else self.test(model)
         return next((score for score in test.ranking if score.effect.name in missing and score.gain > 0), None)
@@ -153,9 +153,10 @@ class FittedSets:
         return self._tested(model, self.library.keys() - model.key)
 
     def score(self, model: Hypothesis, effect: str) -> Score | None:
-        """Return the best score of one further effect, given a set; None if the recordings cannot show the effect.
+        """Return the best score of one further effect for a given set.
 
-        An effect with several shapes is compared with all other effects (`_from_shapes`).
+        The result is None if the recordings cannot show the effect. An effect with several shapes is compared with all
+        other effects (`_from_shapes`).
         """
         alone = effect in self.library and not self.library[effect].shapes
         return (self._tested(model, {effect}) if alone else self.test(model)).of(effect)
@@ -328,7 +329,7 @@ class FittedSets:
         return bool(((previous > EFFORT.outstanding) & (current < 0.5 * previous)).any())
 
     def replaced(self, model: Hypothesis, effect: str, other: str) -> Hypothesis | None:
-        """Return the set in which one effect is replaced by another; None if the other effect has no score.
+        """Return the set in which one effect is replaced by another, or None if the other effect has no score.
 
         The fit starts without either effect. If this fit fails, it is repeated from a fit with both effects. In the
         repeated fit, the new effect gradually takes over the share of the replaced effect.

@@ -42,7 +42,7 @@ def own_share(problem: Problem, smaller: Hypothesis, test: ScoreTest, effect: st
     """Return the own share of an effect, 0 to 1: the part of its reduction that no other form explains.
 
     The other forms are those of the effects in the smaller set. The share is 1 if the recordings are too short to
-    determine the other forms. It is None if the effect was not tested.
+    determine the other forms. The share is None if the effect was not tested.
 
     Args:
         problem: segments and noise

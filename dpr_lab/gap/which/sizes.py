@@ -123,7 +123,10 @@ def rises(problem: Problem, model: Hypothesis) -> bool:
 
 
 def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
-    """Return the largest gravity torque of the inner rod, divided by b, 1/s^2; None without inner rod or gravity."""
+    """Return the largest gravity torque of the inner rod, divided by b, 1/s^2.
+
+    The result is None if no inner rod is mounted, or if there is no gravity.
+    """
     estimate, constants = model.fit.estimate, problem.model.constants
     setups = [setup for setup in set(problem.segments.setups) if setup.mounting != "outer"]
     if not (setups and constants.g > 0.0):

@@ -31,7 +31,10 @@ class StagePace:
         self._since, self._compiled = now, True
 
     def left(self, now: float) -> float | None:
-        """Return the estimated remaining time, s; None if the current stage takes longer than usual."""
+        """Return the estimated remaining time, s.
+
+        The result is None if the current stage takes longer than usual.
+        """
         pace = self._took / self._expected if self._took > 0 else 1.0
         names = list(self._typical)
         current, *coming = (pace * self._typical[name] for name in names[names.index(self._stage) :])

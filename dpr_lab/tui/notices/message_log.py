@@ -38,7 +38,7 @@ class LoggedMessage:
 class MessageLog:
     """Log of messages in memory and in a file.
 
-    If the file cannot be written, the list in memory continues.
+    If the file cannot be written, the messages are still stored in memory.
     """
 
     file: Path

@@ -25,7 +25,7 @@ class Inbox:
         threading.Thread(target=self._listen, name="orders", daemon=True).start()
 
     def next(self) -> Exercise | CaptureAttempt | None:
-        """Return the next command; None if no command waits."""
+        """Return the next command, or None if no command waits."""
         with contextlib.suppress(queue.Empty):
             return self._waiting.get_nowait()
         return None

@@ -30,7 +30,10 @@ class CaptureAttempt:
 
 @dataclass(frozen=True, slots=True)
 class GoAhead:
-    """Command: release the rods. It is ignored if it is old, or for another attempt or pose."""
+    """Command: release the rods.
+
+    The command is ignored if it is old, or if it belongs to another attempt or pose.
+    """
 
     attempt: int
     pose: str

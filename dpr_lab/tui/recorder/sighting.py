@@ -57,7 +57,10 @@ class Sighting:
 
 
 def seen_in(report: Idle | AttemptSeen, before: Sighting) -> Sighting:
-    """Return the last readings after a report; values that the report does not contain keep their old readings."""
+    """Return the last readings after a report.
+
+    A value that the report does not contain keeps its old reading.
+    """
     if isinstance(report, Idle):
         return Sighting(report.theta, report.latched, report.at)
     theta = before.theta

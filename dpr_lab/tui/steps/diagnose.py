@@ -207,7 +207,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.say(f"Ended without a {'new ' if before else ''}diagnosis: {why}{before}")
 
     def report(self) -> Path | None:
-        """Report of the displayed diagnosis; None if there is no report."""
+        """Report of the displayed diagnosis, or None if there is no report."""
         return self._shown.with_name("diagnosis.html") if self._shown is not None else None
 
     def action_hold_out(self) -> None:

@@ -268,7 +268,7 @@ in the folder of the workspace.
 
 
 def time_left(instants: list[float], generations: int, recent: int = 8) -> float | None:
-    """Return the estimated time of the remaining generations, s; None if there are no data.
+    """Return the estimated time of the remaining generations, s, or None if there are no data.
 
     Args:
         instants: end of each generation since the start or the last pause, s

@@ -190,7 +190,7 @@ diagnosed first.
         return releases[row] if 0 <= row < len(releases) else None
 
     def _diagnosis(self) -> Path | None:
-        """Return the diagnosis of the workspace; None if it does not belong to the selected runs."""
+        """Return the diagnosis of the workspace, or None if it does not belong to the selected runs."""
         made, now = self.workspace.made_from.get("Diagnose", {}), self.workspace.basis()
         unchanged = all(made.get(kind) == now[kind] for kind in self.RESTS_ON)
         return self.workspace.diagnosis if unchanged else None

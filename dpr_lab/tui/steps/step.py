@@ -54,7 +54,7 @@ class Step(Guarded, Vertical, can_focus=True):
 
     @property
     def recording(self) -> RecordingNow | None:
-        """State of the recording in progress; None if there is none."""
+        """State of the recording in progress, or None if there is none."""
         return None
 
     @property
@@ -79,7 +79,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return ""
 
     def report(self) -> Path | None:
-        """Return the path of the report of the step; None if there is no report."""
+        """Return the path of the report of the step, or None if there is no report."""
         return None
 
     def missing(self) -> str:
