@@ -15,10 +15,10 @@
     evidence                   evidence.evidence.evidence        what supports the result?
     conclusion                 conclusion.conclusion.conclude    verdict, intervals, assumptions
 
-Reading order. These modules contain the decisions, about 13,600 words of text and code, less than an hour:
+Reading order. These modules contain the decisions, about 14,000 words of text and code, about an hour:
 `state`, `diagnose`, `bare_model`, `hypothesis.hypothesis`, `hypothesis.score_test`, `hypothesis.thresholds`,
 `which.search`, `which.moves`, `which.forward`, `which.select`, `which.removals`, `corrections`, `transfer.transfer`,
-`conclusion.verdict`. The other modules contain about 70,500 words. They are the computations behind one decision each,
+`conclusion.verdict`. The other modules contain about 71,300 words. They are the computations behind one decision each,
 and can be read when they are changed.
 
 Terms of all modules:
