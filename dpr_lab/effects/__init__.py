@@ -133,6 +133,9 @@ _AMPLITUDES = {
     for effect in EFFECTS.values()
 }
 
+_OF_AMPLITUDE = [name for name, places in _AMPLITUDES.items() for _ in places]
+_PLACES = [place for places in _AMPLITUDES.values() for place in places]
+
 _EVENTS = tuple(name for name, effect in EFFECTS.items() if effect.event)
 
 _DEFAULTS = np.array([parameter.default for effect in EFFECTS.values() for parameter in effect.parameters])
@@ -166,10 +169,11 @@ def named_params(params: Array, among: Iterable[str] = EFFECTS) -> dict[str, dic
 
     This is the inverse of `effect_params`. Only effects in `among` are included.
     """
+    active = {_OF_AMPLITUDE[i] for i in np.flatnonzero(params[_PLACES]).tolist()}
     return {
         name: dict(zip((p.name for p in EFFECTS[name].parameters), params[SLICES[name]].tolist(), strict=True))
         for name in among
-        if params[_AMPLITUDES[name]].any()
+        if name in active
     }
 
 

@@ -9,6 +9,7 @@ and need only products with the few rows of Q, so that the columns are neither p
 the unit matrix, because Q lacks the rows of the prior of the initial states.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -18,7 +19,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.trajectory import TRAJECTORY_TORQUES
-from dpr_lab.effects import SLICES, effect_params, param_index, proposed_shapes
+from dpr_lab.effects import effect_params, param_index, proposed_shapes
 from dpr_lab.effects.effect import Effect, Recorded, Shape
 from dpr_lab.fitting.gauss_newton import Fit
 from dpr_lab.fitting.linearise import Linearisation
@@ -187,7 +188,7 @@ class ShapeScan:
         gains: list[Array] = []
         for first in range(0, len(candidates), SCAN.block // count):
             chosen = candidates[first : first + SCAN.block // count]
-            params = np.array([_unit(effect, p.name, shape) for shape in chosen for p in amplitudes])
+            params = _typical(effect, count, chosen)
             torques = self.reference.torques(effect.stage, problem.model.constants, params)
             sets = self._fitted.inner_products(self.reference.response(problem, torques), count)
             gains.append(self._fitted.space.gains_given(*sets, positive))
@@ -229,10 +230,15 @@ def _within(columns: Array, others: Array, count: int) -> Array:
     return blocks
 
 
-def _unit(effect: Effect, amplitude: str, shape: Shape) -> Array:
-    """Return (SIZE,) parameters in which one amplitude of an effect has its typical size, in a given shape."""
-    params, index = effect_params({}), param_index(effect.name, amplitude)
-    params[index] = effect.parameters[index - SLICES[effect.name].start].typical
-    for shape_index, value in shape:
-        params[shape_index] = value
-    return params
+def _typical(effect: Effect, count: int, shapes: Sequence[Shape]) -> Array:
+    """Return (shapes * count, SIZE) parameters in which one of the first amplitudes has its typical size.
+
+    There is a row for each shape and each of the first `count` amplitudes.
+    """
+    params = np.tile(effect_params({}), (len(shapes), count, 1))
+    for i, amplitude in enumerate(effect.amplitudes[:count]):
+        params[:, i, param_index(effect.name, amplitude.name)] = amplitude.typical
+    for of_shape, shape in zip(params, shapes, strict=True):
+        for index, value in shape:
+            of_shape[:, index] = value
+    return params.reshape(len(shapes) * count, -1)
