@@ -19,12 +19,11 @@ from dpr_lab.gap.which.selected import Selection
 from dpr_lab.identification.scaling.scale import Scale
 
 
-def named_effect(state: Transferred, posterior: EffectPosterior) -> NamedEffect:
+def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -> NamedEffect:
     """Describe one effect of the selected set: its class, its sizes, and its share of the excess chi-square."""
     selection = state.selection
     values = named_params(selection.chosen.fit.estimate.params).get(posterior.name, {})
     errors = {name: state.intervals.get((posterior.name, name), 0.0) for name in values}
-    assumed = state.scale
     return NamedEffect.model_validate(
         {
             "name": posterior.name,
@@ -34,7 +33,7 @@ def named_effect(state: Transferred, posterior: EffectPosterior) -> NamedEffect:
             "probability": posterior.probability,
             "outside": posterior.outside,
             "parameters": {
-                name: _size(assumed, posterior.name, name, value, errors[name]) for name, value in values.items()
+                name: _size(scale, posterior.name, name, value, errors[name]) for name, value in values.items()
             }
             | _implied(EFFECTS[posterior.name], values, errors),
             "share": selection.unique_share(posterior.name),

@@ -24,6 +24,7 @@ from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.screen.sensor_faults import ALL_AXES
 from dpr_lab.gap.state import Transferred
 from dpr_lab.gap.where.locate import where_sentence
+from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.setup import only_inner
 
 PLACES_SHOWN = 6
@@ -44,7 +45,8 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
     visible_counts = visible(minimum_sizes, state.fitted.recordings.prior.limits)
     kind = verdict(state, visible_counts)
     shown = state.posteriors if kind == "named" else listed_causes(state.posteriors)
-    named = [named_effect(state, posterior) for posterior in shown] if kind in ("named", "partly_explained") else []
+    scale, names_causes = state.scale, kind in ("named", "partly_explained")
+    named = [named_effect(state, posterior, scale) for posterior in shown] if names_causes else []
     named_families = families(state.fitted.problem, state.selection, named)
     estimate, residuals, setups = chosen.fit.estimate, chosen.residuals, state.fitted.problem.segments.setups
     sizes, all_ratios = named_params(estimate.params), ratios(state)
@@ -70,7 +72,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         sensor_findings=_sensor_findings(state),
         remedies=remedies(named, sizes, state.fitted.recordings.constants, {*transfer.withdrawn, *transfer.oversized}),
         advice=[step.text for step in advice],
-        checks=_checks(state, advice, [effect.name for effect in named]),
+        checks=_checks(state, advice, [effect.name for effect in named], scale),
         ratios=shown_ratios if alone else all_ratios,
         fitted=[*all_ratios.values()] if alone else [],
         ratio_covariance=ratio_covariance(state).tolist(),
@@ -83,7 +85,7 @@ def conclude(state: Transferred, advice: Sequence[NextStep], evidence: Evidence,
         shutter=_shutter(state),
         segments=len(state.fitted.problem.segments),
         scale_b=float(estimate.ratios[SCALE]),
-        scale=state.scale,
+        scale=scale,
         search=list(state.selection.trace),
         posterior=components(state.fitted.problem, state.selection, state.fitted.recordings.rig, state.remainder),
         model_effects=sizes,
@@ -98,7 +100,7 @@ def _shutter(state: Transferred) -> RollingShutter | None:
     return shutter and RollingShutter(lines=shutter.lines, delay_s_per_m=shutter.delay)
 
 
-def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]) -> list[AdvisedCheck]:
+def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str], scale: Scale) -> list[AdvisedCheck]:
     """Return all checks of the advice in their order, without repetitions.
 
     The identifier of a check is unique among diagnoses.
@@ -108,7 +110,7 @@ def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str]
     checks = {(check.kind, check.text, check.about): check for step in advice for check in step.checks}
     checks = {key: check for key, check in checks.items() if check.about in named and check.expected_bits > 0}
     return [
-        check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, state.scale, check)})
+        check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, scale, check)})
         for k, check in enumerate(checks.values(), 1)
     ]
 

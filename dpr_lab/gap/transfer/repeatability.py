@@ -219,6 +219,8 @@ class _Parts:
     """Columns that are free in every recording, like its initial states: encoder zeros."""
     candidates: tuple[int, ...]
     """Columns of parameters that may vary."""
+    by_fold: list[Fold]
+    """Normal equations of each recording."""
     block: int = 1
     """Number of neighbouring segments that count as one independent value."""
 
@@ -231,7 +233,7 @@ class _Parts:
         zeros = [i for i, parameter in enumerate(inside) if parameter.block == "zeros"]
         columns = tuple(i for i in zeros if len(np.unique(fold[_used(A[:, :, i])])) == 1)
         others = tuple(i for i in range(len(inside)) if i not in columns and _used(A[:, :, i]).any())
-        return cls(A, e, fold, np.ones(len(inside)), columns, others, block(problem))
+        return cls(A, e, fold, np.ones(len(inside)), columns, others, split(A, e, fold), block(problem))
 
     def left_out(self, freed: Sequence[int] = ()) -> Array:
         """Return the (segments,) chi2 of the prediction from the other recordings.
@@ -239,7 +241,7 @@ class _Parts:
         The columns `freed` are fitted to the predicted recording itself.
         """
         removed = [*self.own, *freed]
-        parts, chi2 = [_without(part, removed) for part in split(self.X, self.e, self.fold)], np.zeros(len(self.e))
+        parts, chi2 = [_without(part, removed) for part in self.by_fold], np.zeros(len(self.e))
         H, gradient = sum((part.H for part in parts), np.diag(self.precision)), sum(part.gradient for part in parts)
         for part in parts:
             X, e = self.X[part.segments], self.e[part.segments]
@@ -258,10 +260,10 @@ class _Parts:
         """
         columns = np.where(_used(self.e)[:, None, None], columns, 0.0)
         X, before, best = np.concatenate([self.X, columns], axis=2), self.left_out(), self
-        least = before
+        by_fold, least = split(X, self.e, self.fold), before
         for ridge in DISCREPANCY.ridges:
             precision = np.concatenate([self.precision, np.full(columns.shape[2], ridge)])
-            wider = replace(self, X=X, precision=precision)
+            wider = replace(self, X=X, precision=precision, by_fold=by_fold)
             chi2 = wider.left_out()
             blocks = np.add.reduceat(before - chi2, np.arange(0, len(chi2), self.block))
             chance = REPEATABILITY.beyond_chance * float(np.std(blocks)) * len(blocks) ** 0.5
