@@ -1,4 +1,4 @@
-"""Type aliases of NumPy arrays for signatures; the shapes are given in docstrings."""
+"""Type aliases of NumPy arrays for signatures; the shapes are given in docstrings. Also sums over few columns."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,3 +11,8 @@ Flags = NDArray[np.bool_]
 
 Integers = NDArray[np.int64]
 """Array of integers, for example indices and counts."""
+
+
+def row_sums(values: Array) -> Array:
+    """Return (n,) sums over the few columns of values (n, k), several times faster than `values.sum(axis=1)`."""
+    return sum(values.T[1:], values[:, 0])

@@ -181,7 +181,10 @@ def base_from_ratios(ratios: ArrayLike) -> Array:
 
     The motion does not depend on the scale b.
     """
-    return np.insert(np.asarray(ratios, dtype=np.float64), _B, 1.0, axis=-1)
+    ratios = np.asarray(ratios, dtype=np.float64)
+    base = np.ones((*ratios.shape[:-1], len(BASE)))
+    base[..., _OTHERS] = ratios
+    return base
 
 
 def rows(base: ArrayLike, L1: float, g: float) -> Array:

@@ -5,6 +5,7 @@ The initial states (S, 4) theta1, theta2, omega1, omega2 are fitted, and are not
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +18,7 @@ STEP = 2.5e-3
 """Longest Runge-Kutta step of the fits, s. From any pose of the paper's rig its error is below 1e-6 rad over 0.5 s."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Segments:
     """Segments in the order of runs and of time; segment s contains the samples offsets[s] to offsets[s + 1] - 1."""
 
@@ -62,18 +63,12 @@ class Segments:
         The columns are the torques on theta1 and theta2, N m, and the acceleration, rad/s^2, and squared speed,
         rad^2/s^2, of an arm with prescribed motion.
         """
-        means = np.zeros((len(self.t), 4))
-        if all(setup.free for setup in self.setups):
-            return means
-        first = np.zeros(len(self.t), dtype=np.bool_)
-        first[self.offsets[:-1]] = True
-        for chain, until in pairwise(self.chains):
-            samples, setup = slice(self.offsets[chain], self.offsets[until]), self.setups[self.run[chain]]
-            if setup.torques is not None:
-                means[samples, :2] = setup.torques.mean_before(self.t[samples], first[samples])
-            if setup.arm is not None:
-                means[samples, 2:] = setup.arm.mean_before(self.t[samples], first[samples])
-        return means
+        return _pushes(self).copy()
+
+    @property
+    def owner(self) -> Integers:
+        """(samples,) index of the segment of each sample."""
+        return _owner(self)
 
     def turning_as_one(self, initial: Array) -> Array:
         """Set equal speeds of both rods if they turn as one body, and equal angles if there is a single rod.
@@ -104,6 +99,27 @@ class Segments:
         """Return a layout that contains only the segments with the given indices, which must be in order."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
         return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
+
+
+@lru_cache(maxsize=8)  # cached, because every step of a fit uses it
+def _pushes(layout: Segments) -> Array:
+    means = np.zeros((len(layout.t), 4))
+    if all(setup.free for setup in layout.setups):
+        return means
+    first = np.zeros(len(layout.t), dtype=np.bool_)
+    first[layout.offsets[:-1]] = True
+    for chain, until in pairwise(layout.chains):
+        samples, setup = slice(layout.offsets[chain], layout.offsets[until]), layout.setups[layout.run[chain]]
+        if setup.torques is not None:
+            means[samples, :2] = setup.torques.mean_before(layout.t[samples], first[samples])
+        if setup.arm is not None:
+            means[samples, 2:] = setup.arm.mean_before(layout.t[samples], first[samples])
+    return means
+
+
+@lru_cache(maxsize=8)
+def _owner(layout: Segments) -> Integers:
+    return np.repeat(np.arange(len(layout)), np.diff(layout.offsets))
 
 
 def segments(

@@ -18,6 +18,7 @@ where v are the free unknowns and P is their marginal prior covariance.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class Prior:
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
         if of_ratios:
             places = [free[i].place for i in of_ratios]
-            root = np.linalg.inv(np.linalg.cholesky(self.covariance[np.ix_(places, places)]))
+            root = _root(self, tuple(places))
             A[np.ix_(of_ratios, of_ratios)] = root
             e[of_ratios] = root @ (self.mean[places] - estimate.vector[places])
         for i, parameter in enumerate(free):
@@ -131,6 +132,12 @@ class Prior:
         if parameter.block == "zeros":
             return STRENGTH.zeros * ZERO_SIZE
         return float(STRENGTH.amplitude * self.limits[parameter.place - EFFECTS_BEGIN])
+
+
+@lru_cache(maxsize=8)  # cached, because every step of a fit uses it
+def _root(prior: Prior, places: tuple[int, ...]) -> Array:
+    """Return a root W of the inverse covariance of some unknowns, (n, n): W^T W is the inverse covariance."""
+    return np.linalg.inv(np.linalg.cholesky(prior.covariance[np.ix_(places, places)]))
 
 
 def prior_of(rig: Rig) -> Prior:

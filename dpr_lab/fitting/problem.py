@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags, Integers
+from dpr_lab.arrays import Array, Flags, Integers, row_sums
 from dpr_lab.dynamics.segments import Segments
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.fitting.estimate import ZEROS_BEGIN, Estimate, FreeParameter, zero_parameters
@@ -114,7 +114,7 @@ class Problem:
     @property
     def owner(self) -> Integers:
         """(samples,) index of the segment of each sample."""
-        return np.repeat(np.arange(len(self.segments)), np.diff(self.segments.offsets))
+        return self.segments.owner
 
     def whitened(self, values: Array) -> Array:
         """Weight values (samples, 2[, k]), and arrange them by segment, padded with zeros: (segments, m[, k]).
@@ -191,7 +191,9 @@ class Problem:
             return of_model
         states = self.segments.states
         slopes, run = np.zeros((*of_model.shape[:2], len(free) + states)), self.segments.run[self.owner]
-        slopes[:, :, np.delete(np.arange(len(free) + states), zeros)] = of_model
+        others = np.delete(np.arange(len(free) + states), zeros).tolist()
+        for i, column in zip(others, np.moveaxis(of_model, -1, 0), strict=True):  # faster than one indexed assignment
+            slopes[:, :, i] = column
         for i in zeros:
             of_run, joint = divmod(free[i].place - ZEROS_BEGIN, 2)
             slopes[run == of_run, joint, i] = 1.0
@@ -202,7 +204,7 @@ class Problem:
         with np.errstate(over="ignore", invalid="ignore"):
             if self.disturbance is not None:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)
-            squares = np.sum(((self.measured - predicted) * self.weight) ** 2, axis=1)
+            squares = row_sums(((self.measured - predicted) * self.weight) ** 2)
         return np.nan_to_num(np.add.reduceat(squares, self.segments.offsets[:-1]), nan=np.inf)
 
     def prior_weight(self, chi2_by_segment: Array) -> float:

@@ -145,11 +145,15 @@ def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> A
         lower: (k,) lower bounds; -inf: no bound
         upper: (k,) upper bounds; inf: no bound
     """
-    free, x, fixed = np.ones(len(gradient), dtype=bool), np.zeros(len(gradient)), np.zeros(len(gradient))
-    for _ in range(4 * len(gradient) + 1):
-        x = np.where(free, 0.0, fixed)
-        if free.any():
-            x[free] = np.linalg.solve(H[np.ix_(free, free)], (gradient - H @ x)[free])
+    x = np.asarray(np.linalg.solve(H, gradient), dtype=np.float64)
+    crossed = (x < lower) | (x > upper)
+    if not crossed.any():
+        return x
+    free, fixed = ~crossed, np.clip(x, lower, upper)
+    for _ in range(4 * len(gradient)):
+        x, inside = np.where(free, 0.0, fixed), np.flatnonzero(free)
+        if len(inside):
+            x[inside] = np.linalg.solve(H[inside[:, None], inside], (gradient - H @ x)[inside])
         crossed = free & ((x < lower) | (x > upper))
         if crossed.any():
             fixed = np.where(crossed, np.clip(x, lower, upper), fixed)

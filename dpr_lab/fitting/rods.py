@@ -36,9 +36,7 @@ class RodsAlone:
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """Return the (samples, 2) encoder readings, rad."""
-        values, _ = self._ratios(segments, estimate)
-        begins = segments.turning_as_one(estimate.initial)
-        states, _, _ = driven(values, self.constants, segments, begins, 0)
+        states, _ = followed(estimate.ratios, segments, estimate.initial, self.constants)
         return JointAngles(self.constants.relative2 == 1.0).of_rods(states[:, :2])
 
     def slopes(
@@ -72,7 +70,8 @@ class RodsAlone:
     def _ratios(self, segments: Segments, estimate: Estimate) -> tuple[Array, Array]:
         """Return the ratios and 1 / b of each segment, (segments, 6), and their derivatives (segments, 6, 7)."""
         by_run = [pushed_by(estimate.ratios, setup, self.constants.L1, self.constants.g) for setup in segments.setups]
-        return np.array([by_run[run][0] for run in segments.run]), np.array([by_run[run][1] for run in segments.run])
+        values, slopes = zip(*by_run, strict=True)
+        return np.array(values)[segments.run], np.array(slopes)[segments.run]
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
@@ -85,9 +84,24 @@ def by_start(slopes: Array, setup: Setup) -> Array:
     return slopes
 
 
+def values_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
+    """Return the (6,) vector of the five ratios and 1 / b of a run; 1 / b is zero if no torques act."""
+    as_whole = _as_whole(setup)
+    if as_whole and setup.torques is None:
+        return np.append(unknown[: len(RATIOS)], 0.0)
+    base = base_of_run(whole_of(unknown), setup, L1, g)
+    push = 0.0 if setup.torques is None else 1 / base[_B]
+    return np.append(unknown[: len(RATIOS)] if as_whole else ratios(base), push)
+
+
+def _as_whole(setup: Setup) -> bool:
+    """Return whether the ratios of a run are those of the whole rig."""
+    return setup.added is None and setup.inner is None and not setup.alone
+
+
 def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
     """Return the (5,) ratios of a run, and (5, 7) derivatives with respect to the unknown ratios, b and p/b, (7,)."""
-    if setup.added is None and setup.inner is None and not setup.alone:
+    if _as_whole(setup):
         return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
     base = base_of_run(whole_of(unknown), setup, L1, g)
     return ratios(base), ratio_slopes(base) @ _whole_slopes(unknown, setup, L1, g)
@@ -102,18 +116,13 @@ def _whole_slopes(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
 
 
 def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """Return the (6,) vector of the five ratios and 1 / b of a run, and its (6, 7) derivatives.
-
-    1 / b is zero if no torques act.
-    """
-    values, slopes = ratios_of_run(unknown, setup, L1, g)
-    push, by_unknown = 0.0, np.zeros(len(WHOLE))
+    """Return the result of `values_of_run`, and the (6, 7) derivatives of these values."""
+    values, slopes = values_of_run(unknown, setup, L1, g), ratios_of_run(unknown, setup, L1, g)[1]
+    by_unknown = np.zeros(len(WHOLE))
     if setup.torques is not None:
-        base = base_of_run(whole_of(unknown), setup, L1, g)
-        push = 1 / base[_B]
         # b of the run includes the attached mass; for a single rod it is half the inertia
-        by_unknown = -(push**2) * (_whole_slopes(unknown, setup, L1, g)[_B])
-    return np.append(values, push), np.vstack([slopes, by_unknown])
+        by_unknown = -(values[-1] ** 2) * (_whole_slopes(unknown, setup, L1, g)[_B])
+    return values, np.vstack([slopes, by_unknown])
 
 
 def followed(
@@ -123,6 +132,6 @@ def followed(
 
     The derivatives (N, `outputs`, 9) are those of `sensitivities`.
     """
-    values = np.array([pushed_by(ratios, setup, rig.L1, rig.g)[0] for setup in laid_out.setups])[laid_out.run]
+    values = np.array([values_of_run(ratios, setup, rig.L1, rig.g) for setup in laid_out.setups])[laid_out.run]
     states, slopes, _ = driven(values, rig, laid_out, laid_out.turning_as_one(initial), outputs)
     return states, slopes

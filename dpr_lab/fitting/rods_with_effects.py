@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dpr_lab.arrays import Array, Flags
+from dpr_lab.arrays import Array, Flags, row_sums
 from dpr_lab.dynamics.encoder_errors import with_encoder_errors
 from dpr_lab.dynamics.prediction import internal_states, predict, predict_batch
 from dpr_lab.dynamics.segments import Segments
@@ -139,8 +139,8 @@ class RodsWithEffects:
 def _inexact(segments: Segments, reading: Array, predicted: Array) -> Flags:
     """Return a (segments,) mask of the segments whose rms prediction error exceeds `coarse_error`."""
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.add.reduceat(np.sum((reading - predicted) ** 2, axis=1), segments.offsets[:-1])
-        followed = np.isfinite(np.add.reduceat(predicted.sum(axis=1), segments.offsets[:-1]))
+        squares = np.add.reduceat(row_sums((reading - predicted) ** 2), segments.offsets[:-1])
+        followed = np.isfinite(np.add.reduceat(row_sums(predicted), segments.offsets[:-1]))
     return followed & ~(squares < DERIVATIVES.coarse_error**2 * np.diff(segments.offsets))
 
 
