@@ -86,7 +86,7 @@ class Run(Shown):
     """(n,) commanded input of the arm, if it is known in addition to the measured one in `arm_input`; otherwise
     None."""
     complete: bool = True
-    """Whether the recording was completed; False for a recovered or cut recording."""
+    """Whether the file has its end; False for a recording that was cut or stopped. A recovered file has a note."""
     lost: Mapping[str, int] = field(default_factory=dict)
     """Number of samples lost, by cause (`LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
