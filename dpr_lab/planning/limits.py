@@ -1,19 +1,32 @@
 """Limits file of a plan: reachable poses, permitted mountings, limits of the drives, and durations of the steps.
 
-[poses] theta1_rad = [0.5, 5.8] theta2_rad = [0.0, 6.3]
+[poses]
+theta1_rad = [0.5, 5.8]
+theta2_rad = [0.0, 6.3]
 
-[recording] longest_s = 20.0
+[recording]
+longest_s = 20.0
 
-[rods] mounted = ["both", "inner"] elbow = ["free"]
+[rods]
+mounted = ["both", "inner"]
+elbow = ["free"]
 
-[[masses]] rod = "outer" mass = 0.1 position = 0.2
+[[masses]]
+rod = "outer"
+mass = 0.1
+position = 0.2
 
-[drive] torque_Nm = [0.2, 0.1] speed_rad_s = [15.0, 20.0] rate_hz = 200
+[drive]
+torque_Nm = [0.2, 0.1]
+speed_rad_s = [15.0, 20.0]
+rate_hz = 200
 
-[arm] modes = ["driven", "held"] input = 4.0
+[arm]
+modes = ["driven", "held"]
+input = 4.0
 
-A file may also contain the limits of `dpr-lab accept` ([effects], [friction], [ratios]). A plan then states which of
-these limits its releases are expected to decide.
+A file may also contain the limits of `dpr-lab accept` ([effects], [friction], [ratios]). A plan then states for
+which of these limits its releases are expected to show that the limit is met or violated.
 """
 
 import math

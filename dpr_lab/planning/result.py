@@ -121,7 +121,7 @@ class Inseparable(_Record):
 
 
 class LimitForecast(_Record):
-    """Forecast of whether the planned releases decide a limit that the rig must satisfy."""
+    """Forecast of whether the planned releases show that the rig meets or violates a limit."""
 
     quantity: str
     """Name of the limited quantity, as in `dpr-lab accept`."""

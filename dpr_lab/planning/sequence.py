@@ -161,7 +161,7 @@ class Planner:
         return max((self._final(step, now) for step in ranked[: SEARCH.finalists]), key=_rate)
 
     def _final(self, step: SequenceStep, now: SequenceSoFar) -> SequenceStep:
-        """Set the best duration of a release, and correct its value by a nonlinear simulation."""
+        """Set the best duration of a release, and correct the value of the release by a nonlinear simulation."""
         averaged = self._averaged(step, now)
         share = self.objective.simulated(averaged.release, averaged.information)
         return averaged if share is None else replace(averaged, worth=averaged.worth * min(share, 1.0), simulated=share)

@@ -2,9 +2,11 @@
 
 Example of such a file:
 
-[capture] release = "space"
+[capture]
+release = "space"
 
-[app] next = "n,ctrl+right"
+[app]
+next = "n,ctrl+right"
 """
 
 import os

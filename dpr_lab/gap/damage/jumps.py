@@ -154,7 +154,7 @@ def _speeds(reference: Trajectory, sample: int, impulses: Array) -> tuple[float,
 
 @dataclass(frozen=True, slots=True)
 class _Changes:
-    """Residuals of all samples, with the columns that are projected out of them."""
+    """Residuals of all samples, and the columns that are projected out of the residuals."""
 
     e: Array
     """(samples, 2) whitened and projected residual."""

@@ -101,7 +101,7 @@ class FittedColumns:
 
     @classmethod
     def of(cls, linear: Linearisation) -> "FittedColumns":
-        """Take the columns of a linearised fit."""
+        """Return the columns, the residual and the initial-state columns of a linearised fit."""
         rows = np.concatenate([linear.A, linear.e[:, :, None], linear.Q], axis=2).transpose(0, 2, 1).copy()
         return cls(ColumnSpace.of(*linear.flat), rows, rows @ linear.Q)
 

@@ -202,7 +202,10 @@ OWN_SHARE = Move(
 
 
 def _without_misleading(sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without misleading effects, or with replacements of them that predict held-out runs better."""
+    """Propose the set without misleading effects, and sets in which other effects replace the misleading ones.
+
+    A replacement must predict held-out runs better.
+    """
     smaller = sets.predictive(current)
     if smaller is current or sets.held_out_chi2 is None:
         return
