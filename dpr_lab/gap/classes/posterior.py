@@ -10,9 +10,10 @@ A richer form of a member counts as the member under two conditions: all its add
 minimum detectable sizes, and together they improve the fit by less than their penalty. Both forms then differ by less
 than these sizes, and further recordings would not change their odds.
 
-The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect,
-multiplied by the probability that the cause is in the library. No other set counts as more probable than the selected
-set, because the search would have selected a significantly better set. The odds of a cause outside the library are
+The probability of a class is the softmax of the predictive costs of the sets in which it replaces the named effect, and
+of the best set without it (`Selection.cost_without`), multiplied by the probability that the cause is in the library.
+No other set counts as more probable than the selected set, because the search would have selected a significantly
+better set. The odds of a cause outside the library are
 
     (unexplained / half)^steepness * m + imitates * unexplained / unique * m / far + (compensates / own)^2,
     m = min(remainder / noise, far)
@@ -167,7 +168,7 @@ def effect_posterior(selection: Selection, name: str) -> EffectPosterior:
         alternatives = _alternatives(place, named_score, rest)
     prior = np.array([plausibility(chosen.fit.estimate.params, name), *plausibilities.values()])
     costs = [_added_cost(place, alternative) for alternative in alternatives]
-    added_cost = np.array([0.0, *costs, selection.without_substitute[name].cost - chosen.cost])
+    added_cost = np.array([0.0, *costs, selection.cost_without(name, plausibilities) - chosen.cost])
     scaled = -added_cost / (2 * chosen.residuals.inflation * CALIBRATION.temperature)
     weights = np.exp(np.clip(scaled, -CALIBRATION.negligible, CALIBRATION.negligible))
     weights[1:-1] *= [_prior_odds(place, alternative.name) for alternative in alternatives]

@@ -1,10 +1,11 @@
 """Result of the search: the selected set of effects, the compared sets, and the trials of the search."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.score_test import ScoreTest
 from dpr_lab.gap.result.search_step import SearchStep
@@ -52,6 +53,8 @@ class Selection:
     """Effects that are not in the selected set because they worsen the prediction of held-out runs."""
     trace: tuple[SearchStep, ...] = ()
     """All trials of the search, in order."""
+    max_effects: int = 4
+    """Maximum number of effects in a set, not counting the expected effects."""
 
     @property
     def models(self) -> dict[str, Hypothesis]:
@@ -69,3 +72,22 @@ class Selection:
         before, after = self.bare.residuals.excess, max(self.chosen.residuals.excess, 0.0)
         returned = self.without_substitute[name].residuals.excess - after
         return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)
+
+    def cost_without(self, name: str, members: Iterable[str] = ()) -> float:
+        """Return the lowest cost of a set without an effect: it is removed, or several effects are exchanged at once.
+
+        The set must lack all members of the class, and their simpler and richer forms. If a single effect replaces the
+        named one, this effect is an alternative. A set of lower cost than the selected set does not count, because a
+        rule of the search has rejected it. Neither does a set with an effect that worsens the prediction of held-out
+        runs.
+        """
+        chosen, rest, same = self.chosen, self.chosen.key - {name}, {name, *members}
+        forms = {other for other, effect in EFFECTS.items() if same.intersection((other, *effect.nested))}
+        forms |= {*EFFECTS[name].nested, *self.misleading}
+        exchanged = (
+            model.cost_at(chosen.residuals.inflation)
+            for key, model in self.fitted.items()
+            if key.isdisjoint(forms) and (not rest <= key or len(key - rest) > 1)
+            if key not in self.impossible and len(key - self.expected) <= self.max_effects
+        )
+        return min([self.without_substitute[name].cost, *(cost for cost in exchanged if cost >= chosen.cost)])
