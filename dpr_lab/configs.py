@@ -84,7 +84,10 @@ def parse_config(text: str, source: str, model: type[Model]) -> Model:
 
 
 def _line_of(error: ValueError, text: str) -> str:
-    """Format the line of a syntax error, with advice on a decimal comma; empty if the error names no line."""
+    """Format the line that caused a syntax error, and point out a decimal comma.
+
+    The text is empty if the error names no line.
+    """
     if (place := re.search(r"at line (\d+)", str(error))) is None:
         return ""
     line = text.splitlines()[int(place[1]) - 1].strip()

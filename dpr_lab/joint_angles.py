@@ -40,6 +40,9 @@ class JointAngles:
         return np.stack([inner, outer - self.relative2 * inner], axis=-1)
 
     def to_rods(self, joint: ArrayLike) -> Array:
-        """Convert joint angles (..., 2) to rod angles theta1, theta2 (..., 2), rad: the inverse of `of_rods`."""
+        """Convert joint angles to the rod angles theta1 and theta2, rad; both arrays have the shape (..., 2).
+
+        This is the inverse of `of_rods`.
+        """
         inner, turned = np.moveaxis(np.asarray(joint, dtype=np.float64), -1, 0)
         return np.stack([inner, turned + self.relative2 * inner], axis=-1)

@@ -115,11 +115,7 @@ def _number(value: float, interval90: Ends, typical: float) -> RequiredClaim:
 
 
 def _scale(scale: Scale) -> RequiredClaim:
-    """Return the claim on the value of b that absolute sizes assume.
-
-    If b is an estimate, its tolerance follows from its interval. If b is a value of the rig file, a repetition uses the
-    same value.
-    """
+    """Return the claim about the value of b on which the absolute sizes of effects are based."""
     claim, within = CertifiedClaim(value=scale.b, interval90=scale.interval90), _tolerance(scale.interval90, scale.b)
     return RequiredClaim(claim, within if scale.known else TOLERANCES.of_typical * scale.b, within)
 

@@ -210,11 +210,14 @@ def _steps(readings: Array, counts: Array) -> Array:
 
 
 def rounding_std(readings: Array, steps: Array, window: int) -> Array:
-    """Return the (m,) standard deviation of the rounding errors of readings (n, m) that are multiples of `steps` (m,).
+    """Return the (m,) standard deviation of the rounding errors of readings (n, m).
 
-    The result is step / sqrt(12) while a reading crosses steps, because the errors of its samples are then independent.
-    If a reading stays within one step for `window` samples, it may be near the edge between two values, with errors of
-    up to step / 2. An example is the reading of a rod that a controller balances.
+    The readings of column j are multiples of `steps[j]`. While a reading changes by more than a step from sample to
+    sample,
+    the errors of its samples are independent, and the result is step / sqrt(12). If a reading stays within one step for
+    `window` samples, it may be near the edge between two values, with errors of up to step / 2. An example is the
+    reading
+    of a rod that a controller balances.
     """
     if len(readings) < window:
         return steps / math.sqrt(12)

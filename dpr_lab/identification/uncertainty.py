@@ -229,9 +229,12 @@ def _block_scores(problem: Problem, scores: Array) -> Array:
 
 
 def _halves_apart(ratio_fit: RatioFit) -> Array:
-    """Compute the absolute difference (n,) between the Gauss-Newton steps of both halves of the runs.
+    """Compute how much the Gauss-Newton steps from the first and the second halves of the runs differ.
 
-    A segment that contains the middle of its run has an initial state in each half.
+    A segment that contains the middle of its run is divided there, and each part has its own initial state.
+
+    Returns:
+        (n,) absolute differences
     """
     problem, linear = ratio_fit.problem, ratio_fit.fit.linear
     owner, t, first = problem.owner, problem.t, problem.segments.offsets[:-1]

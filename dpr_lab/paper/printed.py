@@ -1,6 +1,6 @@
-"""List the numbers that are printed in the publication (docs/theory.md), with the printed digits.
+"""List the parameter values of the publication (docs/theory.md) with as many digits as it prints.
 
-The parameters of a row are in the order of `dpr_lab.rig.PARAMETERS`, SI units.
+The values of a row are in SI units, in the order of `dpr_lab.rig.PARAMETERS`.
 """
 
 import numpy as np

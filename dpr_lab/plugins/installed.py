@@ -33,7 +33,10 @@ class Plugin:
 
 
 def announced() -> tuple[Plugin, ...]:
-    """List all installed plugins, sorted by package and name; empty while plugins are disabled."""
+    """List all installed plugins, sorted by package and name.
+
+    The list is empty while plugins are disabled.
+    """
     return () if os.environ.get(OFF) else _installed()
 
 

@@ -298,7 +298,10 @@ def _zeros(fitted: Sequence[float]) -> str:
 
 
 def search_rows(model: "Model") -> list[list[str]]:
-    """Return all settings that are needed to repeat a search, and its result, in the columns `SEARCH_COLUMNS`."""
+    """Return the settings that are needed to repeat a search, followed by its result.
+
+    The columns are `SEARCH_COLUMNS`.
+    """
     from dpr_lab.identification.objectives import objective_words
     from dpr_lab.search import search_words
 

@@ -155,7 +155,7 @@ def write_netcdf(run: Run, path: Path) -> None:
 
 
 def write_mat(run: Run, path: Path) -> None:
-    """Write MATLAB level 5; `load` returns one column vector per column and the struct `run`."""
+    """Write a MAT-file of level 5; in MATLAB, `load` returns one column vector per column and the struct `run`."""
     from scipy.io import savemat
 
     with path.open("wb") as file:

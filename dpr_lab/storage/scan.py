@@ -100,10 +100,10 @@ class Scan:
 
     @property
     def newest_clock(self) -> dict[str, Any]:
-        """Last clock fit that was written during the recording; empty if there is none.
+        """Last clock fit that was written during the recording; the mapping is empty if no clock fit was written.
 
         Raises:
-            RunError: the message does not have the layout of a run file.
+            RunError: the message of the clock fit does not have the layout of a run file.
         """
         try:
             return json_object(self.read.clock) if self.read.clock else {}

@@ -32,7 +32,7 @@ def state_folder() -> Path:
 
 @dataclass(slots=True)
 class Workspace:
-    """Rig, link, folder and results of the operator."""
+    """State of the operator's session: rig, link, folder and results."""
 
     rig: str = "paper"
     """Rig file, or the name of a built-in one."""

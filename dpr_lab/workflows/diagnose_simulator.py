@@ -53,7 +53,10 @@ class SimulatorDiagnosis:
     """Reason why the file cannot be changed; empty if it can."""
 
     def to_json(self) -> dict[str, Any]:
-        """Return the output of `diagnose --simulator --json`: the output of `diagnose` with the key `simulator`."""
+        """Return the JSON values of `diagnose` with the additional key `simulator`.
+
+        The command `diagnose --simulator --json` prints them.
+        """
         return self.result.to_json() | {
             "simulator": {
                 "file": str(self.simulator),

@@ -1,4 +1,4 @@
-"""Import of a table of any logger as a run."""
+"""Import a table from any data logger as a run."""
 
 from dataclasses import dataclass
 from itertools import count

@@ -1,4 +1,4 @@
-"""Plan of the next recordings of a rig, with or without runs recorded so far."""
+"""Plan the next recordings of a rig; runs that were recorded so far are taken into account."""
 
 import re
 from dataclasses import dataclass

@@ -68,7 +68,7 @@ def _number(value: float, digits: int = 4) -> str:
 
 
 def _text(value: str) -> str:
-    """Return a string in TOML."""
+    """Return a text as a quoted TOML string."""
     return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 

@@ -1,9 +1,9 @@
-"""Compute swing amplitudes, and the share of a recording outside the amplitudes of the fitted recordings.
+"""Compute swing amplitudes, and the share of a recording whose amplitude lies outside the fitted range.
 
 The amplitude of a moving double pendulum is the angle alpha from the hanging position at which its straight rods have
 the same energy E at rest:
 
-    E = (e1 + e2) (1 - cos alpha),    alpha = pi for more energy.
+    E = (e1 + e2) (1 - cos alpha),    alpha = pi if the energy is larger.
 
 e1 and e2 are the gravity torques of the rods. At other amplitudes than the fitted ones, a friction law is extrapolated
 with an unknown error.

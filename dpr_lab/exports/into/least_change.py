@@ -143,9 +143,9 @@ def _base_of(chain: ModelChain, longer: float) -> Array:
 def _gear_factors(
     effects: Mapping[str, Mapping[str, float]], diagnosis: Diagnosis, runs: Sequence[Run]
 ) -> dict[str, float]:
-    """Return the ratio of acting to known torque at the estimated b, for each driven joint.
+    """Return, for each driven joint, the ratio of the acting torque to the known torque at the estimated b.
 
-    The keys are names of effects. The result is empty unless the torques determine the scale.
+    The keys are the names of the effects of the drives. The result is empty unless the torques determine the scale.
     """
     driven = [run.torques for run in runs if run.torques is not None]
     weighed = any(run.added_mass is not None for run in runs)

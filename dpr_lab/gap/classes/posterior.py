@@ -336,9 +336,10 @@ def _takes_over(place: _Place, other: str) -> bool:
 def _added_cost(place: _Place, alternative: Alternative) -> float:
     """Return the cost of an alternative minus the cost of the selected set, but at least zero.
 
-    The search has compared both. An alternative that fits better is not significantly better, so it is at most as
-    probable as the named effect. The cost of a richer form of the effect is increased, because such a form also fits
-    the error of the integrator or the remainder.
+    The search has compared the alternative with the selected set. An alternative that fits better is not significantly
+    better, so it is at most as probable as the named effect. The cost of a richer form of the effect is increased,
+    because
+    such a form also fits the error of the integrator or the remainder.
     """
     chosen = place.selection.chosen
     added = max(alternative.cost - chosen.cost, 0.0)

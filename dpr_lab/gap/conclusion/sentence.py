@@ -103,7 +103,7 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
     size = _in_noise(chosen.residuals.noise_ratio)
     small = chosen.residuals.noise_ratio < 1.0
     remainder = f"A small but significant remainder, {size}," if small else f"A remainder of {size}"
-    return f"{remainder} has another cause or another form."
+    return f"{remainder} stays unexplained: a further cause acts, or a named effect has another form."
 
 
 def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:

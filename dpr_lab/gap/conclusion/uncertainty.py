@@ -4,7 +4,7 @@ Let A be the Jacobian of a fit after the initial states are projected out. The n
 where f is the variance inflation n / n_eff (`dpr_lab.gap.hypothesis.residuals`). Any other change dr of the readings
 that the fit does not model shifts the values by -(A^T A)^-1 A^T dr. The following shifts count as standard deviations:
 
-- the shift caused by half the step of the integrator
+- the shift caused by halving the integrator step
 - the shift caused by each weighed mass if it changes by its standard uncertainty
 - the shift caused by each free torque or reading error of the discrepancy term if it has the size of its prior
 

@@ -174,9 +174,9 @@ def left_out_chi2(fit: Fit, fold: Integers) -> Array:
 
 
 def predictive_loss(fit: Fit, fold: Integers, inflation: float) -> Array:
-    """Return (folds,) -2 log predictive density of each fold given the other folds, in units of chi2.
+    """Compute the predictive loss of each fold, (folds,), in units of chi2.
 
-    The loss is defined up to a constant.
+    It is -2 times the log predictive density of the fold given the other folds, up to a constant.
     """
     parts = _Folds(fit, fold)
     chi2 = sum(left_out.chi2 for left_out in parts.folds)

@@ -78,7 +78,8 @@ def noise_by_speed(
     Args:
         t: (n,) instants, s
         joints: (n, 2) angles, rad
-        floor: (2,) standard deviation at rest, rad; in slow parts, a coarse encoder shows less without a fault
+        floor: (2,) standard deviation at rest, rad; a coarse encoder can show less noise in slow parts, which is no
+            fault
         period: nominal sampling interval, s; neighbourhoods with a gap are excluded
         keep: (n, 2) mask of the readings without a fault. If given, the noise level is a root mean square, which
             includes rare large time-stamp errors; if None, it is a robust estimate

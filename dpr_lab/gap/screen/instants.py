@@ -247,7 +247,7 @@ def _delayed(cycle: int, late: Flags, usable: list[tuple[Array, Array]], weights
 
 
 def _by_place(position: Integers, cycle: int, score: Array, information: Array) -> Array:
-    """Return the (cycle,) delay at each position of a cycle, in standard errors."""
+    """Return the delay at each position of a cycle, (cycle,), divided by its standard error."""
     known = np.maximum(np.bincount(position, information, cycle), np.finfo(float).tiny)
     return np.bincount(position, score, cycle) / np.sqrt(known)
 

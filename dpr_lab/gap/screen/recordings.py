@@ -112,7 +112,7 @@ class Recordings:
 
     @property
     def masses_weighed(self) -> bool:
-        """Whether all masses are measured, so that load-dependent friction determines the scale of all torques."""
+        """Whether all masses are measured. Load-dependent friction then determines the scale of all torques."""
         return all(self.rig.parameters[name].measured is not None for name in MASSES)
 
     @property
@@ -138,7 +138,7 @@ class Recordings:
 
     @property
     def of_points(self) -> bool:
-        """Whether all angles are directions between points in a video and do not depend on counts per turn."""
+        """Whether all angles are computed from points in a video; they then do not depend on counts per turn."""
         return all(record.run.film_noise is not None for record in self.records)
 
     @property

@@ -149,7 +149,7 @@ class FittedSets:
         return next((score for score in test.ranking if score.effect.name in missing and score.gain > 0), None)
 
     def test(self, model: Hypothesis) -> ScoreTest:
-        """Return the score test of all further effects, given a set."""
+        """Return the score test of all effects that are not in the set of a model."""
         return self._tested(model, self.library.keys() - model.key)
 
     def score(self, model: Hypothesis, effect: str) -> Score | None:

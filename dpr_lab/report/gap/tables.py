@@ -225,7 +225,10 @@ def _how_to_distinguish(diagnosis: Diagnosis, candidate: _Candidate, alternative
 
 
 def _next_step(diagnosis: Diagnosis, *names: str) -> str:
-    """Return the number of the first next step that mentions all given effects; empty if there is no such step."""
+    """Return the number of the first recommended step that mentions all given effects.
+
+    The text is empty if no step mentions them all.
+    """
     numbers = (i for i, text in enumerate(diagnosis.advice, 1) if {*names} <= {*re.findall(r"\w+", text)})
     return next((f"next step {i}" for i in numbers), "")
 

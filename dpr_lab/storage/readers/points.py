@@ -316,7 +316,10 @@ def _upside_down(rods: list[Array]) -> bool:
 
 
 def _falling(points: Array, lag: int) -> float:
-    """Compute the correlation of the increments of squared speed and of height over `lag` frames."""
+    """Compute the correlation between the increments of squared speed and the increments of height.
+
+    All increments are taken over `lag` frames.
+    """
     half = max(1, lag // SETTINGS.frames_of_speed)
     speed2 = ((points[:, 2 * half :] - points[:, : -2 * half]) ** 2).sum(axis=2)
     faster, higher = (values[:, lag:] - values[:, :-lag] for values in (speed2, points[:, half:-half, 1]))

@@ -60,7 +60,7 @@ class Preview:
     """(n, 3) absolute angles of the run, 0 = upright, rad."""
 
     def facts(self) -> dict[str, str]:
-        """Return the interpretation of the table as text: the value of each property by name."""
+        """Return the interpretation of the table as a mapping from property names to values, both as text."""
         by_rig = self.unit == "counts"
         reading = (
             f"{self.unit}, converted by the encoders of the rig"

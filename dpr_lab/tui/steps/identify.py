@@ -204,10 +204,7 @@ in the folder of the workspace.
         self._show_rods(model, news) if isinstance(model, Model) else self._show_arm(model, news)
 
     def _show_arm(self, model: "MovingArmModel", news: str) -> None:
-        """Draw the model of a rig with a moving arm.
-
-        Its fit usually needs no search.
-        """
+        """Draw the model of a rig with a moving arm, which usually needs no search."""
         from dpr_lab.report import moving_arm
         from dpr_lab.tui.steps import arm_results
 

@@ -102,7 +102,10 @@ the selected rig.
         self._read()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Return whether an action is available; the page can be scrolled only if it is longer than the screen."""
+        """Return whether an action is available.
+
+        The page can be scrolled only if it is longer than the screen.
+        """
         return action != "page" or self.query_one("#described").max_scroll_y > 0
 
     def action_page(self, by: int) -> None:

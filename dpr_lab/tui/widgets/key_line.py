@@ -34,7 +34,7 @@ class KeyLine(Widget):
         self._keys: list[tuple[Binding, bool]] = []
 
     def on_mount(self) -> None:
-        """Update when the focus changes."""
+        """Redraw the line each time the focus changes."""
         self.screen.bindings_updated_signal.subscribe(self, self._follow)
 
     def show(self) -> None:
