@@ -42,9 +42,9 @@ def show(title: str, bars: list[Bar], as_json: bool, **more: object) -> None:
     wide = max([len(bar.bar) for bar in bars], default=0)
     print(f"\n{title} ({machine})\n{'bar':<{wide}}  {'target':>12}  {'measured':>12}  ok")
     for bar in bars:
-        said = "-" if bar.ok is None else "yes" if bar.ok else "NO"
+        result = "-" if bar.ok is None else "yes" if bar.ok else "NO"
         measured = "not measured" if bar.measured is None else f"{bar.measured:.4g}"
-        print(f"{bar.bar:<{wide}}  {bar.target:>12}  {measured:>12}  {said}")
+        print(f"{bar.bar:<{wide}}  {bar.target:>12}  {measured:>12}  {result}")
     sys.stdout.flush()
 
 

@@ -95,6 +95,6 @@ def toolbox(trial: Trial, rig: Rig, length: float) -> Array:
     problem, states = segmented(trial.runs, rig, length)
     residual = sysid.build_residual_fn(models_sequences=[sequences(problem, states, rig)])
     with contextlib.redirect_stdout(io.StringIO()):  # it prints every iteration
-        found, _ = optimize(parameters_of(rig), residual, verbose=False, max_iters=60)
-    Z = np.array([found[name].value[0] for name in PARAMETERS])
+        result, _ = optimize(parameters_of(rig), residual, verbose=False, max_iters=60)
+    Z = np.array([result[name].value[0] for name in PARAMETERS])
     return ratios(base_parameters(Z, rig.L1, rig.g))

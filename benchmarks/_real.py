@@ -34,13 +34,13 @@ def multiarm_bars(folder: Path) -> list[Bar]:
     runs = [
         replace(import_csv(folder / "dp_freeswing_1khz.csv", rig, cut), name=f"piece {k}") for k, cut in enumerate(cuts)
     ]
-    found = diagnose(runs[0::2], rig, held_out=runs[1::2])
-    errors = [found.gap.free_run_rad[run.name] for run in runs[1::2]]
+    diagnosis = diagnose(runs[0::2], rig, held_out=runs[1::2])
+    errors = [diagnosis.gap.free_run_rad[run.name] for run in runs[1::2]]
     before, after = (float(np.median([error[key] for error in errors])) for key in ("before", "after"))
     return [
         at_least("multiarm: held-out free run, times better than viscous", before / after, 3.5),
-        at_most("multiarm: coefficients of unphysical sign", unphysical(found), 0),
-        at_least("multiarm: remainder admitted", float(found.verdict in ("partly_explained", "unexplained")), 1),
+        at_most("multiarm: coefficients of unphysical sign", unphysical(diagnosis), 0),
+        at_least("multiarm: remainder admitted", float(diagnosis.verdict in ("partly_explained", "unexplained")), 1),
     ]
 
 
@@ -51,9 +51,9 @@ def dfki_bars(folder: Path) -> list[Bar]:
     """
     rig = dfki_rig(json.loads((folder / "release_060143.json").read_text(encoding="utf-8")))
     runs = [import_csv(file, rig, ImportOptions(zero="hanging")) for file in sorted(folder.glob("*.csv"))]
-    said = [diagnose([fitted], rig, held_out=[unseen]) for fitted, unseen in _each_held_out(runs)]
-    worse = [found for found in said if _claims(found) and min(found.gap.closed_held_out.held_out.values()) < 0]
-    names = {effect.name for found in said for effect in found.effects}
+    result = [diagnose([fitted], rig, held_out=[unseen]) for fitted, unseen in _each_held_out(runs)]
+    worse = [entry for entry in result if _claims(entry) and min(entry.gap.closed_held_out.held_out.values()) < 0]
+    names = {effect.name for entry in result for effect in entry.effects}
     return [
         at_least("dfki: stiction appears", float(any(name.startswith(DRY) for name in names)), 1),
         at_least("dfki: rotor inertia appears", float("rotor_inertia_joint2" in names), 1),

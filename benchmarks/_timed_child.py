@@ -56,13 +56,13 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
     work = found(job["do"])
     with event.install_recorder("numba:compile") as compiled:
         began = time.process_time()
-        said = work(runs, rig, seed=job.get("seed", 0))
+        document = work(runs, rig, seed=job.get("seed", 0))
         cpu_s = time.process_time() - began
-    told = {"cpu_s": cpu_s, "compiled": bool(compiled.buffer), "peak_mb": peak_mb()}
+    result = {"cpu_s": cpu_s, "compiled": bool(compiled.buffer), "peak_mb": peak_mb()}
     if job["do"] == "diagnose":
-        said = said.to_json()
-        told |= {"verdict": said["verdict"], "names": sorted(effect["name"] for effect in said["effects"])}
-    return told
+        document = document.to_json()
+        result |= {"verdict": document["verdict"], "names": sorted(effect["name"] for effect in document["effects"])}
+    return result
 
 
 def peak_mb() -> float:

@@ -65,15 +65,15 @@ def run_case(case: Case) -> Scored:
     plant, rig = hidden(case)
     runs = record(plant, rig)
     begin = time.process_time()
-    said = diagnose(runs, rig).to_json()
+    diagnosed = diagnose(runs, rig).to_json()
     seconds = time.process_time() - begin
     kind, _, level = case.draw.partition(":")
-    found = opened(plant, rig)
+    result = opened(plant, rig)
     outcome = score(
-        said, found, rig, kind=kind, level=level.partition(":")[0] or "clear", seed=case.seed, seconds=seconds
+        diagnosed, result, rig, kind=kind, level=level.partition(":")[0] or "clear", seed=case.seed, seconds=seconds
     )
-    true = tuple(cause_named(effect, found) is not None for effect in said["effects"])
-    return Scored(case, outcome, said, true)
+    true = tuple(cause_named(effect, result) is not None for effect in diagnosed["effects"])
+    return Scored(case, outcome, diagnosed, true)
 
 
 def run_all(cases: Sequence[Case], workers: int) -> Iterator[Scored | tuple[Case, str]]:

@@ -81,22 +81,22 @@ def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
     """Yield kind, quantity, result and reason for every limit of one plant."""
     plant, rig = hidden(Case("single", f"single:{level}", seed))
     truth = opened(plant, rig)
-    found = diagnose(record(plant, rig, SWING_S), rig)
+    diagnosis = diagnose(record(plant, rig, SWING_S), rig)
 
     def judged(kind: str, limits: Limits) -> tuple[str, str, Answer, str]:
-        (limit,) = judge(found, limits).limits
+        (limit,) = judge(diagnosis, limits).limits
         return kind, limit.quantity, limit.answer, f"{limit.reason} {limit.interval90}"
 
-    print(f"plant {seed}: {truth.effects}, {_words(found)}", file=sys.stderr)
+    print(f"plant {seed}: {truth.effects}, {_words(diagnosis)}", file=sys.stderr)
     for name, sizes in truth.effects.items():
         for parameter in (p.name for p in EFFECTS[name].amplitudes if sizes.get(p.name)):
             for kind, share in (("above", ABOVE), ("half", HALF)):
                 limit = abs(sizes[parameter]) / share
-                detectable = found.detectable.get(name, {}).get(parameter)
+                detectable = diagnosis.detectable.get(name, {}).get(parameter)
                 hidden_from = kind == "half" and (detectable is None or limit < detectable)
                 yield judged("hidden" if hidden_from else kind, limit_of(name, parameter, limit))
     true = ratios(base_parameters(plant.Z, rig.L1, rig.g))
-    stds = np.sqrt(np.diag(found.ratio_covariance)).tolist()
+    stds = np.sqrt(np.diag(diagnosis.ratio_covariance)).tolist()
     for name, value, std in zip(RATIOS, true.tolist(), stds, strict=True):
         for kind, share in (("ratio above", ABOVE), ("ratio half", HALF)):
             hidden_from = kind == "ratio half" and TOLERANCE * abs(value) < SIGMAS * std

@@ -140,8 +140,8 @@ def one_of(names: Sequence[str], laws: Sequence[str]) -> bool:
 
 def alike(name: str, law: str) -> bool:
     """Whether a named effect represents a simulated effect."""
-    (kind, joint), (said, of) = _at_joint(law), _at_joint(name)
-    return said.startswith((kind, *ALSO.get(kind, ()))) and of in (joint, "")
+    (kind, joint), (result, of) = _at_joint(law), _at_joint(name)
+    return result.startswith((kind, *ALSO.get(kind, ()))) and of in (joint, "")
 
 
 def _at_joint(name: str) -> tuple[str, str]:
@@ -179,29 +179,29 @@ def diagnosed(draw: Draw) -> Case:
     true_b = rig_and_base(np.random.default_rng(draw.seed), rods)[1][1]
     rig = rig if draw.clean else described(rig, rng)
     began = time.process_time()
-    found = diagnose(runs, rig)
+    diagnosis = diagnose(runs, rig)
     size_off = None
-    for effect in found.effects:
+    for effect in diagnosis.effects:
         if alike(effect.name, laws[0].name) and effect.name.startswith(SIZED):
             size, unit = next(iter(effect.parameters.values())), 1.0
             if laws[0].torque:  # torques are relative to the b of the rig file
-                unit = found.scale_b / true_b
+                unit = diagnosis.scale_b / true_b
             reach = max(size.interval90[1] - size.value, 1e-300)
             true = sum(law.size for law in laws if law.name == laws[0].name)
             size_off = (abs(size.value) - unit * true) / reach
-    budget = found.gap.budget
+    budget = diagnosis.gap.budget
     return Case(
         draw.seed,
         fault,
         (*(law.name for law in laws), *(() if draw.clean else ("mount",))),
         gaps_alone(draw.seed, laws, rods, rate_hz),
-        found.verdict,
+        diagnosis.verdict,
         tuple(
             ((effect.name, *(n for n in effect.members if n != effect.name)), effect.probability)
-            for effect in found.effects
+            for effect in diagnosis.effects
         ),
         size_off,
-        found.gap.explained_share,
+        diagnosis.gap.explained_share,
         budget.of_reproducible if budget else None,
         time.process_time() - began,
     )

@@ -57,12 +57,12 @@ def statements(done: Sequence[Scored]) -> list[Statement]:
 
 
 def _of(scored: Scored) -> list[Statement]:
-    said, true = scored.said, scored.true
-    left = 1 - said["gap"]["explained_share"]
-    remainder = 0.0 if said["verdict"] == "named" else math.sqrt(max(said["chi2_per_dof"] - 1, 0.0))
+    result, true = scored.said, scored.true
+    left = 1 - result["gap"]["explained_share"]
+    remainder = 0.0 if result["verdict"] == "named" else math.sqrt(max(result["chi2_per_dof"] - 1, 0.0))
     made: list[Statement] = []
-    for effect, is_cause in zip(said["effects"], true, strict=True):
-        rivals = [rival["probability"] for rival in said["rivals"] if rival["instead_of"] == effect["name"]]
+    for effect, is_cause in zip(result["effects"], true, strict=True):
+        rivals = [rival["probability"] for rival in result["rivals"] if rival["instead_of"] == effect["name"]]
         without = max(0.0, 1 - effect["outside"] - effect["probability"] - sum(rivals))
         odds = tuple(math.log(max(p, 1e-12) / max(effect["probability"], 1e-12)) for p in (*rivals, without))
         made.append(Statement(odds, left, remainder, effect["share"], is_cause))
@@ -82,8 +82,8 @@ def loss(numbers: np.ndarray, made: Sequence[Statement], start: np.ndarray) -> f
     """Log loss of all statements, plus the penalty of the prior about the current constants."""
     tried = constants(numbers)
     p = np.clip([probability(statement, tried) for statement in made], SMALLEST, 1 - SMALLEST)
-    told = np.where([statement.true for statement in made], np.log(p), np.log1p(-p))
-    return float(0.5 * np.sum(((numbers - start) / PULL) ** 2) - np.sum(told))
+    result = np.where([statement.true for statement in made], np.log(p), np.log1p(-p))
+    return float(0.5 * np.sum(((numbers - start) / PULL) ** 2) - np.sum(result))
 
 
 def constants(numbers: np.ndarray) -> Calibration:

@@ -47,7 +47,7 @@ def cases_of(count: int, seed: int) -> list[Case]:
 
 def still_open(found: Diagnosis) -> list[str]:
     """Named effects with more than one possible cause."""
-    shares = {item.name: list(candidates(found, item.name).values()) for item in found.effects}
+    shares = {effect.name: list(candidates(found, effect.name).values()) for effect in found.effects}
     return [name for name, share in shares.items() if max(share) < LEFT * sum(share)]
 
 
@@ -59,7 +59,7 @@ def right(found: Diagnosis, truth: Truth) -> bool:
 
 
 def _shares(found: Diagnosis) -> list[dict[str, float]]:
-    return [candidates(found, item.name) for item in found.effects]
+    return [candidates(found, effect.name) for effect in found.effects]
 
 
 def played(
@@ -101,25 +101,25 @@ def main() -> None:
     parser = options(__doc__)
     parser.add_argument("--cases", type=int, default=120, help="blind trials (default: 120)")
     parser.add_argument("--seed", type=int, default=400_000, help="seed of the first trial")
-    told = parser.parse_args()
+    outcome = parser.parse_args()
     counts: dict[str, list[int]] = {"advised": [], "random": []}
     ended, before, after, trials = 0, 0, 0, 0
-    for case in cases_of(12 if told.quick else told.cases, told.seed):
+    for case in cases_of(12 if outcome.quick else outcome.cases, outcome.seed):
         plant, rig = hidden(case)
-        found, truth, rng = diagnose(record(plant, rig), rig), opened(plant, rig), np.random.default_rng(case.seed)
+        result, truth, rng = diagnose(record(plant, rig), rig), opened(plant, rig), np.random.default_rng(case.seed)
         trials += 1
-        if not still_open(found):
+        if not still_open(result):
             continue
         choices: dict[str, Choice] = {
             "advised": lambda checks: max(checks, key=lambda check: check.expected_bits),
             "random": lambda checks, rng=rng: checks[int(rng.integers(len(checks)))],
         }
         for name, choice in choices.items():
-            last, count = played(found, plant, rig, truth, choice, rng)
+            last, count = played(result, plant, rig, truth, choice, rng)
             counts[name].append(count)
             if name == "advised":
                 ended += not still_open(last)
-                before, after = before + right(found, truth), after + right(last, truth)
+                before, after = before + right(result, truth), after + right(last, truth)
         print(f"{case.draw} {case.seed}: {counts['advised'][-1]} {counts['random'][-1]}", flush=True)
     opened_ones = max(len(counts["advised"]), 1)
     bars = [
@@ -132,7 +132,7 @@ def main() -> None:
         Bar("most probable causes correct before the checks", "-", before / opened_ones, None),
         at_least("most probable causes correct after the checks", after / opened_ones, 0.9),
     ]
-    show(f"Checks, {trials} trials", bars, told.json)
+    show(f"Checks, {trials} trials", bars, outcome.json)
 
 
 if __name__ == "__main__":

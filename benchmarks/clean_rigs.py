@@ -91,24 +91,24 @@ def drawn(kind: str, seed: int) -> tuple[Rig, list[Run], Logger]:
 
 def _rig(L1: float, outer: float, logger: Logger, rng: np.random.Generator) -> tuple[Rig, Physics]:
     size = L1 / 0.4
-    found = {"l1": L1 * rng.uniform(0.35, 0.6), "l2": outer * rng.uniform(0.35, 0.6)}
-    found |= {"m1": 0.1 * size, "m2": 0.1 * size * outer / L1, "mb": 0.2 * size}
-    found["J1"] = found["m1"] * L1**2 / 12 * rng.uniform(0.8, 1.3)
-    found["J2"] = found["m2"] * outer**2 / 12 * rng.uniform(0.8, 1.3)
+    result = {"l1": L1 * rng.uniform(0.35, 0.6), "l2": outer * rng.uniform(0.35, 0.6)}
+    result |= {"m1": 0.1 * size, "m2": 0.1 * size * outer / L1, "mb": 0.2 * size}
+    result["J1"] = result["m1"] * L1**2 / 12 * rng.uniform(0.8, 1.3)
+    result["J2"] = result["m2"] * outer**2 / 12 * rng.uniform(0.8, 1.3)
     pace = np.sqrt(9.81 / L1)
-    inner = found["J1"] + found["m1"] * found["l1"] ** 2 + (found["m2"] + found["mb"]) * L1**2
-    found["c1"] = inner * pace * rng.uniform(0.005, 0.03)
-    found["c2"] = (found["J2"] + found["m2"] * found["l2"] ** 2) * pace * rng.uniform(0.005, 0.03)
+    inner = result["J1"] + result["m1"] * result["l1"] ** 2 + (result["m2"] + result["mb"]) * L1**2
+    result["c1"] = inner * pace * rng.uniform(0.005, 0.03)
+    result["c2"] = (result["J2"] + result["m2"] * result["l2"] ** 2) * pace * rng.uniform(0.005, 0.03)
     described = load_rig("paper").model_dump(exclude_none=True)
     for name, parameter in described["parameters"].items():
-        parameter.update(nominal=found[name], lower=0.5 * found[name], upper=1.6 * found[name])
+        parameter.update(nominal=result[name], lower=0.5 * result[name], upper=1.6 * result[name])
     described["rig"].update(L1=L1, L2=outer)
     if logger.wrong_length:
         off = 1 + rng.uniform(-logger.wrong_length, logger.wrong_length)
         described["rig"].update(L1=off * L1, L1_std=logger.wrong_length * L1)
     described["encoders"]["counts_per_rev"] = (logger.counts_per_rev,) * 3
     described["link"]["rate_hz"] = logger.rate_hz
-    return Rig.model_validate(described), found
+    return Rig.model_validate(described), result
 
 
 def swing(true: Physics, L1: float, g: float, start: Array, t: Array) -> Array:
@@ -174,11 +174,11 @@ def main() -> None:
         alarms[kind] = []
         for seed in range(args.seed, args.seed + count):
             rig, runs, logger = drawn(kind, seed)
-            said = diagnose(runs, rig).to_json()
-            inconclusive[kind] += said["verdict"] == "inconclusive"
-            if said["verdict"] not in ("no_gap", "inconclusive"):
-                named = [effect["name"] for effect in said["effects"]]
-                alarms[kind].append({"seed": seed, "L1": rig.L1, "logger": str(logger), "said": said["verdict"]})
+            result = diagnose(runs, rig).to_json()
+            inconclusive[kind] += result["verdict"] == "inconclusive"
+            if result["verdict"] not in ("no_gap", "inconclusive"):
+                named = [effect["name"] for effect in result["effects"]]
+                alarms[kind].append({"seed": seed, "L1": rig.L1, "logger": str(logger), "said": result["verdict"]})
                 alarms[kind][-1]["effects"] = named
     seconds = (time.process_time() - began) / (count * len(KINDS))
     bars = [at_most(f"{kind}: false alarms of {count}", len(alarms[kind]), 0) for kind in KINDS]

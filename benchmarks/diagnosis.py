@@ -212,8 +212,8 @@ def is_astray(outcome: TrialOutcome) -> bool:
 def astray(scored: Scored) -> str:
     """Named and true effects of a trial, with the seed that reproduces its plant."""
     outcome = scored.outcome
-    said, there = (" + ".join(names) or "nothing" for names in (outcome.named, outcome.truth))
-    return f"{scored.case.draw}, seed {scored.case.seed}: {there} -> {said} ({outcome.verdict})"
+    result, there = (" + ".join(names) or "nothing" for names in (outcome.named, outcome.truth))
+    return f"{scored.case.draw}, seed {scored.case.seed}: {there} -> {result} ({outcome.verdict})"
 
 
 if __name__ == "__main__":

@@ -110,8 +110,8 @@ class CodeBase:
 
     def ask(self, do: str, folder: Path, seed: int = 0) -> dict[str, Any]:
         """Execute a request. Repeat it if code was compiled meanwhile."""
-        told = self._asked(do, folder, seed)
-        return self._asked(do, folder, seed) if told["compiled"] else told
+        result = self._asked(do, folder, seed)
+        return self._asked(do, folder, seed) if result["compiled"] else result
 
     def _asked(self, do: str, folder: Path, seed: int) -> dict[str, Any]:
         assert self._process.stdin is not None
@@ -145,11 +145,11 @@ def compared(now: CodeBase, then: CodeBase, cases: Sequence[Case], folder: Path)
         plant, rig = hidden(case)
         kept = keep(folder / str(number), record(plant, rig), rig)
         order = (now, then) if number % 2 == 0 else (then, now)
-        told = {side: side.ask("diagnose", kept) for side in order}
-        pair = Pair(case.draw, case.seed, told[now], told[then])
-        said = "" if pair.alike else f"  {pair.now['names']} instead of {pair.then['names']}"
+        outcome = {side: side.ask("diagnose", kept) for side in order}
+        pair = Pair(case.draw, case.seed, outcome[now], outcome[then])
+        result = "" if pair.alike else f"  {pair.now['names']} instead of {pair.then['names']}"
         seconds = f"{pair.now['cpu_s']:7.2f} s {pair.then['cpu_s']:7.2f} s {pair.ratio:6.3f}"
-        print(f"{seconds}  {case.seed} {case.draw}{said}", file=sys.stderr, flush=True)
+        print(f"{seconds}  {case.seed} {case.draw}{result}", file=sys.stderr, flush=True)
         yield pair
 
 

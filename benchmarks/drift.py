@@ -63,8 +63,8 @@ def drawn(rng: np.random.Generator, groups: int, repeats: int, poses: tuple[str,
     of_run = poses * (groups * repeats)
     values = rng.standard_normal((len(group), 5)) + np.array([[BETWEEN_POSES[pose]] for pose in of_run])
     values[group >= rng.integers(1, groups), rng.integers(5)] += change
-    found = Estimates(("run",) * len(group), of_run, tuple("abcde"), values, np.zeros_like(values))
-    return changes(found, group.tolist(), [f"group {g}" for g in range(groups)], QUICK, int(rng.integers(1 << 31)))
+    result = Estimates(("run",) * len(group), of_run, tuple("abcde"), values, np.zeros_like(values))
+    return changes(result, group.tolist(), [f"group {g}" for g in range(groups)], QUICK, int(rng.integers(1 << 31)))
 
 
 def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
@@ -73,7 +73,7 @@ def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
     calm = estimate_each([run_of(plant, rig, pose, 0, 1.0) for pose in POSES], rig)
     at = calm.names.index("c1/b")
     std = np.hypot(np.sqrt(np.mean(calm.std[:, at] ** 2)) / calm.values[:, at].mean(), scatter)
-    group, found = [0] * 9 + [1] * 9, []
+    group, result = [0] * 9 + [1] * 9, []
     for change in (0.0, CHANGE * std):
         alarms = []
         for trial in range(trials):
@@ -82,10 +82,10 @@ def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
             runs = [run_of(plant, rig, POSES[k % 3], 100 * trial + k, f) for k, f in enumerate(factors)]
             drift = changes(estimate_each(runs, rig), group, ["before", "after"], QUICK, trial)
             alarms.append(bool(drift.moved))
-        found.append(float(np.mean(alarms)))
-    said = f"recorded, friction scatters by {percent(scatter)}"
-    yield at_most(f"{said}: false alarms", found[0], 0.02)
-    yield at_least(f"{said}: 3 std found", found[1], 0.9)
+        result.append(float(np.mean(alarms)))
+    outcome = f"recorded, friction scatters by {percent(scatter)}"
+    yield at_most(f"{outcome}: false alarms", result[0], 0.02)
+    yield at_least(f"{outcome}: 3 std found", result[1], 0.9)
 
 
 def run_of(plant: PlantConfig, rig: Rig, pose: str, seed: int, factor: float) -> Run:

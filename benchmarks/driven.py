@@ -60,8 +60,8 @@ DRIVE = (
 def records(folder: Path, design: str, torque: str) -> tuple[Rig, dict[str, float], list[Run]]:
     """Drafted rig, the authors' model, and three records of a design."""
     files = sorted(folder.glob(f"{design}_*.csv"))
-    told = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
-    model, lengths = told["authors_model"], told["lengths"]
+    document = json.loads(files[0].with_suffix(".json").read_text(encoding="utf-8"))
+    model, lengths = document["authors_model"], document["lengths"]
     inner, outer = Measure(model["m1"]), Measure(model["m2"])
     drafted = draft_rig(RigMeasures(f"dfki {design}", lengths["l1_m"], lengths["l2_m"], inner, outer))
     rig = rezeroed(parse_rig(drafted))
@@ -80,10 +80,10 @@ def begun(foretell: Foretell, t: Array, theta: Array) -> Array:
     """Fit the state (4,) of a model at `PAD` before t[0] to the first readings."""
     head = t < t[0] + SETTLE_S
     line = np.polynomial.polynomial.polyfit(t[head] - t[0] + PAD, theta[head], 4)
-    found = least_squares(
+    result = least_squares(
         lambda x: (foretell(t[head], x) - theta[head]).ravel(), np.concatenate([line[0], line[1]]), diff_step=1e-5
     )
-    return found.x
+    return result.x
 
 
 def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
@@ -110,7 +110,7 @@ def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
         return v1, v2, (M22 * f1 - M12 * f2) / det, (M11 * f2 - M12 * f1) / det
 
     x = [state[0] - math.pi, state[1] - state[0], state[2], state[3] - state[2]]
-    now, found = float(t[0]) - PAD, []
+    now, result = float(t[0]) - PAD, []
     held = np.maximum(np.searchsorted(run.t, t, side="right") - 2, 0)  # a reading ends the step of the torque before
     for end, i in zip(t.tolist(), held.tolist(), strict=True):
         count = max(1, math.ceil((end - now) / STEP_S))
@@ -122,8 +122,8 @@ def authors(model: dict[str, float], run: Run, t: Array, state: Array) -> Array:
             k4 = slope([a + h * k for a, k in zip(x, k3, strict=True)], *tau)
             x = [a + h / 6 * (p + 2 * q + 2 * r + s) for a, p, q, r, s in zip(x, k1, k2, k3, k4, strict=True)]
         now = end
-        found.append((x[0] + math.pi, x[0] + x[1] + math.pi))
-    return np.array(found)
+        result.append((x[0] + math.pi, x[0] + x[1] + math.pi))
+    return np.array(result)
 
 
 def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) -> Array:
@@ -138,12 +138,12 @@ def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) ->
 
 def errors(run: Run, foretell: Foretell) -> Array:
     """Rms errors (windows,) of both angles, without the first readings of each window, rad."""
-    found = []
+    result = []
     for t, theta in windows(run)[1:]:
         later = t >= t[0] + SETTLE_S
         angles = foretell(t, begun(foretell, t, theta))
-        found.append(np.sqrt(np.mean((angles - theta)[later] ** 2)))
-    return np.array(found)
+        result.append(np.sqrt(np.mean((angles - theta)[later] ** 2)))
+    return np.array(result)
 
 
 def zeros(run: Run, at: Estimate, rig: Rig) -> Array:

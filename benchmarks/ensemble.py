@@ -201,26 +201,26 @@ def main() -> None:
     fit = identified if chosen.identify else diagnosed
     drawn = range(chosen.first, chosen.first + (2 if chosen.quick else chosen.plants))
     made = {seed: list(simulated(seed, chosen.members, fit)) for seed in drawn}
-    found = []
+    result = []
     for kind in dict.fromkeys(DRAWS):
         some = [band for seed, each in made.items() if DRAWS[seed % len(DRAWS)] == kind for band in each]
-        found += [pooled(f"simulated, {kind}", some, target=False)] if some else []
+        result += [pooled(f"simulated, {kind}", some, target=False)] if some else []
     everything = [band for each in made.values() for band in each]
-    found += [pooled("simulated rigs", everything)] if everything else []
+    result += [pooled("simulated rigs", everything)] if everything else []
     mujoco = range(chosen.first, chosen.first + chosen.mujoco)
     others = [band for seed in mujoco for band in in_mujoco(seed, chosen.members, fit)]
-    found += [pooled("rigs in MuJoCo", others)] if others else []
+    result += [pooled("rigs in MuJoCo", others)] if others else []
     under_torques = range(chosen.first, chosen.first + chosen.driven)
     others = [band for seed in under_torques for band in driven(seed, chosen.members, fit)]
-    found += [pooled("driven plants", others)] if others else []
+    result += [pooled("driven plants", others)] if others else []
     if chosen.real.is_dir() and not chosen.quick:
         of_rigs = {rig.title: list(real(rig, chosen.members, fit)) for rig in rigs(chosen.real)}
-        found += [pooled(name, some, target=False) for name, some in of_rigs.items() if some]
+        result += [pooled(name, some, target=False) for name, some in of_rigs.items() if some]
         every = [each for some in of_rigs.values() for each in some]
-        found.append(pooled("real rigs", [each for each in every if each[1] <= BEYOND]))
+        result.append(pooled("real rigs", [each for each in every if each[1] <= BEYOND]))
         outside = [each for each in every if each[1] > BEYOND]
-        found += [pooled("real rigs, beyond the fitted amplitudes", outside, target=False)] if outside else []
-    show("predictive bands of ensembles", found, chosen.json)
+        result += [pooled("real rigs, beyond the fitted amplitudes", outside, target=False)] if outside else []
+    show("predictive bands of ensembles", result, chosen.json)
 
 
 if __name__ == "__main__":

@@ -100,7 +100,7 @@ def outcome(search: str, box: str, trial: Trial, evaluations: int, seed: int) ->
     best, used = searched(search, trial, rig, evaluations, seed)
     search_s = time.perf_counter() - began
     costs = segment_objective(trial.runs, rig)(np.array([best, trial.Z])).sum(axis=1)
-    found = ratios(base_parameters(best, rig.L1, rig.g))
+    result = ratios(base_parameters(best, rig.L1, rig.g))
     began = time.perf_counter()
     fit = polish(best, trial.runs, rig)
     return Outcome(
@@ -109,7 +109,7 @@ def outcome(search: str, box: str, trial: Trial, evaluations: int, seed: int) ->
         evaluations=used,
         search_s=search_s,
         polish_s=time.perf_counter() - began,
-        before=float(np.abs(found / trial.ratios - 1)[:3].max()),
+        before=float(np.abs(result / trial.ratios - 1)[:3].max()),
         basin=bool(costs[0] < 2 * costs[1]),
         success=bool(np.sqrt(fit.chi2_per_dof) < NEAR_FLOOR),
         error=float(np.sqrt(np.mean(((fit.ratios - trial.ratios) / trial.cramer_rao_std) ** 2))),
@@ -165,7 +165,7 @@ def bars(table: Sequence[Row]) -> list[Bar]:
 def beaten(table: Sequence[Row]) -> list[str]:
     """Sentences on the results in which another search is better than the improved genetic algorithm."""
     igas = {row.box: row for row in table if row.search == "iga"}
-    said = []
+    result = []
     for other in (row for row in table if row.search in ALGORITHMS):
         iga = igas[other.box]
         better = [
@@ -178,8 +178,8 @@ def beaten(table: Sequence[Row]) -> list[str]:
             if wins
         ]
         if better:
-            said.append(f"{other.box}: {other.search} beats the IGA in {', '.join(better)}")
-    return said
+            result.append(f"{other.box}: {other.search} beats the IGA in {', '.join(better)}")
+    return result
 
 
 def show_rows(table: Sequence[Row]) -> None:
@@ -208,14 +208,14 @@ def main() -> None:
     searches = list(dict.fromkeys(["iga", *(chosen.only or [*ALGORITHMS, *WITHOUT_SEARCH])]))
     outcomes = list(all_rigs(seeds, searches, chosen.evaluations, chosen.processes))
     table = rows(outcomes)
-    said = beaten(table)
+    result = beaten(table)
     if not chosen.json:
         show_rows(table)
-        print(*said, sep="\n")
+        print(*result, sep="\n")
     shown = 0.05 ** (1 / len(seeds))
     bound = f"success of at least {percent(shown, 1)} at 95 % confidence"
     title = f"{len(seeds)} random rigs; without a failure they show a {bound}"
-    show(title, bars(table), chosen.json, rows=[asdict(row) for row in table], beaten=said)
+    show(title, bars(table), chosen.json, rows=[asdict(row) for row in table], beaten=result)
 
 
 if __name__ == "__main__":

@@ -91,10 +91,10 @@ def measured(box: str, name: str, program: Program, trials: Sequence[Trial]) -> 
     rig, seconds, errors, bounds = boxed(box), [], [], []
     for trial in trials:
         began = time.perf_counter()
-        found = program(trial, rig)
+        result = program(trial, rig)
         seconds.append(time.perf_counter() - began)
-        errors.append(np.abs(found / trial.ratios - 1).max())
-        bounds.append(np.sqrt(np.mean(((found - trial.ratios) / trial.cramer_rao_std) ** 2)))
+        errors.append(np.abs(result / trial.ratios - 1).max())
+        bounds.append(np.sqrt(np.mean(((result - trial.ratios) / trial.cramer_rao_std) ** 2)))
     print(f"{box}, {name}: done", file=sys.stderr)
     return Row(box, name, *(float(np.median(values)) for values in (seconds, errors, bounds)))
 

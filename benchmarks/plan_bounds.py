@@ -134,7 +134,7 @@ def powers(known: Knowledge, H: Array) -> dict[str, Array]:
     """
     columns = list(range(RATIO_COLUMNS, len(known.prior)))
     G = given(known.prior + H, known.fitted, columns) - known.prior[np.ix_(columns, columns)]
-    found: dict[str, Array] = {}
+    result: dict[str, Array] = {}
     for name, places in known.places.items():
         for k in (place - RATIO_COLUMNS for place in places):
             remaining = [G[k, k]]
@@ -146,8 +146,8 @@ def powers(known: Knowledge, H: Array) -> dict[str, Array]:
                     left = G[k, k] - cross @ np.linalg.pinv(G[np.ix_(rows, rows)], 1e-12, True) @ cross
                     if left > (1 - THRESHOLDS.indistinguishable**2) * G[k, k]:  # below it, one class
                         remaining.append(left)
-            found[f"{name} {known.model.columns[k + RATIO_COLUMNS].name}"] = np.array([G[k, k], min(remaining)])
-    return found
+            result[f"{name} {known.model.columns[k + RATIO_COLUMNS].name}"] = np.array([G[k, k], min(remaining)])
+    return result
 
 
 def needed(powers_after: Sequence[Array], size: float) -> int:

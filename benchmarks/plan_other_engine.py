@@ -186,9 +186,9 @@ def is_right(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
 
 def is_true(plant: Plant, looks: Sequence[SequentialLook]) -> bool:
     """Whether the last diagnosis is right, or reports no gap and a minimum detectable size above the effect."""
-    found = looks[-1].diagnosis
-    least = found.detectable.get(plant.effect, {}).get(AMPLITUDES.get(plant.effect, ""))
-    return is_right(plant, looks) or (found.verdict == "no_gap" and least is not None and plant.size < least)
+    diagnosis = looks[-1].diagnosis
+    least = diagnosis.detectable.get(plant.effect, {}).get(AMPLITUDES.get(plant.effect, ""))
+    return is_right(plant, looks) or (diagnosis.verdict == "no_gap" and least is not None and plant.size < least)
 
 
 def least(plant: Plant, counts: Mapping[str, int], first: int, seed: int) -> int:

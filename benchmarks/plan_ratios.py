@@ -72,9 +72,9 @@ def accuracy(plant: Plant, releases: list[CandidateRelease], repeats: int, rng: 
     true = ratios(base_parameters(plant.Z, plant.rig.L1, plant.rig.g))
     for _ in range(repeats):
         runs = [replace(plant.record(release, rng), name=f"P{k}") for k, release in enumerate(releases)]
-        found = list(identify(runs, plant.rig).ratios.values())
-        stated.append([ratio.std for ratio in found])
-        errors.append(np.array([ratio.value for ratio in found]) - true)
+        result = list(identify(runs, plant.rig).ratios.values())
+        stated.append([ratio.std for ratio in result])
+        errors.append(np.array([ratio.value for ratio in result]) - true)
     return Accuracy(*(np.sqrt(np.mean(np.square(each), axis=0)) for each in (stated, errors)))
 
 
@@ -85,10 +85,10 @@ def shares(seed: int, repeats: int) -> dict[str, tuple[float, float]]:
     """
     plant, rng = drawn(5 * seed + 4), np.random.default_rng(seed)
     assert not plant.effect, "each fifth plant has no effect"
-    found = {name: accuracy(plant, each, repeats, rng) for name, each in planned(plant.rig).items()}
-    of_menu = found.pop(MENU)
+    result = {name: accuracy(plant, each, repeats, rng) for name, each in planned(plant.rig).items()}
+    of_menu = result.pop(MENU)
     return {
-        name: (_mean(each.stated / of_menu.stated), _mean(each.error / of_menu.error)) for name, each in found.items()
+        name: (_mean(each.stated / of_menu.stated), _mean(each.error / of_menu.error)) for name, each in result.items()
     }
 
 

@@ -51,8 +51,8 @@ def dfki_driven(design: str) -> Callable[[Path], tuple[Rig, list[Run]]]:
 
 def _titled(folder: Path, part: str) -> tuple[Rig, list[Run]]:
     """Rig and recordings of the first real rig whose title contains a text."""
-    found = next(one for one in rigs(folder) if part in one.title)
-    return found.rig, found.runs
+    result = next(one for one in rigs(folder) if part in one.title)
+    return result.rig, result.runs
 
 
 SPACING_S = 0.02
@@ -88,11 +88,11 @@ def held_out_errors(rig: Rig, runs: list[Run], chosen: int) -> dict[str, float]:
     """Error of the free run along each recording that was not fitted, rad; inf if the fit failed."""
     others = [run for k, run in enumerate(runs) if k != chosen]
     try:
-        found = diagnose([runs[chosen]], rig, held_out=others)
+        diagnosis = diagnose([runs[chosen]], rig, held_out=others)
     except DprError as error:
         print(f"  {runs[chosen].name}: {error}", file=sys.stderr)
         return {run.name: np.inf for run in others}
-    free = found.gap.free_run_rad
+    free = diagnosis.gap.free_run_rad
     return {run.name: free[run.name]["after"] for run in others if run.name in free}
 
 

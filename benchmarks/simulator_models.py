@@ -174,13 +174,13 @@ def differences(before: str, after: str) -> list[str]:
     """
     trees = [fromstring(text, XMLParser(target=TreeBuilder(insert_comments=True))) for text in (before, after)]
     pairs = list(zip(*(tree.iter() for tree in trees), strict=True))
-    found = [
+    result = [
         f"{old.tag} {key}"
         for old, new in pairs
         for key in sorted({*old.attrib, *new.attrib})
         if old.get(key) != new.get(key)
     ]
-    return found + [
+    return result + [
         f"{old.tag}" for old, new in pairs if (old.tag, old.text, old.tail) != (new.tag, new.text, new.tail)
     ]
 

@@ -119,7 +119,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, get_context("spawn").Pool(len(minutes)) as pool:
         jobs = {name: pool.apply_async(record, (name, 60 * long, folder)) for name, long in minutes.items()}
         results = {name: job.get() for name, job in jobs.items()}
-    bars = [bar for name, found in results.items() for bar in _bars(name, minutes[name], found)]
+    bars = [bar for name, result in results.items() for bar in _bars(name, minutes[name], result)]
     show("soak", bars, chosen.json, minutes=minutes, results=results)
 
 

@@ -33,11 +33,11 @@ def one(job: tuple[int, int]) -> tuple[list[float], list[float], list[bool], flo
     trial = draw(seed, rate_hz)
     rng = np.random.default_rng([seed, 1])
     start = trial.Z * rng.uniform(1 - START_WITHIN, 1 + START_WITHIN, len(trial.Z))
-    found = polish(start, trial.runs, load_rig("paper"))
-    sure, error = uncertainty(found), found.ratios - trial.ratios
+    result = polish(start, trial.runs, load_rig("paper"))
+    sure, error = uncertainty(result), result.ratios - trial.ratios
     inside = [low <= true <= high for i, true in enumerate(trial.ratios) for low, high in [sure.interval90(i)]]
     over_bound, over_std = (error / trial.cramer_rao_std).tolist(), (error / sure.std).tolist()
-    return over_bound, over_std, inside, found.chi2_per_dof, found.segments
+    return over_bound, over_std, inside, result.chi2_per_dof, result.segments
 
 
 def _single_thread() -> None:

@@ -43,8 +43,8 @@ def searched(generations: int) -> tuple[float, int]:
     """Wall time of the published search, s, scaled to all generations, and its number of evaluations."""
     rig, settings = load_rig("paper"), load_search("paper")
     assert isinstance(settings, IgaSettings)
-    found = run_search(SearchCase("sum", "off", 0), rig, settings.model_copy(update={"generations": generations}))
-    return found.wall_s * settings.generations / generations, found.evaluations
+    result = run_search(SearchCase("sum", "off", 0), rig, settings.model_copy(update={"generations": generations}))
+    return result.wall_s * settings.generations / generations, result.evaluations
 
 
 def on(threads: int, measure: Callable[[], float]) -> float:
@@ -60,7 +60,7 @@ def on(threads: int, measure: Callable[[], float]) -> float:
 def measure(quick: bool) -> list[Bar]:
     """Measure all results of the table."""
     threads = numba.get_num_threads()
-    runs, seeds = [item.run for item in draw(0).runs], 3 if quick else 7
+    runs, seeds = [run.run for run in draw(0).runs], 3 if quick else 7
     identified(runs, 1)
     searched(1)
     paper_s, evaluations = searched(FEW if quick else 1000)

@@ -50,7 +50,7 @@ def write_command_line(app: Sphinx) -> None:
         names += [[name, *rest] for rest in ([], *([sub] for sub in inner))]
     parts = ["# Command line\n\nOutput of `--help` for each command.\n"]
     for words in names:
-        said = subprocess.run(
+        stdout = subprocess.run(
             [sys.executable, "-m", "dpr_lab", *words, "--help"],
             env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"},
             capture_output=True,
@@ -58,7 +58,7 @@ def write_command_line(app: Sphinx) -> None:
             check=True,
         ).stdout
         title = " ".join(["dpr-lab", *words])
-        parts.append(f"## `{title}`\n\n```text\n{said.strip()}\n```\n")
+        parts.append(f"## `{title}`\n\n```text\n{stdout.strip()}\n```\n")
     target = HERE / "reference" / "command-line.md"
     text = "\n".join(parts)
     if not target.exists() or target.read_text(encoding="utf-8") != text:

@@ -88,10 +88,12 @@ def docstrings(model: type[BaseModel]) -> dict[str, str]:
     (table,) = ast.parse(dedent(getsource(model))).body
     assert isinstance(table, ast.ClassDef)
     return {
-        key.target.id: said.value.value
-        for key, said in pairwise(table.body)
+        key.target.id: result.value.value
+        for key, result in pairwise(table.body)
         if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)
-        if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant) and isinstance(said.value.value, str)
+        if isinstance(result, ast.Expr)
+        and isinstance(result.value, ast.Constant)
+        and isinstance(result.value.value, str)
     }
 
 
@@ -114,8 +116,8 @@ def shown(value: Any) -> str:
 def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
     """What a value may be, in words."""
     if get_origin(kind) is Annotated:
-        inner, *said = get_args(kind)
-        yield from ranges(inner, [part for one in said for part in getattr(one, "metadata", [one])])
+        inner, *result = get_args(kind)
+        yield from ranges(inner, [part for one in result for part in getattr(one, "metadata", [one])])
     elif get_origin(kind) in (Union, UnionType):
         for other in get_args(kind):
             yield from ranges(other, metadata) if other is not NoneType else ()
@@ -131,8 +133,8 @@ def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
         yield "`true` or `false`"
     elif kind in (int, float):
         words = {"gt": "above", "ge": "from", "lt": "below", "le": "to"}
-        said = [f"{words[k]} {getattr(m, k):g}" for m in metadata for k in words if getattr(m, k, None) is not None]
-        yield f"{'whole number' if kind is int else 'number'} {' '.join(said)}".strip()
+        result = [f"{words[k]} {getattr(m, k):g}" for m in metadata for k in words if getattr(m, k, None) is not None]
+        yield f"{'whole number' if kind is int else 'number'} {' '.join(result)}".strip()
     else:
         yield "text"
 

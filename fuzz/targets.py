@@ -62,11 +62,11 @@ def frames(data: bytes) -> None:
 def slcan(data: bytes) -> None:
     """Test the decoder of the lines of a CAN adapter."""
     whole, cut = SlcanDecoder(), SlcanDecoder()
-    found = whole.feed(data)
+    result = whole.feed(data)
     at = data[0] if data else 0
     if max(map(len, data.replace(b"\a", b"\r").split(b"\r")), default=0) <= LONGEST_LINE:
-        assert cut.feed(data[:at]) + cut.feed(data[at:]) == found
-    for frame in found:
+        assert cut.feed(data[:at]) + cut.feed(data[at:]) == result
+    for frame in result:
         assert len(frame.data) <= 8
         assert frame.id < 1 << 11
     assert len(whole._rest) <= LONGEST_LINE

@@ -98,11 +98,11 @@ OTHERS = ("power", "third", "one_sided", "wander", "fifth")
 
 def laws(rng: np.random.Generator, *, rods: int = 2, dominant: bool = True) -> list[Law]:
     """Draw the dominant effect, then three to six small effects."""
-    found = [_law(str(rng.choice(NAMED)), int(rng.integers(rods)), float(rng.uniform(*DOMINANT)), rng)] * dominant
+    result = [_law(str(rng.choice(NAMED)), int(rng.integers(rods)), float(rng.uniform(*DOMINANT)), rng)] * dominant
     for _ in range(int(rng.integers(3, 7))):
         name = str(rng.choice(NAMED + OTHERS))
-        found.append(_law(name, int(rng.integers(rods)), float(rng.uniform(*SMALL)), rng))
-    return found
+        result.append(_law(name, int(rng.integers(rods)), float(rng.uniform(*SMALL)), rng))
+    return result
 
 
 def law(name: str, joint: int, size: float, seed: int = 0) -> Law:

@@ -124,8 +124,8 @@ def table(folder: Path, name: str, rig: Rig, columns: dict[str, Array], **how: A
 
 def one_rod(length: float, mass: float, counts: int, rng: np.random.Generator) -> Rig:
     """Rig file as drafted by a user, with an error of 0.5 % in the length."""
-    told = length * (1 + 0.005 * rng.standard_normal())
-    measures = RigMeasures("bench", told, told, Measure(mass), Measure(mass), counts_per_rev=counts)
+    result = length * (1 + 0.005 * rng.standard_normal())
+    measures = RigMeasures("bench", result, result, Measure(mass), Measure(mass), counts_per_rev=counts)
     return parse_rig(draft_rig(measures)).with_rods("inner")
 
 

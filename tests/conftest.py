@@ -172,8 +172,8 @@ def recorded(paper: Rig) -> Callable[..., list[Any]]:
 
     def made(effects: Any, seed: int = 1, duration: float = 4.0, **encoders: object) -> list[Any]:
         plant = load_plant("paper", seed).model_dump()
-        told = {"effects": effects, "encoders": EncoderConfig.model_validate(encoders)}
-        return record(PlantConfig.model_validate(plant | told), paper, duration)
+        result = {"effects": effects, "encoders": EncoderConfig.model_validate(encoders)}
+        return record(PlantConfig.model_validate(plant | result), paper, duration)
 
     return made
 

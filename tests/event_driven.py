@@ -47,10 +47,10 @@ class Rods:
         rest = [j for j in (0, 1) if sides[j] == 0]
         J, n = JOINTS[rest], len(rest)
         system = np.block([[self.mass(x[:2]), -J.T], [J, np.zeros((n, n))]])
-        found = np.linalg.solve(system, np.concatenate([self.torque(x, sides), np.zeros(n)]))
+        result = np.linalg.solve(system, np.concatenate([self.torque(x, sides), np.zeros(n)]))
         lambdas = np.zeros(2)
-        lambdas[rest] = found[2:]
-        return found[:2], lambdas
+        lambdas[rest] = result[2:]
+        return result[:2], lambdas
 
     def sides(self, x):
         """Direction in which each joint slides or starts to slide; 0 if it rests."""
@@ -88,9 +88,9 @@ BEGINS_S = 1e-6
 
 def swing(rods: Rods, start, t, error=1e-11):
     """Simulate states (n, 4) at t, with stops and starts; each interval between two events is integrated separately."""
-    x, now, found = np.array(start, dtype=float), t[0], [np.array(start, dtype=float)]
+    x, now, result = np.array(start, dtype=float), t[0], [np.array(start, dtype=float)]
     sides, dry = rods.sides(x), [j for j in (0, 1) if rods.laws[j](0.0) > 0]
-    while len(found) < len(t):
+    while len(result) < len(t):
         begins = any(sides[j] != 0 and JOINTS[j] @ x[2:] == 0 for j in dry)
         looked_at = [] if begins else dry
         events: list[Any] = [_event(rods, tuple(sides), j) for j in looked_at]
@@ -105,7 +105,7 @@ def swing(rods: Rods, start, t, error=1e-11):
             dense_output=True,
         )
         until = solved.t[-1]
-        found += [solved.sol(at) for at in t[len(found) :] if at <= until]
+        result += [solved.sol(at) for at in t[len(result) :] if at <= until]
         x, now = solved.y[:, -1].copy(), until
         happened = {j: len(times) > 0 for j, times in zip(looked_at, solved.t_events or (), strict=True)}
         stopped = [happened.get(j, False) and sides[j] != 0 for j in (0, 1)]
@@ -117,4 +117,4 @@ def swing(rods: Rods, start, t, error=1e-11):
                 sides[j], released = -np.sign(rods.accelerations(x, sides)[1][j]), True
         if not (released or begins):
             sides = rods.sides(x)
-    return np.array(found)
+    return np.array(result)

@@ -21,12 +21,12 @@ EFFECTS_ROOM = "dpr_lab.effects"
 
 def modules(package: str) -> dict[str, ast.Module]:
     """Syntax tree of every module of a package, by dotted name."""
-    found = {}
+    result = {}
     for path in sorted((ROOT / package.replace(".", "/")).rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        found[name] = tree_of(path)
-    return found
+        result[name] = tree_of(path)
+    return result
 
 
 @cache
@@ -62,7 +62,7 @@ def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
     order: dict[str, int] = {}
     low: dict[str, int] = {}
     stack: list[str] = []
-    found: list[list[str]] = []
+    result: list[list[str]] = []
 
     def visit(name: str) -> None:
         order[name] = low[name] = len(order)
@@ -77,12 +77,12 @@ def circles(graph: Mapping[str, set[str]]) -> list[list[str]]:
             group = stack[stack.index(name) :]
             del stack[stack.index(name) :]
             if len(group) > 1:
-                found.append(sorted(group))
+                result.append(sorted(group))
 
     for name in graph:
         if name not in order:
             visit(name)
-    return found
+    return result
 
 
 def longest_chain(graph: Mapping[str, set[str]]) -> list[str]:
@@ -103,25 +103,25 @@ def within(graph: Mapping[str, set[str]], *packages: str) -> dict[str, set[str]]
 
 def class_names(trees: Mapping[str, ast.Module]) -> dict[str, list[str]]:
     """Modules that define each public class name."""
-    found: dict[str, list[str]] = defaultdict(list)
+    result: dict[str, list[str]] = defaultdict(list)
     for name, tree in trees.items():
         for node in nodes_of(tree):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                found[node.name].append(name)
-    return found
+                result[node.name].append(name)
+    return result
 
 
 def numeric_constants(trees: Mapping[str, ast.Module]) -> list[str]:
     """Names module.NAME of all module-level UPPERCASE constants that contain a number and no text."""
-    found = []
+    result = []
     for name, tree in trees.items():
         for node in tree.body:
             if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not _numeric(node.value):
                 continue
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             names = [t.id for target in targets for t in ast.walk(target) if isinstance(t, ast.Name)]
-            found += [f"{name}.{n}" for n in names if n.upper() == n]
-    return found
+            result += [f"{name}.{n}" for n in names if n.upper() == n]
+    return result
 
 
 def _numeric(value: ast.expr) -> bool:
@@ -135,24 +135,24 @@ def effects_named(trees: Mapping[str, ast.Module], effects: Iterable[str]) -> li
     """module:line name of every effect that a text names; in docstrings only what stands in quotes counts."""
     words = "|".join(sorted(effects))
     anywhere, quoted = re.compile(rf"(?<!\w)({words})(?!\w)"), re.compile(rf"[`'\"]({words})[`'\"]")
-    found = []
+    result = []
     for name, tree in trees.items():
-        told = {id(node.value) for node in nodes_of(tree) if isinstance(node, ast.Expr)}
+        expressions = {id(node.value) for node in nodes_of(tree) if isinstance(node, ast.Expr)}
         for node in nodes_of(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                said = (quoted if id(node) in told else anywhere).findall(node.value)
-                found += [f"{name}:{node.lineno} {effect}" for effect in said]
-    return found
+                match = (quoted if id(node) in expressions else anywhere).findall(node.value)
+                result += [f"{name}:{node.lineno} {effect}" for effect in match]
+    return result
 
 
 def folder_sizes() -> dict[str, int]:
     """Python files of each folder, except `__init__` and `__main__`."""
-    found: dict[str, int] = defaultdict(int)
+    result: dict[str, int] = defaultdict(int)
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):
             if path.name not in ("__init__.py", "__main__.py"):
-                found[path.parent.relative_to(ROOT).as_posix()] += 1
-    return found
+                result[path.parent.relative_to(ROOT).as_posix()] += 1
+    return result
 
 
 def main() -> None:

@@ -50,8 +50,8 @@ class Block:
 def blocks(page: Path) -> list[Block]:
     """All code blocks of a page, in order."""
     text = page.read_text(encoding="utf-8")
-    found = re.finditer(r"^( *)```(.*)\n((?:.*\n)*?)\1```$", text, flags=re.MULTILINE)
-    return [Block(text.count("\n", 0, block.start()) + 1, block[2].strip(), block[3]) for block in found]
+    result = re.finditer(r"^( *)```(.*)\n((?:.*\n)*?)\1```$", text, flags=re.MULTILINE)
+    return [Block(text.count("\n", 0, block.start()) + 1, block[2].strip(), block[3]) for block in result]
 
 
 def name(page: Path) -> str:
@@ -256,9 +256,9 @@ def follow(page: Path, folder: Path, patience_s: float, *, forked: bool = False)
         for variable, link in (("SERIAL", "pty"), ("CAN", "slcan")):
             if f"${variable}" in steps:
                 environment[variable] = stack.enter_context(device(link))
-        said = stack.enter_context((folder / "said.txt").open("w+", encoding="utf-8"))
+        result = stack.enter_context((folder / "said.txt").open("w+", encoding="utf-8"))
         process = subprocess.Popen(
-            ["sh", "-e", "-x", "-c", steps], cwd=folder, env=environment, stdout=said, stderr=said,
+            ["sh", "-e", "-x", "-c", steps], cwd=folder, env=environment, stdout=result, stderr=result,
             stdin=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         try:
@@ -266,5 +266,5 @@ def follow(page: Path, folder: Path, patience_s: float, *, forked: bool = False)
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-        said.seek(0)
-        assert code == 0, said.read()[-3000:]
+        result.seek(0)
+        assert code == 0, result.read()[-3000:]

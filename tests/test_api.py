@@ -64,10 +64,10 @@ def test_results_show_themselves_on_a_few_lines(results, found) -> None:
     rig = dpr.load_rig("paper")
     for result in (rig, dpr.identifiability([results[0]], rig), *results, found):
         assert str(result) == repr(result)
-        told, page = repr(result), result._repr_html_()
-        assert 1 <= len(told.splitlines()) < 25
-        assert len(told) < 2000
-        assert "array(" not in told
+        outcome, page = repr(result), result._repr_html_()
+        assert 1 <= len(outcome.splitlines()) < 25
+        assert len(outcome) < 2000
+        assert "array(" not in outcome
         assert page.startswith("<p>")
     assert "a/b" in repr(results[1])
     assert found.effects[0].name in repr(found)

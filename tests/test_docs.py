@@ -35,10 +35,10 @@ def test_the_worked_example_says_what_its_certificate_certifies() -> None:
     page = (ROOT / "docs" / "worked-example.md").read_text(encoding="utf-8")
     claims = load_certificate(ROOT / "docs" / "examples" / "multiarm" / "certificate.json").claims
     for name in ("verdict", "share of the gap closed", "a/b", "d/b", "e1/b"):
-        told = re.search(rf"\| {name} \| (\S+) \|", page)
-        assert told is not None
+        match = re.search(rf"\| {name} \| (\S+) \|", page)
+        assert match is not None
         value = claims[name].value
-        assert told[1] == value if isinstance(value, str) else float(told[1]) == pytest.approx(value, rel=1e-3)
+        assert match[1] == value if isinstance(value, str) else float(match[1]) == pytest.approx(value, rel=1e-3)
     effects = {
         "Free-form friction curve, joint 2": "friction_curve_joint2",
         "Free-form friction curve, joint 1": "friction_curve_joint1",
@@ -66,7 +66,9 @@ def test_every_guarantee_of_the_readme_has_its_test() -> None:
     assert len(promised) >= 20
     for name, file in promised:
         functions = ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8")))
-        (test,) = (found for found in functions if isinstance(found, ast.FunctionDef) and found.name == name)
+        (test,) = (
+            function for function in functions if isinstance(function, ast.FunctionDef) and function.name == name
+        )
         assert "pytest.mark.long" not in map(ast.unparse, test.decorator_list), f"make test leaves out {name}"
 
 
@@ -88,11 +90,11 @@ def numbered() -> list[int]:
 
 def placed() -> dict[int, list[str]]:
     """Files that the table in the theory names for each equation."""
-    found = {}
+    result = {}
     for numbers, files in re.findall(r"^\| ([\d, -]+) \| (`.+`) \|$", THEORY, flags=re.MULTILINE):
         for first, last in re.findall(r"(\d+)(?:-(\d+))?", numbers):
-            found |= dict.fromkeys(range(int(first), int(last or first) + 1), re.findall(r"`([^`]+)`", files))
-    return found
+            result |= dict.fromkeys(range(int(first), int(last or first) + 1), re.findall(r"`([^`]+)`", files))
+    return result
 
 
 def test_equations_are_numbered_once_and_each_has_a_place() -> None:

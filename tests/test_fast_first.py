@@ -13,7 +13,7 @@ def test_fast_and_slow_tests_of_a_file_are_two_groups() -> None:
 
 
 def test_slow_tests_are_sorted_behind_the_fast_ones(request: pytest.FixtureRequest) -> None:
-    here = [item for item in request.session.items if item.path == request.path]
+    here = [result for result in request.session.items if result.path == request.path]
     assert here
     items = [*here, pytest.Function.from_parent(request.node.parent, name="slow", callobj=lambda: None), *here]
     items[len(here)].add_marker(pytest.mark.slow)

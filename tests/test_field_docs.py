@@ -47,8 +47,8 @@ def undocumented(place: str) -> list[str]:
             continue
         for field, below in zip(node.body, [*node.body[1:], None], strict=True):
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-                told = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
-                if not told and not field.target.id.startswith("_"):
+                result = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+                if not result and not field.target.id.startswith("_"):
                     missing.append(f"{node.name}.{field.target.id}")
     return missing
 
@@ -59,6 +59,6 @@ def test_every_field_of_a_public_class_is_documented_below_it(module: str) -> No
 
 
 def test_every_public_class_is_in_a_module_that_is_looked_at() -> None:
-    classes = [item for name in dpr.__all__ if inspect.isclass(item := getattr(dpr, name))]
+    classes = [result for name in dpr.__all__ if inspect.isclass(result := getattr(dpr, name))]
     looked_at = {f"dpr_lab.{module.partition(':')[0]}" for module in MODULES} | {"dpr_lab.errors"}
-    assert {item.__module__ for item in classes} <= looked_at
+    assert {result.__module__ for result in classes} <= looked_at

@@ -143,10 +143,12 @@ def test_the_tests_upgrade_the_environment_of_the_demo_and_nothing_is_installed_
 @pytest.mark.long
 def test_the_readme_says_what_is_installed() -> None:
     """Within a tenth, or 5 MB: libraries grow from version to version."""
-    told = {name: float(size) for name, size in re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, flags=re.MULTILINE)}
+    result = {
+        name: float(size) for name, size in re.findall(r"^\| `(\w+)` \|.*\| (\d+) \|$", README, flags=re.MULTILINE)
+    }
     (core,) = re.findall(r"The package and the libraries that it needs take (\d+) MB", README)
-    measured = {name: sum(added_mb(name).values()) for name in extras() if name in told}
-    assert set(extras()) - set(told) <= {"fuzz"}
+    measured = {name: sum(added_mb(name).values()) for name in extras() if name in result}
+    assert set(extras()) - set(result) <= {"fuzz"}
     assert float(core) == pytest.approx(sum(sizes_mb(requirements()).values()), rel=0.1)
-    for name, size in told.items():
+    for name, size in result.items():
         assert size == pytest.approx(measured[name], rel=0.1, abs=5), name

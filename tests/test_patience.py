@@ -82,9 +82,9 @@ def test_what_depends_on_speed_is_seen(line: str, impatient: bool) -> None:
 
 
 def test_no_test_depends_on_the_speed_of_the_machine() -> None:
-    found = [
+    result = [
         f"{path.relative_to(TESTS)}:{line}"
         for path in sorted(TESTS.rglob("*.py"))
         for line in impatience(path.read_text(encoding="utf-8"))
     ]
-    assert found == []
+    assert result == []

@@ -36,9 +36,9 @@ def status_of(device: Device) -> Status:
     """Next STATUS of the device."""
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
-        told = [message for batch in device.poll(0.2) for message in batch.messages if isinstance(message, Status)]
-        if told:
-            return told[-1]
+        result = [message for batch in device.poll(0.2) for message in batch.messages if isinstance(message, Status)]
+        if result:
+            return result[-1]
     raise AssertionError("the device says nothing")
 
 
@@ -161,22 +161,22 @@ MAKES_ITS_OWN_SOURCE = {"dpr_lab/effects/fold.py"}
 
 
 def test_no_source_runs_what_a_file_says() -> None:
-    found: set[str] = set()
+    result: set[str] = set()
     for path in containing("|".join((*RUNS_CODE, *LOADS_CODE, "shell", "allow_pickle"))):
         name = path.relative_to(ROOT).as_posix()
         for node in ast.walk(tree_of(path)):
             match node:
                 case ast.Call(func=ast.Name(id=called)) if called in RUNS_CODE:
-                    found.add(name)
+                    result.add(name)
                 case ast.Import(names=names) if LOADS_CODE & {alias.name.split(".")[0] for alias in names}:
-                    found.add(name)
+                    result.add(name)
                 case ast.ImportFrom(module=str(module)) if module.split(".")[0] in LOADS_CODE:
-                    found.add(name)
+                    result.add(name)
                 case ast.keyword(arg="shell" | "allow_pickle", value=ast.Constant(value=True)):
-                    found.add(name)
+                    result.add(name)
                 case _:
                     pass
-    assert found <= MAKES_ITS_OWN_SOURCE
+    assert result <= MAKES_ITS_OWN_SOURCE
 
 
 class Bomb:

@@ -239,8 +239,8 @@ def test_the_error_of_a_fitted_scale_counts_once(fixed_by: Literal["data", "boun
         effect="coulomb_joint1", parameter="torque_Nm", size=2e-3, estimate=0.0, confidence=1.0, interval90=(0.0, 1e-3)
     )
     scale = Scale(b=0.01, interval90=(0.008, 0.012), fixed_by=fixed_by)
-    found = made(effects=[], scale=scale, evidence=Evidence.model_construct(exclusions=[excluded]))
-    (judged,) = judge(found, limit("coulomb_joint1", "torque_Nm", 1.1e-3, "N m")).limits
+    result = made(effects=[], scale=scale, evidence=Evidence.model_construct(exclusions=[excluded]))
+    (judged,) = judge(result, limit("coulomb_joint1", "torque_Nm", 1.1e-3, "N m")).limits
     assert judged.interval90 == pytest.approx((0.0, width))
     assert judged.answer == ("pass" if fixed_by == "data" else "not decidable")
 
@@ -253,8 +253,8 @@ def test_a_kick_before_the_horizon_leaves_a_run_out(paper: Rig, monkeypatch: pyt
     monkeypatch.setattr(free_run, "without_disturbances", lambda recordings, _: recordings)
     runs: list[Any] = [SimpleNamespace(name=name, t=np.arange(0.0, 2.001, 0.005)) for name in ends]
     gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={}))
-    found: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects={}, gap=gap, **UNCORRECTED)
-    assert free_run_errors(runs, paper, found, 2.0) == {"whole": 1.0}
+    result: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects={}, gap=gap, **UNCORRECTED)
+    assert free_run_errors(runs, paper, result, 2.0) == {"whole": 1.0}
 
 
 def enumerate_runs(errors: tuple[float, ...]) -> list[tuple[str, float]]:
@@ -283,9 +283,9 @@ def test_missed_counts_of_one_run_are_not_applied_to_another_run(paper: Rig, mon
     runs: list[Any] = [SimpleNamespace(name=f"R{i}", t=np.array([0.0, end])) for i, end in enumerate((0.5, 2.0, 2.0))]
     gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={run.name: 1.0 for run in runs}))
     effects = {"missed_counts": {"counts": 20.0, "joint": 1.0, "run": 1.0, "time_s": 0.2}}
-    found: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects=effects, gap=gap, **UNCORRECTED)
+    result: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects=effects, gap=gap, **UNCORRECTED)
     for horizon in (0.4, 1.0):
-        free_run_errors(runs, paper, found, horizon)
+        free_run_errors(runs, paper, result, horizon)
     assert compared == [20.0, 0.0]
 
 
@@ -302,8 +302,8 @@ def test_runs_of_one_name_are_judged_separately(paper: Rig, monkeypatch: pytest.
     t = np.linspace(0.0, 2.0, 9)
     run = Run("X1", t, np.zeros((9, 3)), None, None, paper.name, "", 4.0)
     gap = SimpleNamespace(closed_held_out=SimpleNamespace(per_run={}))
-    found: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects={}, gap=gap, **UNCORRECTED)
-    assert free_run_errors([run, run], paper, found, 2.0) == {"X1": 1.0, "X1 (2)": 1.0}
+    result: Any = SimpleNamespace(unknowns=nominal_ratios(paper), model_effects={}, gap=gap, **UNCORRECTED)
+    assert free_run_errors([run, run], paper, result, 2.0) == {"X1": 1.0, "X1 (2)": 1.0}
 
 
 def friction(size: float, speed: float = 3.0) -> Limits:

@@ -21,12 +21,12 @@ def test_the_reference_devices_conform(simulated, firmware: str) -> None:
     """The core in C without drives is also in the sketch of `tests/firmware_c/test_c_arduino.py`, which conforms."""
     link = open_transport(simulated(clock="realtime", firmware=firmware).url)
     try:
-        found = list(conformity(link, PATIENT))
+        result = list(conformity(link, PATIENT))
     finally:
         link.close()
-    assert [(one.what, one.message) for one in found if not one.ok] == []
-    assert len(found) >= 15
-    assert found[-3].what == "the sample rate is correct"
+    assert [(one.what, one.message) for one in result if not one.ok] == []
+    assert len(result) >= 15
+    assert result[-3].what == "the sample rate is correct"
 
 
 @pytest.mark.parametrize("rate_hz", [500.0, 490.0, 510.0])
@@ -62,14 +62,14 @@ def test_each_deviation_of_a_device_from_the_protocol_is_named(simulated) -> Non
 
     link = Otherwise(open_transport(simulated(clock="realtime").url), change)
     try:
-        found = {one.what: one for one in conformity(link, PATIENT)}  # pyright: ignore[reportArgumentType]
+        result = {one.what: one for one in conformity(link, PATIENT)}  # pyright: ignore[reportArgumentType]
     finally:
         link.close()
-    refused = found["commands refused in IDLE"]
+    refused = result["commands refused in IDLE"]
     assert not refused.ok
     assert "step" in refused.message
-    assert not found["complete run: hold, stream, release, stop"].ok
-    assert "latched True" in found["complete run: hold, stream, release, stop"].message
+    assert not result["complete run: hold, stream, release, stop"].ok
+    assert "latched True" in result["complete run: hold, stream, release, stop"].message
 
 
 def test_it_asks_for_the_rods_to_be_off() -> None:

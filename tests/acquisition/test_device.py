@@ -72,9 +72,9 @@ def collect(device: Device, enough: Callable[[list[Batch]], bool], timeout: floa
 def poll_on(device: Device, ticks: list[int] | None = None) -> None:
     """Poll until an exception is raised, and add the received ticks to `ticks`. The time limit of the test applies."""
     while True:
-        found = ticks_of(device.poll(0.1))
+        result = ticks_of(device.poll(0.1))
         if ticks is not None:
-            ticks += found
+            ticks += result
 
 
 def ticks_of(batches: list[Batch]) -> list[int]:

@@ -107,9 +107,9 @@ def test_a_device_with_drives_conforms(simulated, table: Path, firmware: str) ->
     link = open_transport(simulated(clock="realtime", firmware=firmware, torques=table).url)
     try:
         patient = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))
-        found = list(conformity(link, patient))
+        result = list(conformity(link, patient))
     finally:
         link.close()
-    assert [(one.what, one.message) for one in found if not one.ok] == []
-    assert {"every sample has its torques"} < {one.what for one in found}
-    assert any("with joint drives reports them first" in one.what for one in found)
+    assert [(one.what, one.message) for one in result if not one.ok] == []
+    assert {"every sample has its torques"} < {one.what for one in result}
+    assert any("with joint drives reports them first" in one.what for one in result)

@@ -95,12 +95,12 @@ def test_rods_that_still_move_after_the_longest_duration_are_remarked_on(
     with bench() as (device, _):
         options = CaptureOptions(until_rest=True, max_duration=3.0)
         captured = capture(device, paper, "X2", options, tmp_path, confirm=agree)
-    said = "the rods were still moving at the end of the recording, 3 s after the release"
+    result = "the rods were still moving at the end of the recording, 3 s after the release"
     assert captured.duration == 3.0
     assert captured.quality.ok
-    assert captured.quality.sentence.startswith(f"ok; {said}")
+    assert captured.quality.sentence.startswith(f"ok; {result}")
     assert captured.quality.to_json()["notes"] == list(captured.quality.notes)
-    assert said in info(captured.run_file).gate
+    assert result in info(captured.run_file).gate
 
 
 def test_a_recording_of_a_set_length_is_not_expected_to_end_at_rest(paper: Rig, tmp_path: Path, bench, agree) -> None:

@@ -53,8 +53,8 @@ class Liar:
 
     def receive(self, timeout: float) -> Received:
         came = self.inner.receive(timeout)
-        told = [encode(said, frame.node) for frame in came.frames for said in self.lie(decode(frame))]
-        return replace(came, frames=tuple(told))
+        result = [encode(entry, frame.node) for frame in came.frames for entry in self.lie(decode(frame))]
+        return replace(came, frames=tuple(result))
 
 
 @pytest.fixture
@@ -168,10 +168,10 @@ def test_ticks_that_go_back_end_the_recording(lying, paper: Rig, tmp_path: Path,
     with lying(back_by(ticks)) as (device, _), pytest.raises(LinkError, match="ticks of the device decreased"):
         capture(device, paper, "X1", CaptureOptions(duration=4.0), tmp_path, confirm=agree)
     (kept,) = tmp_path.glob("*.mcap")
-    said = info(kept)
-    assert not said.complete
-    assert "ticks of the device decreased" in said.stopped
-    assert said.duration_s < 3.0
+    result = info(kept)
+    assert not result.complete
+    assert "ticks of the device decreased" in result.stopped
+    assert result.duration_s < 3.0
 
 
 def test_ticks_that_go_back_a_little_degrade_it(lying, paper: Rig, tmp_path: Path, agree) -> None:

@@ -76,7 +76,7 @@ def test_the_keys_that_other_tools_rely_on(told: dict[str, Any], worn: list[Path
         assert set(effect) >= {"name", "class", "probability", "parameters", "share"}
         assert effect["name"] in effect["class"]
         assert set(effect["class"]) <= set(EFFECTS)
-        assert all(is_interval(found["interval90"]) and "value" in found for found in effect["parameters"].values())
+        assert all(is_interval(entry["interval90"]) and "value" in entry for entry in effect["parameters"].values())
     for rival in told["rivals"]:
         assert set(rival) >= {"name", "class", "probability", "cosine"}
     assert {"no_gap", "unexplained"} <= set(told["probabilities"])
@@ -90,10 +90,10 @@ def test_the_keys_that_other_tools_rely_on(told: dict[str, Any], worn: list[Path
 def test_dry_friction_is_named_with_its_size(told: dict[str, Any]) -> None:
     """Torques assume the b of the rig file, which differs slightly from that of the plant."""
     assert told["verdict"] == "named"
-    found = {effect["name"]: effect for effect in told["effects"]}
-    assert set(found) == {"coulomb_joint1", "coulomb_joint2"}
-    assert found["coulomb_joint1"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0023, rel=0.2)
-    assert found["coulomb_joint2"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0008, rel=0.2)
+    result = {effect["name"]: effect for effect in told["effects"]}
+    assert set(result) == {"coulomb_joint1", "coulomb_joint2"}
+    assert result["coulomb_joint1"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0023, rel=0.2)
+    assert result["coulomb_joint2"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0008, rel=0.2)
     assert told["gap"]["closed_held_out"]["estimate"] > 0.9
 
 
@@ -123,8 +123,8 @@ def without_files(told: dict[str, Any]) -> dict[str, Any]:
 
 def without_times(diagnosis: dict[str, Any]) -> dict[str, Any]:
     evidence = {name: value for name, value in diagnosis["evidence"].items() if name != "made_utc"}
-    told = {name: value for name, value in diagnosis.items() if name not in ("seconds", "files")}
-    return told | {"evidence": evidence}
+    result = {name: value for name, value in diagnosis.items() if name not in ("seconds", "files")}
+    return result | {"evidence": evidence}
 
 
 def test_the_readable_form_starts_with_the_verdict(worn: list[Path], cli) -> None:
@@ -148,17 +148,17 @@ def test_a_run_held_out_only_measures(worn: list[Path], cli) -> None:
 @pytest.mark.long
 def test_the_library_bounds_what_can_be_named(worn: list[Path], cli) -> None:
     words = ("--library", "coulomb_joint1,coulomb_joint2,detent_joint1", "--without", "coulomb_joint2")
-    told = cli("diagnose", *worn, "--rig", "paper", *words, "--max-effects", 1, "--json").json
-    assert set(told["detectable"]) <= {"coulomb_joint1", "detent_joint1"}
-    assert len(told["effects"]) <= 1
-    assert {effect["name"] for effect in told["effects"]} <= {"coulomb_joint1", "detent_joint1"}
+    result = cli("diagnose", *worn, "--rig", "paper", *words, "--max-effects", 1, "--json").json
+    assert set(result["detectable"]) <= {"coulomb_joint1", "detent_joint1"}
+    assert len(result["effects"]) <= 1
+    assert {effect["name"] for effect in result["effects"]} <= {"coulomb_joint1", "detent_joint1"}
 
 
 @pytest.mark.long
 def test_an_identified_model_is_a_start(worn: list[Path], model: Path, cli) -> None:
     words = ("--model", model, "--library", "coulomb_joint1,coulomb_joint2", "--json")
-    told = cli("diagnose", *worn, "--rig", "paper", *words).json
-    assert {effect["name"] for effect in told["effects"]} == {"coulomb_joint1", "coulomb_joint2"}
+    result = cli("diagnose", *worn, "--rig", "paper", *words).json
+    assert {effect["name"] for effect in result["effects"]} == {"coulomb_joint1", "coulomb_joint2"}
 
 
 def test_a_rig_without_a_gap_has_none(runs: list[Path], cli) -> None:
@@ -196,9 +196,9 @@ def test_bad_input_is_answered_with_a_sentence_and_a_code(worn: list[Path], mode
         (("--rig", "paper"), 2, "runs"),
         ((*worn,), 2, "--rig"),
     ]
-    for words, code, said in cases:
+    for words, code, result in cases:
         done = cli("diagnose", *words)
-        assert (done.code, said in done.err, "Traceback" in done.err) == (code, True, False), (words, done.err)
+        assert (done.code, result in done.err, "Traceback" in done.err) == (code, True, False), (words, done.err)
 
 
 def test_a_model_of_another_rig_is_refused(worn: list[Path], model: Path, tmp_path: Path, cli) -> None:

@@ -46,17 +46,17 @@ def test_the_damping_of_the_file_is_changed_and_nothing_else(cli, bench: tuple[P
     folder, rig = bench
     done = cli("diagnose", *RUNS, *FEW, "--simulator", "robot.xml", "--out", "out", "--json", cwd=folder)
     assert done.code == 0, done.err
-    said = done.json["simulator"]
-    assert (said["format"], said["joints"], said["refused"]) == ("MJCF", ["shoulder", "elbow"], "")
-    (cause,) = said["causes"]
+    result = done.json["simulator"]
+    assert (result["format"], result["joints"], result["refused"]) == ("MJCF", ["shoulder", "elbow"], "")
+    (cause,) = result["causes"]
     assert (cause["joint"], cause["quantity"]) == ("shoulder", "damping")
     assert cause["after"] == pytest.approx(0.005, rel=2e-3)
-    (change,) = said["changes"]
+    (change,) = result["changes"]
     assert (change["element"], change["attribute"], change["before"]) == ("joint shoulder", "damping", "0.002")
     text = (folder / "out" / "robot.xml").read_text(encoding="utf-8")
     truth = PLANTED["damping wrong"].truth
     assert held_out_error(text, truth, rig) < 0.1 * held_out_error(ROBOT, truth, rig)
-    assert (folder / "out" / "robot.xml.diff").read_text(encoding="utf-8") == said["diff"]
+    assert (folder / "out" / "robot.xml.diff").read_text(encoding="utf-8") == result["diff"]
     assert (folder / "robot.xml").read_text(encoding="utf-8") == ROBOT
 
 
@@ -95,11 +95,11 @@ def test_a_urdf_is_compared_and_changed(cli, bench: tuple[Path, Rig]) -> None:
     words = ("diagnose", *RUNS, *FEW, "--simulator", "robot.urdf", "--rig", "rig.toml", "--json")
     done = cli(*words, cwd=folder)
     assert done.code == 0, done.err
-    said = done.json["simulator"]
-    assert (said["format"], said["refused"], said["lost"]) == ("URDF", "", {})
-    assert [cause["quantity"] for cause in said["causes"]] == ["damping"]
-    assert [change["attribute"] for change in said["changes"]] == ["damping"]
-    assert all(replay["after_rad"] < 0.1 * replay["before_rad"] for replay in said["replays"])
+    result = done.json["simulator"]
+    assert (result["format"], result["refused"], result["lost"]) == ("URDF", "", {})
+    assert [cause["quantity"] for cause in result["causes"]] == ["damping"]
+    assert [change["attribute"] for change in result["changes"]] == ["damping"]
+    assert all(replay["after_rad"] < 0.1 * replay["before_rad"] for replay in result["replays"])
 
 
 def test_the_diagnosis_of_a_file_that_cannot_be_changed_is_complete(
@@ -145,10 +145,10 @@ def test_an_effect_that_the_file_cannot_contain_is_written_as_passive_forces(cli
     words = ("--held-out", held_out, "--rig", "paper", "--simulator", "own.xml", "--out", "out", "--json")
     done = cli("diagnose", *fitted, *words, "--library", "base_tilt,coulomb_joint1,coulomb_joint2", cwd=tmp_path)
     assert done.code == 0, done.err
-    said = done.json["simulator"]
-    assert said["passive"] == list(said["lost"]) == ["base_tilt"]
+    result = done.json["simulator"]
+    assert result["passive"] == list(result["lost"]) == ["base_tilt"]
     assert load_diagnosis(tmp_path / "out" / "diagnosis.json").effects[0].name == "base_tilt"
-    (replay,) = said["replays"]
+    (replay,) = result["replays"]
     assert replay["passive_rad"] < 0.02 * replay["after_rad"]
     assert replay["passive_rad"] == pytest.approx(replay["lab_rad"], rel=0.2)
     folder = tmp_path / "out" / "with_passive_forces"

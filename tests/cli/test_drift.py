@@ -45,7 +45,7 @@ def test_the_command_reports_what_changed_between_two_days(days: list[Path], tmp
     done = cli("drift", *days, "--rig", "paper", "--out", tmp_path / "out", "--fail-on-drift", "--json")
     assert done.code == 1, done.err
     assert done.json["drifted"]
-    (moved,) = [item for item in done.json["parameters"] if item["moved"]]
+    (moved,) = [entry for entry in done.json["parameters"] if entry["moved"]]
     assert moved["name"] == "c2/b"
     low, high = (end / moved["first"] for end in moved["step_interval"])
     assert low < 0.02 < high

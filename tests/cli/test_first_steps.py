@@ -81,11 +81,11 @@ def test_choices_are_completed() -> None:
 
 
 def test_help_names_every_search(cli) -> None:
-    said = " ".join(cli("identify", "--help").out.split())
+    output = " ".join(cli("identify", "--help").out.split())
     for name in ALGORITHMS:
-        assert search_words(name) in said
+        assert search_words(name) in output
     for name in OBJECTIVES:
-        assert objective_words(name) in said
+        assert objective_words(name) in output
 
 
 @pytest.mark.slow

@@ -40,10 +40,10 @@ def test_capture_says_what_it_recorded(runs: list[Path], cli) -> None:
 
 
 def test_identify_finds_the_plant_within_its_own_uncertainty(model: Path) -> None:
-    found = json.loads(model.read_text())
-    assert list(found["ratios"]) == list(RATIOS)
+    document = json.loads(model.read_text())
+    assert list(document["ratios"]) == list(RATIOS)
     for name, true in plant_ratios(3).items():
-        ratio = found["ratios"][name]
+        ratio = document["ratios"][name]
         assert set(ratio) >= RATIO_KEYS
         assert abs(ratio["value"] - true) < 4 * ratio["std"]
         assert ratio["interval90"][0] < ratio["value"] < ratio["interval90"][1]
@@ -51,14 +51,14 @@ def test_identify_finds_the_plant_within_its_own_uncertainty(model: Path) -> Non
 
 
 def test_identify_json_carries_what_other_tools_rely_on(model: Path, runs: list[Path]) -> None:
-    found = json.loads(model.read_text())
-    assert list(found["parameters"]) == list(PARAMETERS)
-    assert all(p["fixed_by"] in ("data", "measured", "bound") for p in found["parameters"].values())
-    assert set(found["fit"]["rms_rad"]) == set(found["fit"]["noise_rad"]) == {"theta1", "theta2"}
-    assert found["fit"]["segments"] >= 3
-    assert {"evaluations", "seconds", "seed"} <= set(found["search"])
-    assert [Path(run["file"]) for run in found["runs"]] == runs
-    assert all(re.fullmatch("[0-9a-f]{64}", run["sha256"]) for run in found["runs"])
+    document = json.loads(model.read_text())
+    assert list(document["parameters"]) == list(PARAMETERS)
+    assert all(p["fixed_by"] in ("data", "measured", "bound") for p in document["parameters"].values())
+    assert set(document["fit"]["rms_rad"]) == set(document["fit"]["noise_rad"]) == {"theta1", "theta2"}
+    assert document["fit"]["segments"] >= 3
+    assert {"evaluations", "seconds", "seed"} <= set(document["search"])
+    assert [Path(run["file"]) for run in document["runs"]] == runs
+    assert all(re.fullmatch("[0-9a-f]{64}", run["sha256"]) for run in document["runs"])
 
 
 @pytest.mark.slow
@@ -171,9 +171,9 @@ def test_one_more_release_with_a_known_added_mass_gives_absolute_values(runs: li
     assert done.code == 0, done.err
     true = truth(hidden_plant(Options()))["parameters"]
     for name in ("c1", "c2"):
-        found = done.json["parameters"][name]
-        assert found["fixed_by"] == "data"
-        assert abs(found["value"] - true[name]) < 4 * found["std"]
-        assert found["std"] < 0.01 * true[name]
+        result = done.json["parameters"][name]
+        assert result["fixed_by"] == "data"
+        assert abs(result["value"] - true[name]) < 4 * result["std"]
+        assert result["std"] < 0.01 * true[name]
     assert {value["fixed_by"] for value in done.json["base"].values()} == {"data"}
     assert done.json["covariance"]["order"][-1] == "b"

@@ -222,8 +222,8 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
 def test_wrong_missing_and_implausible_entries_are_reported(
     tmp_path: Path, old: str, new: str, state: str, key: str
 ) -> None:
-    found = check_rig(changed(tmp_path, old, new))
-    assert (state, key) in [(finding.state, finding.key) for finding in found], found
+    result = check_rig(changed(tmp_path, old, new))
+    assert (state, key) in [(finding.state, finding.key) for finding in result], result
 
 
 def test_a_rig_that_cannot_be_used_ends_with_1(cli, tmp_path: Path) -> None:

@@ -42,10 +42,10 @@ def test_the_json_of_one_file_is_an_object_and_of_many_a_list(runs: list[Path], 
         assert one.code == many.code == 0
         assert one.json["file"] == str(runs[0])
         assert many.json[0] == one.json
-        assert [found["file"] for found in many.json] == list(map(str, runs))
+        assert [entry["file"] for entry in many.json] == list(map(str, runs))
     one, many = cli("run", "verify", damaged, "--json"), cli("run", "verify", runs[0], damaged, "--json")
     assert one.code == many.code == 3
-    assert [found["ok"] for found in (one.json, *many.json)] == [False, True, False]
+    assert [entry["ok"] for entry in (one.json, *many.json)] == [False, True, False]
 
 
 def test_info_names_quantities_in_words_with_units(runs: list[Path], cli) -> None:
@@ -63,8 +63,8 @@ def test_files_that_are_not_runs_are_listed_between_the_runs(runs: list[Path], t
     gone = tmp_path / "gone.mcap"
     done = cli("run", "info", runs[0], gone, runs[1], "--json")
     assert done.code == 3
-    assert [found["file"] for found in done.json] == list(map(str, (runs[0], gone, runs[1])))
-    assert ["error" in found for found in done.json] == [False, True, False]
+    assert [entry["file"] for entry in done.json] == list(map(str, (runs[0], gone, runs[1])))
+    assert ["error" in entry for entry in done.json] == [False, True, False]
     assert str(gone) in done.err
     alone = cli("run", "info", gone, "--json")
     assert alone.code == alone.json["exit_code"] == 3

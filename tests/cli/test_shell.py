@@ -75,9 +75,9 @@ def test_dpr_lab_never_loads_the_simulated_device() -> None:
 
 def test_doctor_greets_a_device(cli) -> None:
     done = cli("doctor", "--link", "sim://?clock=fast", "--rig", "paper", "--json")
-    found = {finding["what"]: finding for finding in done.json["findings"]}
-    assert found["device"]["state"] == found["rig"]["state"] == "ok"
-    assert found["numba"]["state"] == "ok"
+    result = {finding["what"]: finding for finding in done.json["findings"]}
+    assert result["device"]["state"] == result["rig"]["state"] == "ok"
+    assert result["numba"]["state"] == "ok"
 
 
 def test_doctor_holds_the_device_against_the_rig_file(tmp_path: Path, cli) -> None:
@@ -125,8 +125,8 @@ def test_an_interrupted_capture_finalises_its_file(tmp_path: Path, cli, number: 
         time.sleep(0.05)
     time.sleep(1.0)
     process.send_signal(number)
-    _, said = process.communicate(timeout=400)
-    assert process.returncode == 130, said
+    _, result = process.communicate(timeout=400)
+    assert process.returncode == 130, result
     info = cli("run", "info", files[0], "--json").json
     assert info["complete"] is False
     assert info["damage"] == ""

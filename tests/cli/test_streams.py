@@ -126,11 +126,11 @@ def test_ctrl_c_is_one_line_and_one_object_at_any_moment(
             assert after_work(process.pid, moment_s)
             process.send_signal(signal.SIGINT)
             out, err = process.communicate()
-        said = err.decode().strip().splitlines()
-        assert process.returncode in INTERRUPTED, (moment_s, said)
+        result = err.decode().strip().splitlines()
+        assert process.returncode in INTERRUPTED, (moment_s, result)
         assert json.loads(out) == {"error": "interrupted", "exit_code": 130}
-        assert said[-1] == "dpr-lab: interrupted"
-        assert set(said[:-1]) <= {COMPILING}, moment_s
+        assert result[-1] == "dpr-lab: interrupted"
+        assert set(result[:-1]) <= {COMPILING}, moment_s
 
 
 @pytest.mark.slow

@@ -44,12 +44,12 @@ def driven(paper: Rig, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.mark.slow
 def test_the_scale_is_that_of_the_torques_which_are_taken(driven: list[Path], paper: Rig, cli) -> None:
     scale = [identifiability(IdentifiabilityRequest("paper", tuple(driven), kind)) for kind in (None, "commanded")]
-    assert [found.torques for found in scale] == [("measured",), ("commanded",)]
+    assert [entry.torques for entry in scale] == [("measured",), ("commanded",)]
     answers = [result.identifiability for result in scale if isinstance(result.identifiability, Identifiability)]
     measured, commanded = (answer.unknowns["b"] for answer in answers)
     assert commanded == pytest.approx(2 * measured, rel=0.01)
-    told = cli("identifiability", *driven, "--rig", "paper", "--torque", "commanded", "--json")
-    assert told.json["torques"] == ["commanded"]
+    output = cli("identifiability", *driven, "--rig", "paper", "--torque", "commanded", "--json")
+    assert output.json["torques"] == ["commanded"]
 
 
 @pytest.mark.slow

@@ -52,17 +52,17 @@ def test_a_trial_is_drawn_diagnosed_opened_and_scored_in_this_order(tmp_path: Pa
     assert f"dpr-lab trials run {folder}" in early.err
     assert not (folder / "opened.json").exists()
 
-    said = cli("trials", "run", folder, "--json")
-    assert said.code == 0, said.err
-    assert json.loads((folder / "diagnosis.json").read_text())["verdict"] == said.json["verdict"]
-    assert Path(said.json["files"]["report"]).is_file()
+    output = cli("trials", "run", folder, "--json")
+    assert output.code == 0, output.err
+    assert json.loads((folder / "diagnosis.json").read_text())["verdict"] == output.json["verdict"]
+    assert Path(output.json["files"]["report"]).is_file()
 
     opened = cli("trials", "open", folder, "--json")
     assert opened.code == 0, opened.err
     assert opened.json["seal"] == drawn.json["seal"]
     assert opened.json["drawn"] == {"kind": "single", "level": "clear", "seed": 5}
     (hidden,) = opened.json["truth"]["effects"]
-    assert any(hidden in effect["class"] for effect in said.json["effects"])
+    assert any(hidden in effect["class"] for effect in output.json["effects"])
     assert read_outcome(opened.json["score"]).first
     opens_and_stays_open(folder, hidden, cli)
 

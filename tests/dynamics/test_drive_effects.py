@@ -52,17 +52,17 @@ def lagrangian(t, given, laws, late=0.0):
 
     jumps = LOGGED + late
     borders = np.concatenate([[0.0], jumps[(jumps > 0.0) & (jumps < t[-1])], [t[-1]]])
-    x, found, at = START, [], []
+    x, result, at = START, [], []
     for begin, end in pairwise(borders):
         tau = given[max(0, np.searchsorted(jumps, 0.5 * (begin + end)) - 1)]
         here = t[(t > begin) & (t <= end)]
         path = solve_ivp(slope, (begin, end), x, "DOP853", t_eval=np.union1d(here, end),
                          args=(tau,), rtol=1e-9, atol=1e-10)  # fmt: skip
         x = path.y[:, -1]
-        found += [*path.y[:2, : len(here)].T]
+        result += [*path.y[:2, : len(here)].T]
         at += [*here]
     assert np.allclose(at, t)
-    return np.array(found)
+    return np.array(result)
 
 
 LAWS = {
@@ -132,24 +132,24 @@ def test_a_drive_is_distinguished_from_friction_and_inertia(problem):
     params = effect_params({"torque_ripple_joint2": {"order": 9.0}})
     at = Estimate.of(with_scale(unknown_ratios(WHOLE), 0.9 * WHOLE[1]), params, initial)
     free = free_parameters(at, list(truth), problem)
-    found = fit(problem, at, free, iterations=40)
-    A, _ = found.linear.flat
+    fitted = fit(problem, at, free, iterations=40)
+    A, _ = fitted.linear.flat
     std = dict(zip([(p.effect, p.name) for p in free], np.linalg.inv(A.T @ A).diagonal() ** 0.5, strict=True))
-    assert found.chi2 / (problem.evidence - len(free)) == pytest.approx(1.0, abs=0.25)
-    assert found.estimate.ratios[SCALE] == pytest.approx(WHOLE[1], abs=4 * std["", "b"])
+    assert fitted.chi2 / (problem.evidence - len(free)) == pytest.approx(1.0, abs=0.25)
+    assert fitted.estimate.ratios[SCALE] == pytest.approx(WHOLE[1], abs=4 * std["", "b"])
     for name, values in truth.items():
         for parameter in EFFECTS[name].amplitudes:
             sigma, value = std[name, parameter.name], values.get(parameter.name, 0.0)
-            assert found.estimate.params[param_index(name, parameter.name)] == pytest.approx(value, abs=4 * sigma)
+            assert fitted.estimate.params[param_index(name, parameter.name)] == pytest.approx(value, abs=4 * sigma)
             assert value == 0.0 or abs(value) > 5 * sigma
 
 
 def test_the_order_of_a_ripple_is_scanned_along_the_swing(problem):
     truth, problem, initial = problem
     known = effect_params({name: values for name, values in truth.items() if name != "torque_ripple_joint2"})
-    found = fit(problem, Estimate.of(unknown_ratios(WHOLE), known, initial), (), iterations=5)
+    fitted = fit(problem, Estimate.of(unknown_ratios(WHOLE), known, initial), (), iterations=5)
     ripple, nothing = EFFECTS["torque_ripple_joint2"], Recorded((None,), lambda: [])
-    kept = ShapeScan(problem, found, trajectory(problem, found.estimate), nothing).shapes(ripple)
+    kept = ShapeScan(problem, fitted, trajectory(problem, fitted.estimate), nothing).shapes(ripple)
     assert ((param_index("torque_ripple_joint2", "order"), 9.0),) in kept
     names = ["torque_scale_joint1", "torque_ripple_joint2", "coulomb_joint2", "rotor_inertia_joint2"]
-    assert score_test(problem, found, [EFFECTS[name] for name in names], nothing).ranking[0].effect is ripple
+    assert score_test(problem, fitted, [EFFECTS[name] for name in names], nothing).ranking[0].effect is ripple

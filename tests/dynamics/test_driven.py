@@ -59,10 +59,10 @@ def test_torques_drive_both_output_models(model, torques: np.ndarray, swing: np.
     # Past the release the lanes start 20 ms before the first sample.
     first = 0 if model is RodsAlone else 4
     laid_out = segments([T[first:]], setups=[Setup(torques=Torques(T, torques))], step=1e-3)
-    found = model(rig_constants(RIG)).predict(laid_out, estimate(START))
+    result = model(rig_constants(RIG)).predict(laid_out, estimate(START))
     truth = np.stack([swing[first:, 0], swing[first:, 1] - swing[first:, 0]], axis=1)
     assert np.abs(swing[:, 0] - np.pi).max() > 0.5
-    assert found == pytest.approx(truth, abs=2e-6)
+    assert result == pytest.approx(truth, abs=2e-6)
 
 
 def test_derivatives_with_respect_to_the_scale_agree_with_those_of_the_readings(torques: np.ndarray):
@@ -88,12 +88,12 @@ def recorded(torques: np.ndarray, swing: np.ndarray, seed: int) -> Run:
 
 def test_known_torques_make_the_scale_visible(torques: np.ndarray, swing: np.ndarray, paper: Rig):
     runs = [recorded(torques, swing, seed) for seed in (1, 2)]
-    found = polish(paper.nominal, [preprocess(run, paper) for run in runs], paper)
-    sure = uncertainty(found)
+    result = polish(paper.nominal, [preprocess(run, paper) for run in runs], paper)
+    sure = uncertainty(result)
     truth = unknown_ratios(BASE)[:6]
     assert sure.names[-1] == "b"
-    assert found.chi2_per_dof == pytest.approx(1.0, abs=0.15)
-    assert np.abs((found.unknowns - truth) / sure.std).max() < 4
+    assert result.chi2_per_dof == pytest.approx(1.0, abs=0.15)
+    assert np.abs((result.unknowns - truth) / sure.std).max() < 4
     assert sure.std[5] < 0.01 * truth[5]
 
 

@@ -48,21 +48,21 @@ def joints(states):
 def test_agrees_with_event_location(first, second, start):
     t = np.linspace(0, 1.5, 61)
     expected = swing(Rods(BASE, G / L1, (lambda u: first, lambda u: second)), start, t)
-    found = simulate(BASE, L1, G, start, t, 2.5e-3, coulomb(first, second))
-    np.testing.assert_allclose(found[:, :2], expected[:, :2], atol=3e-6)
-    np.testing.assert_allclose(found, simulate(BASE, L1, G, start, t, 2e-4, coulomb(first, second)), atol=3e-5)
+    result = simulate(BASE, L1, G, start, t, 2.5e-3, coulomb(first, second))
+    np.testing.assert_allclose(result[:, :2], expected[:, :2], atol=3e-6)
+    np.testing.assert_allclose(result, simulate(BASE, L1, G, start, t, 2e-4, coulomb(first, second)), atol=3e-5)
     np.testing.assert_allclose(
         simulate(BASE, L1, G, start, t, 2e-4, coulomb(first, second)), expected, atol=2e-9, rtol=0
     )
-    assert ((joints(found) == 0) == (np.abs(joints(expected)) < 1e-10)).mean() > 0.98
+    assert ((joints(result) == 0) == (np.abs(joints(expected)) < 1e-10)).mean() > 0.98
 
 
 def test_friction_that_falls_with_speed_agrees_too():
     values = {"torque_Nm": 0.03, "extra_at_rest_Nm": 0.03, "speed_rad_per_s": 0.4}
     law, t = lambda u: 0.03 + 0.03 * np.exp(-((u / 0.4) ** 2)), np.linspace(0, 2.0, 81)
     expected = swing(Rods(BASE, G / L1, (lambda u: 0.0, law)), hanging(0.6, 0.6), t)
-    found = simulate(BASE, L1, G, hanging(0.6, 0.6), t, 2e-4, effect_params({"stribeck_joint2": values}))
-    np.testing.assert_allclose(found, expected, atol=2e-9)
+    result = simulate(BASE, L1, G, hanging(0.6, 0.6), t, 2e-4, effect_params({"stribeck_joint2": values}))
+    np.testing.assert_allclose(result, expected, atol=2e-9)
 
 
 @each_case
@@ -139,13 +139,13 @@ def test_agrees_with_mujoco():
     <inertial pos="0 0 {l2}" mass="{m2}" diaginertia="{J2} {J2} 1e-6"/></body></body></worldbody></mujoco>""")
     data = mujoco.MjData(model)
     data.qpos[:] = start[0], start[1] - start[0]
-    found = [data.qpos.copy()]
+    result = [data.qpos.copy()]
     for now in t[1:]:
         while data.time < now - 1e-9:
             mujoco.mj_step(model, data)
-        found.append(data.qpos.copy())
+        result.append(data.qpos.copy())
     states = simulate(BASE, L1, G, start, t, 2.5e-3, coulomb(first, second))
-    np.testing.assert_allclose(states[:, :2] @ [[1, -1], [0, 1]], found, atol=2e-4)
+    np.testing.assert_allclose(states[:, :2] @ [[1, -1], [0, 1]], result, atol=2e-4)
     assert (joints(states) == 0)[1:].any(axis=0).all()
 
 
@@ -162,9 +162,9 @@ def test_directions_are_those_of_the_least_energy_of_acceleration():
             speeds[j] = (np.maximum(pull - forward[j], 0) + np.minimum(pull + backward[j], 0)) / inertia[j]
     for i in range(n):
         rods = ReducedRods._make([a[i], b[i], coupling[i], *torque[:, i], 0.0, 0.0, 0.0])
-        found = slides(rods, (0.0, 0.0), tuple(forward[:, i]), tuple(backward[:, i]))
+        result = slides(rods, (0.0, 0.0), tuple(forward[:, i]), tuple(backward[:, i]))
         if np.abs(speeds[speeds[:, i] != 0, i]).min(initial=1.0) > 1e-6:
-            assert found == tuple(np.sign(speeds[:, i]))
+            assert result == tuple(np.sign(speeds[:, i]))
 
 
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.dry])
@@ -179,7 +179,7 @@ def test_derivatives_are_smooth_across_stops_and_starts(name):
         moved = np.repeat(params[None], 4, 0)
         moved[:, i] *= 1 + np.array([0.0, 1e-5, 1e-4, -1e-4])
         step = params[i] * np.array([1e-5, 2e-4])
-        found = predict_batch([BASE] * 4, moved, CONSTANTS, coarse, [[start]] * 4)
+        result = predict_batch([BASE] * 4, moved, CONSTANTS, coarse, [[start]] * 4)
         exact = predict_batch([BASE] * 4, moved, CONSTANTS, fine, [[start]] * 4)
-        forward, central = (found[1] - found[0]) / step[0], (exact[2] - exact[3]) / step[1]
+        forward, central = (result[1] - result[0]) / step[0], (exact[2] - exact[3]) / step[1]
         assert np.abs(forward - central).max() <= 2e-3 * np.abs(central).max(), parameter.name

@@ -97,8 +97,8 @@ def test_a_free_arm_satisfies_lagrange_s_equations(lagrangian, states):
         outside = np.array([0.01 * tau0, 0.02, -0.03])
         M, forces, _ = lagrangian(q, w)
         expected = np.linalg.solve(M, forces.ravel() + friction(w) + outside)
-        found = moved(q, w, FREE, *outside)
-        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+        result = moved(q, w, FREE, *outside)
+        np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
 @pytest.mark.slow
@@ -108,9 +108,9 @@ def test_rods_on_a_driven_arm_satisfy_lagrange_s_equations(lagrangian, states):
         M, forces, _ = lagrangian(q, w)
         right = (forces.ravel() + friction(w))[1:] - M[1:, 0] * u
         expected = np.linalg.solve(M[1:, 1:], right)
-        alpha0, *found = moved(q, w, DRIVEN, float(u))
+        alpha0, *result = moved(q, w, DRIVEN, float(u))
         assert alpha0 == u
-        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+        np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
 def test_rods_on_a_clamped_arm_satisfy_lagrange_s_equations_and_equation_1(lagrangian, states):

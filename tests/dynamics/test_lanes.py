@@ -70,10 +70,10 @@ def test_pairs_and_all_at_once():
 def test_pairs_with_internal_states_pass_them_on():
     own = {name: INTERNAL.index(f"{name}.{EFFECTS[name].internal[0].name}") for name in REMEMBERING}
     pairs = list(itertools.product(REMEMBERING, [*REMEMBERING, "latency_joint2", "clock_rate", "load_friction_joint2"]))
-    for (one, _), (expected, found) in zip(pairs, compare(np.array([typical(*p) for p in pairs])), strict=True):
+    for (one, _), (expected, result) in zip(pairs, compare(np.array([typical(*p) for p in pairs])), strict=True):
         columns = [own[one] + i for i in range(len(EFFECTS[one].internal))]
-        np.testing.assert_allclose(found[:, columns], expected[:, columns], atol=EXACT)
-        assert (found[1, columns] != 0).all()
+        np.testing.assert_allclose(result[:, columns], expected[:, columns], atol=EXACT)
+        assert (result[1, columns] != 0).all()
 
 
 def test_internal_states_that_are_held_still():
@@ -122,9 +122,9 @@ def test_a_failed_candidate_spoils_none_that_comes_after_it_in_its_lane():
     bases = np.repeat(BASE[None], len(params), 0)
     bases[: LANES // 2] = np.nan
     bases[LANES // 2 : LANES] *= [1, 1, 50, 1, 1, 1]
-    found = predict_batch(bases, params, CONSTANTS, SEGMENTS, np.repeat(INITIAL[None], len(params), 0))
-    assert not np.isfinite(found[: LANES // 2]).any()
-    np.testing.assert_array_equal(found[LANES:], np.broadcast_to(found[-1], found[LANES:].shape))
+    result = predict_batch(bases, params, CONSTANTS, SEGMENTS, np.repeat(INITIAL[None], len(params), 0))
+    assert not np.isfinite(result[: LANES // 2]).any()
+    np.testing.assert_array_equal(result[LANES:], np.broadcast_to(result[-1], result[LANES:].shape))
 
 
 def test_tracks_hold_every_candidate_on_every_segment_once():
@@ -143,6 +143,6 @@ def test_tracks_hold_every_candidate_on_every_segment_once():
 @pytest.mark.parametrize("name", ["latency_joint2", "clock_rate"])
 def test_invalid_instants_give_nan(name):
     params = np.array([typical(name, factor=np.nan), typical(name)])
-    found = predict_batch([BASE] * 2, params, CONSTANTS, SEGMENTS, [INITIAL] * 2)
-    assert np.isnan(found[0]).all()
-    assert np.isfinite(found[1]).all()
+    result = predict_batch([BASE] * 2, params, CONSTANTS, SEGMENTS, [INITIAL] * 2)
+    assert np.isnan(result[0]).all()
+    assert np.isfinite(result[1]).all()

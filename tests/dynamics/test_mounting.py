@@ -68,9 +68,9 @@ def test_each_mounting_satisfies_lagrange_s_equations(mounting, elbow, model):
     truth = solve_ivp(
         lambda _, x: [x[1], alpha(*x)], (start, T[-1]), [1.1, 2.0], "DOP853", T, rtol=1e-11, atol=1e-11
     ).y[0]
-    found = readings(model(rig_constants(RIG)), Setup(mounting, elbow=round(elbow, 1)), [1.1, 1.1 + elbow, 2.0, 9.0])
-    assert found[:, 0] == pytest.approx(truth, abs=1e-7)
-    assert found[:, 1] == pytest.approx(elbow, abs=1e-9)
+    result = readings(model(rig_constants(RIG)), Setup(mounting, elbow=round(elbow, 1)), [1.1, 1.1 + elbow, 2.0, 9.0])
+    assert result[:, 0] == pytest.approx(truth, abs=1e-7)
+    assert result[:, 1] == pytest.approx(elbow, abs=1e-9)
 
 
 def test_a_rod_alone_keeps_its_energy_without_friction():
@@ -130,7 +130,7 @@ def test_effects_act_in_the_lanes_as_in_the_simulator(mounting: str):
     elbow = 0.7 if mounting == "clamped" else 0.0  # the halves of a rod alone are in line
     laid_out = segments([T], setups=[Setup(mounting, elbow=elbow)], step=2.5e-3)
     initial = np.array([[1.1, 1.1 + elbow, 2.0, 2.0]])
-    found = RodsWithEffects(constants).predict(laid_out, Estimate.of(unknown_ratios(WHOLE), params, initial))
+    result = RodsWithEffects(constants).predict(laid_out, Estimate.of(unknown_ratios(WHOLE), params, initial))
     alone, _ = read_segments(WHOLE, params, constants, laid_out, initial)
-    assert found == pytest.approx(alone[:, :2], abs=1e-9)
-    assert np.ptp(found[:, 1]) < 1e-9
+    assert result == pytest.approx(alone[:, :2], abs=1e-9)
+    assert np.ptp(result[:, 1]) < 1e-9

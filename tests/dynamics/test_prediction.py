@@ -49,8 +49,8 @@ def test_reads_the_simulated_angles(truth):
 
 def test_uneven_and_fine_instants_lie_on_the_swing(truth):
     t = PAD + 1e-4 * np.array([0, *np.sort(np.random.default_rng(0).choice(np.arange(1, 9000), 300, replace=False))])
-    found = predict(BASE, OFF, CONSTANTS, segments([t], [0]), [RELEASE])
-    np.testing.assert_allclose(found, relative(at(truth, t)), atol=5e-6)
+    result = predict(BASE, OFF, CONSTANTS, segments([t], [0]), [RELEASE])
+    np.testing.assert_allclose(result, relative(at(truth, t)), atol=5e-6)
 
 
 def test_an_absolute_encoder_reads_theta2(truth):
@@ -90,22 +90,22 @@ def test_candidates_are_independent():
 def test_effects_may_differ_between_runs():
     swing = segments([T, T], [0, 1])
     params = np.array([effect_params({"encoder_offset_joint1": {"offset_rad": x}}) for x in (0.01, 0.02)])
-    found = predict_batch([BASE], [params], CONSTANTS, swing, [[RELEASE, RELEASE]])[0]
-    np.testing.assert_allclose(found[100:] - found[:100], [[0.01, 0.0]] * 100, atol=1e-14)
+    result = predict_batch([BASE], [params], CONSTANTS, swing, [[RELEASE, RELEASE]])[0]
+    np.testing.assert_allclose(result[100:] - result[:100], [[0.01, 0.0]] * 100, atol=1e-14)
 
 
 def test_a_run_with_an_added_mass_swings_as_a_heavier_rig():
     added = AddedMass(rod="outer", mass=0.05, position=0.3)
     heavy = simulate(BASE + added_base(added, L1, G), L1, G, RELEASE, np.concatenate([[0.0], T]))
-    found = predict(BASE, OFF, CONSTANTS, segments([T, T], [0, 1], [BOTH, Setup(added=added)]), [RELEASE, RELEASE])
-    np.testing.assert_allclose(found[100:], relative(heavy[1:]), atol=1e-6)
-    np.testing.assert_array_equal(found[:100], read({}))
+    result = predict(BASE, OFF, CONSTANTS, segments([T, T], [0, 1], [BOTH, Setup(added=added)]), [RELEASE, RELEASE])
+    np.testing.assert_allclose(result[100:], relative(heavy[1:]), atol=1e-6)
+    np.testing.assert_array_equal(result[:100], read({}))
 
 
 def test_latency_delays_the_reading_of_joint_2(truth):
-    found = read({"latency_joint2": {"delay_s": 3e-3}})
-    np.testing.assert_allclose(found[:, 0], at(truth, T)[:, 0], atol=1e-6)
-    np.testing.assert_allclose(found[:, 1], relative(at(truth, T - 3e-3))[:, 1], atol=1e-6)
+    result = read({"latency_joint2": {"delay_s": 3e-3}})
+    np.testing.assert_allclose(result[:, 0], at(truth, T)[:, 0], atol=1e-6)
+    np.testing.assert_allclose(result[:, 1], relative(at(truth, T - 3e-3))[:, 1], atol=1e-6)
 
 
 def test_a_fast_clock_reads_earlier(truth):
@@ -115,8 +115,8 @@ def test_a_fast_clock_reads_earlier(truth):
     first = T[0] / (1 + excess) - PAD
     assert first == pytest.approx(-0.004)
     before = simulate(BASE, L1, G, start * [1, 1, -1, -1], [0.0, 0.02])[-1]  # backwards in time, as friction is small
-    found = read({"clock_rate": {"excess": excess}}, before * [1, 1, -1, -1])
-    np.testing.assert_allclose(found, relative(at(truth, np.round(T / (1 + excess), 4))), atol=3e-4)
+    result = read({"clock_rate": {"excess": excess}}, before * [1, 1, -1, -1])
+    np.testing.assert_allclose(result, relative(at(truth, np.round(T / (1 + excess), 4))), atol=3e-4)
 
 
 def test_eccentricity_adds_its_harmonics(truth):
@@ -132,9 +132,9 @@ def test_eccentricity_adds_its_harmonics(truth):
 
 def test_scale_and_offset_of_the_encoders(truth):
     angles = relative(at(truth, T))
-    found = read({"encoder_scale_joint1": {"excess": 0.01}, "encoder_offset_joint2": {"offset_rad": 0.1}})
+    result = read({"encoder_scale_joint1": {"excess": 0.01}, "encoder_offset_joint2": {"offset_rad": 0.1}})
     expected = np.column_stack([np.pi + 1.01 * (angles[:, 0] - np.pi), angles[:, 1] + 0.1])
-    np.testing.assert_allclose(found, expected, atol=2e-6)
+    np.testing.assert_allclose(result, expected, atol=2e-6)
 
 
 def test_missed_counts_strike_one_joint_of_one_run_once(truth):
@@ -153,9 +153,9 @@ def test_play_drags_the_encoder_along(truth):
     for angle in relative(truth)[:, 1]:
         hold = min(max(hold, angle - play / 2), angle + play / 2)
         held.append(hold)
-    found = read({"backlash_joint2": {"play_rad": play}})
-    np.testing.assert_allclose(found[:, 1], at(np.array(held), T), atol=2e-5)
-    assert np.abs(found[:, 1] - relative(at(truth, T))[:, 1]).max() == pytest.approx(play / 2, rel=1e-3)
+    result = read({"backlash_joint2": {"play_rad": play}})
+    np.testing.assert_allclose(result[:, 1], at(np.array(held), T), atol=2e-5)
+    assert np.abs(result[:, 1] - relative(at(truth, T))[:, 1]).max() == pytest.approx(play / 2, rel=1e-3)
 
 
 def test_play_of_encoder_1_leaves_encoder_2_alone(truth):
@@ -164,9 +164,9 @@ def test_play_of_encoder_1_leaves_encoder_2_alone(truth):
     for angle in truth[:, 0]:
         hold = min(max(hold, angle - play / 2), angle + play / 2)
         held.append(hold)
-    found = read({"backlash_joint1": {"play_rad": play}})
-    np.testing.assert_allclose(found[:, 0], at(np.array(held), T), atol=2e-5)
-    np.testing.assert_allclose(found[:, 1], read({})[:, 1], atol=1e-12)
+    result = read({"backlash_joint1": {"play_rad": play}})
+    np.testing.assert_allclose(result[:, 0], at(np.array(held), T), atol=2e-5)
+    np.testing.assert_allclose(result[:, 1], read({})[:, 1], atol=1e-12)
 
 
 REMEMBERING = {
@@ -228,18 +228,18 @@ def test_the_arm_is_held_until_the_release():
     base = BASE * [1, 1, 1, 1, 0, 0]
     start = simulate(base, L1, G, RELEASE, [0.0, PAD])[-1] * [1, 1, -1, -1]
     t = np.arange(100) / 200
-    found = predict(base, params, CONSTANTS, segments([t], [0]), [start], arm=True)
+    result = predict(base, params, CONSTANTS, segments([t], [0]), [start], arm=True)
     expected = simulate(base, L1, G, RELEASE, t, 1e-3, params, CONSTANTS)
-    np.testing.assert_allclose(found[:, :2], relative(expected), atol=2e-5)
-    assert found[0, 2] == 0
-    assert np.abs(found[:, 2]).max() > 1e-4
+    np.testing.assert_allclose(result[:, :2], relative(expected), atol=2e-5)
+    assert result[0, 2] == 0
+    assert np.abs(result[:, 2]).max() > 1e-4
 
 
 def test_a_candidate_that_fails_is_not_finite_and_spoils_no_other():
     bases = np.array([BASE, BASE * [1, 1, 50, 1, 1, 1], BASE * np.nan])
-    found = predict_batch(bases, np.repeat(OFF[None], 3, 0), CONSTANTS, SWING, np.repeat(RELEASE[None, None], 3, 0))
-    assert not np.isfinite(found[2]).any()
-    np.testing.assert_array_equal(found[0], read({}))
+    result = predict_batch(bases, np.repeat(OFF[None], 3, 0), CONSTANTS, SWING, np.repeat(RELEASE[None, None], 3, 0))
+    assert not np.isfinite(result[2]).any()
+    np.testing.assert_array_equal(result[0], read({}))
 
 
 @pytest.mark.parametrize(

@@ -68,8 +68,8 @@ def swung() -> np.ndarray:
         M, f = equations()(t, *x)
         return [*x[2:], *np.linalg.solve(M, f)[:, 0]]
 
-    found = solve_ivp(rates, (0.0, T[-1]), START, "DOP853", t_eval=T, rtol=1e-9, atol=1e-10).y
-    return np.column_stack([found[0], found[1] - found[0]])
+    y = solve_ivp(rates, (0.0, T[-1]), START, "DOP853", t_eval=T, rtol=1e-9, atol=1e-10).y
+    return np.column_stack([y[0], y[1] - y[0]])
 
 
 def read(setup: Setup) -> np.ndarray:
@@ -97,14 +97,14 @@ def test_the_ratios_are_found_with_the_arm_s_encoder_alone(model, rng):
     for known in (arm, None):
         laid_out = segments([T], setups=[Setup(arm=known)])
         problem = Problem(laid_out, seen, np.full(seen.shape, 1 / noise), model(CONSTANTS))
-        found = fit(problem, begun, ratio_parameters(begun), iterations=30)
-        left[known] = found.chi2 / problem.evidence
+        fitted = fit(problem, begun, ratio_parameters(begun), iterations=30)
+        left[known] = fitted.chi2 / problem.evidence
         if known is not None:
-            A, _ = found.linear.flat
-            assert found.estimate.ratios[:5] == pytest.approx(truth[:5], rel=0.02)
-            assert (np.abs(found.estimate.ratios - truth)[:5] < 7 * np.linalg.inv(A.T @ A).diagonal() ** 0.5).all()
+            A, _ = fitted.linear.flat
+            assert fitted.estimate.ratios[:5] == pytest.approx(truth[:5], rel=0.02)
+            assert (np.abs(fitted.estimate.ratios - truth)[:5] < 7 * np.linalg.inv(A.T @ A).diagonal() ** 0.5).all()
             if model is RodsWithEffects:  # a trajectory starts where its segments do
-                along = trajectory(problem, found.estimate).motion
+                along = trajectory(problem, fitted.estimate).motion
                 assert np.abs(np.interp(T, along.t, along.theta[:, 0]) - swung()[:, 0]).max() < 0.08
     assert left[arm] < 1.5
     assert left[None] > 1e3

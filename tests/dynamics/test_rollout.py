@@ -38,8 +38,8 @@ def test_the_cost_of_the_own_trajectory_is_zero(reference):
 def test_costs_are_those_of_the_scalar_simulation(reference, columns):
     base = candidates(37)
     expected = [((swings(one) - reference)[:, :, :columns] ** 2).sum(axis=(1, 2)) for one in base]
-    found = trajectory_errors(rows(base, L1, G), POSES, reference[:, :, :columns], STEP)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    result = trajectory_errors(rows(base, L1, G), POSES, reference[:, :, :columns], STEP)
+    np.testing.assert_allclose(result, expected, rtol=1e-9)
 
 
 def test_same_bits_for_any_number_of_threads_and_any_batch(reference):
@@ -121,11 +121,11 @@ def test_segments_at_uneven_instants_with_correlated_noise():
     targets = rng.normal(0, 1, (40, 2))
     covariance = np.array([[1e-6, 1e-6], [1e-6, 2e-6]])
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
-    found = segment_errors(rows(base, L1, G)[None], pieces, starts, targets, whitening)
+    result = segment_errors(rows(base, L1, G)[None], pieces, starts, targets, whitening)
     for s, (t, start) in enumerate(zip(times, starts, strict=True)):
         errors = simulate(base, L1, G, start, t, 2e-3)[:, :2] - targets[pieces.offsets[s] : pieces.offsets[s + 1]]
         expected = np.einsum("ki,ij,kj->", errors, np.linalg.inv(covariance), errors)
-        assert found[0, s] == pytest.approx(expected, rel=1e-9)
+        assert result[0, s] == pytest.approx(expected, rel=1e-9)
 
 
 def test_shapes_are_checked(reference):

@@ -49,13 +49,13 @@ def complex_rk4(values, t, max_step):
 
 
 def test_is_the_derivative_of_the_discrete_map():
-    _, found = swing_sensitivity(RATIOS, L1, G, START, T, max_step=4e-3)
+    _, result = swing_sensitivity(RATIOS, L1, G, START, T, max_step=4e-3)
     values = np.concatenate([RATIOS, START])
     for j in range(9):
         moved = values.astype(complex)
         moved[j] += 1e-30j
         expected = complex_rk4(moved, T, 4e-3).imag / 1e-30
-        np.testing.assert_allclose(found[:, :, j], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(result[:, :, j], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_trajectory_is_that_of_simulate():
@@ -78,10 +78,10 @@ def test_start_sensitivity_agrees_with_differences_of_dop853():
     def end(start):
         return solve_ivp(slope, (0, 0.5), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
 
-    _, found = swing_sensitivity(RATIOS, L1, G, START, [0.0, 0.5])
+    _, result = swing_sensitivity(RATIOS, L1, G, START, [0.0, 0.5])
     for j, move in enumerate(1e-5 * np.eye(4)):
         expected = (end(START + move) - end(START - move)) / 2e-5
-        np.testing.assert_allclose(found[-1, :, 5 + j], expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
+        np.testing.assert_allclose(result[-1, :, 5 + j], expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
 
 
 def test_segments_are_independent_of_each_other():

@@ -24,6 +24,6 @@ class Counted:
 def test_the_interval_of_a_torque_is_found_in_few_steps_from_any_other(hint: int, t: float) -> None:
     instants = np.linspace(0.0, 80.0, 10_000)
     counted: Any = Counted(instants)
-    found = _interval(Knots(counted, np.zeros((10_000, 2)), np.array([0, 10_000])), 0, hint, t)
+    result = _interval(Knots(counted, np.zeros((10_000, 2)), np.array([0, 10_000])), 0, hint, t)
     assert counted.reads < 50
-    assert found == np.clip(np.searchsorted(instants, t, side="right") - 1, 0, len(instants) - 2)
+    assert result == np.clip(np.searchsorted(instants, t, side="right") - 1, 0, len(instants) - 2)

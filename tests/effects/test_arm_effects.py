@@ -69,9 +69,9 @@ def test_lanes_with_a_moving_arm_agree_with_the_equation_of_the_whole_rig():
         arm_segments([before], [FREE], [mean], 1e-3),
         START[:, [4, 0, 1, 5, 2, 3]],
     )[20::5]
-    found = read({})
-    np.testing.assert_allclose(found[:, 0], whole[:, 1], atol=1e-8)
-    np.testing.assert_allclose(found[:, 2], whole[:, 0], atol=1e-8)
+    result = read({})
+    np.testing.assert_allclose(result[:, 0], whole[:, 1], atol=1e-8)
+    np.testing.assert_allclose(result[:, 2], whole[:, 0], atol=1e-8)
 
 
 @each_effect
@@ -101,10 +101,10 @@ def test_a_tilted_axis_agrees_with_tilted_gravity_in_mujoco():
     push = (frame[2] * tilt["along_rad"], frame[2] * tilt["across_rad"])
     expected = three_hinges(mujoco, Z, arm, start, t, torque, frame, push)
     effects = effect_params({"axis_tilt_joint0": tilt})
-    found = simulate_arm(Z, frame, arm, start, t, 1e-3, effects, torque)[:, :3]
+    result = simulate_arm(Z, frame, arm, start, t, 1e-3, effects, torque)[:, :3]
     upright = simulate_arm(Z, frame, arm, start, t, 1e-3, None, torque)[:, :3]
-    assert np.abs(found - upright).max() > 0.01
-    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(found - upright).max())
+    assert np.abs(result - upright).max() > 0.01
+    np.testing.assert_allclose(result, expected, atol=2e-3 * np.abs(result - upright).max())
 
 
 @each_effect
@@ -161,7 +161,7 @@ def test_stick_and_slip_of_the_arm_agree_with_an_independent_engine():
     torques = Torques(LOGGED, np.zeros((len(LOGGED), 2)), on_arm=PUSH)
     setup = Setup("inner", torques=torques, arm_moves=True)
     start = np.array([[2.0, 2.0, 0.3, 0.3, 0.1, 0.4]])
-    found = read({"coulomb_joint0": {"torque_Nm": friction}}, segments([T], setups=[setup], step=1e-3), start)
+    result = read({"coulomb_joint0": {"torque_Nm": friction}}, segments([T], setups=[setup], step=1e-3), start)
     rates, x, angles, now = dry_rates(friction), [0.1, 2.0, 0.4, 0.3], [], 0.0
     for until in T:
         steps = np.arange(now, until - 1e-9, 2e-3)
@@ -172,8 +172,8 @@ def test_stick_and_slip_of_the_arm_agree_with_an_independent_engine():
         now = until
     expected = np.array(angles)
     assert np.mean(np.abs(np.diff(expected[:, 0])) < 2e-6) > 0.02  # it rests at times
-    np.testing.assert_allclose(found[:, 2], expected[:, 0], atol=3e-4)
-    np.testing.assert_allclose(found[:, 0], expected[:, 1], atol=3e-4)
+    np.testing.assert_allclose(result[:, 2], expected[:, 0], atol=3e-4)
+    np.testing.assert_allclose(result[:, 0], expected[:, 1], atol=3e-4)
 
 
 def test_names_of_the_arm_end_with_its_joint():
@@ -198,9 +198,9 @@ def test_the_motor_behind_backlash_agrees_in_lanes_and_scalar_steps(share, more)
     effects = {"backlash_joint0": {"play_rad": 0.04, "motor_share": share}} | more
     t, torque = held_torque()
     motor, states = motor_state(effects, t, torque)
-    found = read(effects)
-    np.testing.assert_allclose(found[:, 2], motor[20::5, 0], atol=1e-5)
-    np.testing.assert_allclose(found[:, 0], states[20::5, 1], atol=1e-5)
+    result = read(effects)
+    np.testing.assert_allclose(result[:, 2], motor[20::5, 0], atol=1e-5)
+    np.testing.assert_allclose(result[:, 0], states[20::5, 1], atol=1e-5)
     assert np.abs(motor[:, 0] - states[:, 0]).max() == pytest.approx(0.02, rel=1e-6)
 
 
@@ -245,8 +245,8 @@ def test_backlash_of_the_arm_s_gear_agrees_with_a_motor_in_mujoco(both, mode):
         segments([t[10:]], setups=[setup], step=1.25e-3),
         [[start[1], start[2], 0.0, 0.0, 0.0, start[3]]],
     )
-    found = predict(base, effect_params(arm | backlash), constants, laid_out, initial, arm=True)[:, 2]
-    assert np.std(found - expected) < 8e-5  # 0.3 mrad is the noise of its encoder
+    result = predict(base, effect_params(arm | backlash), constants, laid_out, initial, arm=True)[:, 2]
+    assert np.std(result - expected) < 8e-5  # 0.3 mrad is the noise of its encoder
 
 
 def test_a_saturated_drive_is_within_the_limits_of_a_rig_and_a_huge_friction_exceeds_them():

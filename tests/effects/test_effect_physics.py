@@ -105,8 +105,8 @@ def test_a_longer_inner_rod_changes_only_the_outer_rod_s_gravity(states):
         x = at_release([0.0, theta1, theta2, 0.0, omega1, omega2])
         model = model_with(longer, CONSTANTS, ARM, effect_params({}))
         expected = accelerations_at(0.0, x, 0.0, 0.0, model, CLAMPED, 0.0)[1:]
-        found = accelerations([theta1, theta2, omega1, omega2], {"wrong_length_L1": {"added_m": 0.003}})
-        np.testing.assert_allclose(found, expected, rtol=1e-10)
+        result = accelerations([theta1, theta2, omega1, omega2], {"wrong_length_L1": {"added_m": 0.003}})
+        np.testing.assert_allclose(result, expected, rtol=1e-10)
 
 
 @njit
@@ -144,8 +144,8 @@ def test_drag_of_both_rods_is_the_force_on_each_of_their_points(states):
         on_outer = np.array([lever * push2.sum(), (s * L2 * push2).sum()])
         on_both = np.add(on_outer, [(s * L1 * push1).sum(), 0.0])
         for name, expected in (("air_drag_outer", on_outer), ("air_drag_both", on_both)):
-            found = work(state, {name: {"coefficient_kg_per_m2": k}})
-            np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-8)
+            result = work(state, {name: {"coefficient_kg_per_m2": k}})
+            np.testing.assert_allclose(result, expected, rtol=1e-5, atol=1e-8)
 
 
 def test_joint_forces_are_mass_times_acceleration_less_weight(states):

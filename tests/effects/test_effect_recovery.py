@@ -104,10 +104,10 @@ def test_found_again_within_its_interval(name):
     effect = EFFECTS[name]
     values = {name: {p.name: p.typical for p in effect.amplitudes} | STEP_AT.get(name, {})}
     columns = unit(effect)
-    found, deviation, chi2 = fitted(values, columns)
+    result, deviation, chi2 = fitted(values, columns)
     truth = effect_params(values)[list(columns)]
     assert chi2 == pytest.approx(1.0, abs=0.1)
-    assert (np.abs(found - truth) < 4 * deviation).all()
+    assert (np.abs(result - truth) < 4 * deviation).all()
     assert (truth / deviation).max() > 2.5  # the record can see it
 
 

@@ -131,9 +131,9 @@ def test_of_two_encoders_only_the_one_that_counts_is_at_an_edge(paper: Rig, tmp_
 
 def test_a_row_after_a_lost_one_is_left_out(swing: Array):
     lost = np.delete(swing, [200], axis=0)
-    found = edge_rows(lost[:, 1:])
-    assert found is not None
-    assert set(range(1, len(lost))) - set(found.tolist()) == {200}
+    result = edge_rows(lost[:, 1:])
+    assert result is not None
+    assert set(range(1, len(lost))) - set(result.tolist()) == {200}
 
 
 @pytest.mark.parametrize("period", [1e-3, 5.2e-3])

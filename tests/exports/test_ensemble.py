@@ -38,8 +38,8 @@ CORRELATION = np.array([[1.0, 0.8, 0.0], [0.8, 1.0, 0.0], [0.0, 0.0, 1.0]])
 @pytest.fixture
 def model(paper: Rig) -> Model:
     estimate = Estimate.of(unknown_ratios(base_of(paper)), effect_params({}), np.zeros((1, 4)))
-    found = whole_model(paper, estimate)
-    return found.model_copy(update={"effects": {"coulomb_joint2": {"torque_Nm": 1e-3}}})
+    result = whole_model(paper, estimate)
+    return result.model_copy(update={"effects": {"coulomb_joint2": {"torque_Nm": 1e-3}}})
 
 
 def component(model: Model, probability: float = 1.0, **effects: dict[str, float]) -> PosteriorComponent:

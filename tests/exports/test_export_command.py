@@ -144,15 +144,15 @@ def test_an_export_is_replayed_where_it_runs(saved, formats, tmp_path: Path):
 
 @pytest.mark.slow
 def test_files_of_a_diagnosis_state_their_loss_of_accuracy(corrected: Model, runs, paper: Rig, tmp_path: Path):
-    said: list[str] = []
-    files = save_exports(corrected, runs, paper, tmp_path, said.append)
-    assert [sentence.split(":")[0] for sentence in said] == ["urdf", "sdf"]
-    assert "free-form friction curve, joint 1" in said[0]
-    assert "bare model" in said[0]
+    result: list[str] = []
+    files = save_exports(corrected, runs, paper, tmp_path, result.append)
+    assert [sentence.split(":")[0] for sentence in result] == ["urdf", "sdf"]
+    assert "free-form friction curve, joint 1" in result[0]
+    assert "bare model" in result[0]
     lost = json.loads(Path(f"{files['urdf']}.lost.json").read_text(encoding="utf-8"))
     assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
-    assert _yardstick(corrected, [], paper, said.append) is None
-    assert "error is unknown: no run can be replayed" in said[-1]
+    assert _yardstick(corrected, [], paper, result.append) is None
+    assert "error is unknown: no run can be replayed" in result[-1]
 
 
 @pytest.mark.slow
@@ -168,9 +168,9 @@ def test_an_export_worse_than_the_bare_model_is_refused(saved, tmp_path: Path):
 
 
 def test_without_runs_a_loss_is_a_warning(saved, tmp_path: Path):
-    said = []
-    done = export(ExportRequest(saved[0], "paper", ("urdf",), tmp_path / "out"), said.append)
-    assert "cannot be expressed in this format; --check RUN refits the model without them" in said[0].sentence
+    result = []
+    done = export(ExportRequest(saved[0], "paper", ("urdf",), tmp_path / "out"), result.append)
+    assert "cannot be expressed in this format; --check RUN refits the model without them" in result[0].sentence
     assert set(done.lost["urdf"]) == set(FRICTION | OFFSET)
     with pytest.raises(ConfigError, match="no format named step; available: python, mjcf"):
         export(ExportRequest(saved[0], "paper", ("step",), tmp_path / "out"))

@@ -65,12 +65,12 @@ def plain(paper: Rig) -> dict[Any, list[Any]]:
 
 @pytest.mark.parametrize("tampered", thinned(product(HOSTILE, ("rig", "effect", "parameter")), 4))
 def test_text_from_a_file_stays_data(tampered: tuple[str, str], plain, paper: Rig, tmp_path: Path, monkeypatch):
-    said, where = tampered
+    result, where = tampered
     monkeypatch.chdir(tmp_path)
     effects = {"coulomb_joint1": {"torque_Nm": 1e-3}}
     if where != "rig":
-        effects |= {said: {"size": 1.0}} if where == "effect" else {"coulomb_joint2": {"torque_Nm": 0.0, said: 1.0}}
-    model = model_of(paper, effects, said if where == "rig" else "paper")
+        effects |= {result: {"size": 1.0}} if where == "effect" else {"coulomb_joint2": {"torque_Nm": 0.0, result: 1.0}}
+    model = model_of(paper, effects, result if where == "rig" else "paper")
 
     source = python_module(model, paper)
     module = run_source(source, tmp_path)
@@ -84,9 +84,9 @@ def test_text_from_a_file_stays_data(tampered: tuple[str, str], plain, paper: Ri
     root = ElementTree.fromstring(text.encode("utf-8"))
     assert root.attrib["model"] == in_xml(model.rig.name)
     listed = next(root.iterfind("custom/text")).attrib["data"]
-    assert in_xml(said) in listed if where == "effect" else "<" not in listed
+    assert in_xml(result) in listed if where == "effect" else "<" not in listed
     for other in (urdf, sdf):
-        assert tags(other(model, paper, {said: said}).encode("utf-8")) == plain[other]
+        assert tags(other(model, paper, {result: result}).encode("utf-8")) == plain[other]
     run_source(passive(model, paper), tmp_path)
     assert not (tmp_path / "ran").exists()
     assert [element.tag for element in root.iter()] == plain[mjcf]

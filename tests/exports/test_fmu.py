@@ -59,26 +59,26 @@ def start_values(x0):
 @pytest.mark.slow
 def test_motion_and_readings_of_the_fmu_agree_with_dpr_lab(unit, paper: Rig):
     path, chosen = unit
-    found = simulate(
+    output = simulate(
         path, stop_time=1.0, step_size=0.01, output_interval=0.01, output=OUTPUTS, start_values=start_values(X0)
     )
-    t = found["time"].copy()  # contiguous: for a field of records the integration would be compiled once more
-    states = np.column_stack([found[name] for name in OUTPUTS[:4]])
+    t = output["time"].copy()  # contiguous: for a field of records the integration would be compiled once more
+    states = np.column_stack([output[name] for name in OUTPUTS[:4]])
     assert states == pytest.approx(lab_states(paper, chosen, t), abs=1e-9)
     module = run_source(python_module(model_of(paper, chosen), paper), path.parent)
     read = module["readings"](X0, t)
-    assert np.column_stack([found["encoder1"], found["encoder2"]]) == pytest.approx(read, abs=1e-6)
+    assert np.column_stack([output["encoder1"], output["encoder2"]]) == pytest.approx(read, abs=1e-6)
 
 
 @pytest.mark.slow
 def test_the_fmu_takes_torques(unit, paper: Rig):
     path, chosen = unit
     signals = np.array([(0.0, 0.2, -0.1), (0.5, 0.2, -0.1)], dtype=[(n, float) for n in ("time", "torque1", "torque2")])
-    found = simulate(
+    output = simulate(
         path, stop_time=0.5, step_size=0.01, output_interval=0.01, input=signals, output=OUTPUTS,
         start_values=start_values(X0),
     )  # fmt: skip
     module = run_source(python_module(model_of(paper, chosen), paper), path.parent)
-    states = module["simulate"](X0, found["time"], torques=lambda t, state: (0.2, -0.1))
-    assert np.column_stack([found[name] for name in OUTPUTS[:4]]) == pytest.approx(states, abs=1e-9)
-    assert np.abs(states - module["simulate"](X0, found["time"])).max() > 0.1
+    states = module["simulate"](X0, output["time"], torques=lambda t, state: (0.2, -0.1))
+    assert np.column_stack([output[name] for name in OUTPUTS[:4]]) == pytest.approx(states, abs=1e-9)
+    assert np.abs(states - module["simulate"](X0, output["time"])).max() > 0.1

@@ -248,12 +248,12 @@ def test_an_fmu_with_backlash_of_the_gear_agrees_with_the_python_module(tmp_path
     unit = tmp_path / "unit.fmu"
     unit.write_bytes(fmu(model, rig))
     names = [f"{kind}{joint}_start" for kind in ("theta", "omega") for joint in range(3)]
-    found = simulate(
+    output = simulate(
         unit, stop_time=t[-1], step_size=5e-3, output_interval=5e-3, output=["encoder0", "encoder1"],
         input=np.array([(0.0, 0.4), (1.0, 0.4)], dtype=[("time", float), ("drive", float)]),
         start_values=dict(zip(names, start, strict=True)),
     )  # fmt: skip
-    np.testing.assert_allclose(np.column_stack([found["encoder0"], found["encoder1"]]), expected[:, :2], atol=1e-9)
+    np.testing.assert_allclose(np.column_stack([output["encoder0"], output["encoder1"]]), expected[:, :2], atol=1e-9)
 
 
 @pytest.mark.parametrize("effects", [{}, SETS["gear"], SETS["gear"] | {"dead_zone_joint0": {"width_Nm": 0.05}}])

@@ -64,9 +64,9 @@ def test_sticking_joints_of_the_module_agree_with_dpr_lab(paper: Rig, tmp_path: 
     base, constants = models.base_of(paper), models.rig_constants(paper)
     params = models.effect_params(effects)
     expected = models.simulate(base, paper.rig.L1, paper.rig.g, x0, t, 2.5e-3, params, constants)
-    found = module["simulate"](x0, t, 2.5e-3)
-    assert found == pytest.approx(expected, abs=1e-9)
-    speeds = np.column_stack([found[:, 2], found[:, 3] - found[:, 2]])
+    result = module["simulate"](x0, t, 2.5e-3)
+    assert result == pytest.approx(expected, abs=1e-9)
+    speeds = np.column_stack([result[:, 2], result[:, 3] - result[:, 2]])
     assert (speeds[1:, list(resting)] == 0).any(axis=0).all()
     assert np.abs(module["derivative"](0.0, np.array([np.pi, np.pi, 0.0, 0.0]))).max() < 1e-12
 

@@ -86,7 +86,7 @@ def test_an_effect_with_memory_or_a_continuous_shape_is_a_file_and_a_row(copy: C
     copy.row(
         "dpr_lab/effects/__init__.py", "EFFECTS", "MAGNET_JOINT1", "from dpr_lab.effects.magnet import MAGNET_JOINT1"
     )
-    said = copy.run(
+    result = copy.run(
         """
         import numpy as np
         from dpr_lab.effects import EFFECTS
@@ -114,4 +114,4 @@ def test_an_effect_with_memory_or_a_continuous_shape_is_a_file_and_a_row(copy: C
         timeout=580.0,
         cache=True,
     )
-    assert said == "".join(f"{name} True named ['{name}'] True\n" for name in ("cable_joint2", "magnet_joint1"))
+    assert result == "".join(f"{name} True named ['{name}'] True\n" for name in ("cable_joint2", "magnet_joint1"))

@@ -38,7 +38,7 @@ def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
     )
     row = '"loop": LinkKind("loopback", "dpr_lab.transports.loopback:open_loopback", "loop://here")'
     copy.row("dpr_lab/transports/__init__.py", "TRANSPORTS", row)
-    said = copy.run(
+    result = copy.run(
         """
         from dpr_lab.transports import open_transport
         from firmware_protocol.messages import Frame
@@ -48,7 +48,7 @@ def test_a_transport_is_a_file_and_a_row(copy: Copy) -> None:
         print(link.url, [bytes(frame.data) for frame in link.receive(0.1).frames])
         """
     )
-    assert said == "loop://here [b'abc']\n"
+    assert result == "loop://here [b'abc']\n"
 
 
 @pytest.mark.slow
@@ -94,7 +94,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
         "from dpr_lab.search.random_search import RandomSearchSettings, random_search",
     )
     (copy.folder / "settings.toml").write_text('algorithm = "random_search"\ngenerations = 20\n', encoding="utf-8")
-    said = copy.run(
+    result = copy.run(
         """
         import numpy as np
         from dpr_lab.search import ALGORITHMS, load_search
@@ -106,7 +106,7 @@ def test_a_search_algorithm_is_a_file_and_a_row(copy: Copy) -> None:
         print(len(found), found[-1].best_cost < 0.01 < found[0].best_cost or found[-1].best_cost < 1e-3)
         """
     )
-    assert said == "21 True\n"
+    assert result == "21 True\n"
 
 
 @pytest.mark.slow
@@ -161,7 +161,7 @@ def test_the_screen_of_a_command_is_a_file_and_a_row(copy: Copy) -> None:
         ''',
     )
     copy.row("dpr_lab/tui/app.py", "STEPS", "WeighStep", "from dpr_lab.tui.steps.weigh import WeighStep")
-    said = copy.run(
+    result = copy.run(
         """
         import asyncio
         from pathlib import Path
@@ -179,4 +179,4 @@ def test_the_screen_of_a_command_is_a_file_and_a_row(copy: Copy) -> None:
         asyncio.run(main())
         """
     )
-    assert said == "Weigh [0.1, 0.1, 0.208]\n"
+    assert result == "Weigh [0.1, 0.1, 0.208]\n"

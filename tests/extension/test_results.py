@@ -126,7 +126,7 @@ def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:
         'Reader("reversed text", (b"REVERSED",), read_reversed)',
         "from dpr_lab.storage.readers.reversed_text import read_reversed",
     )
-    said = copy.run(
+    outcome = copy.run(
         """
         from pathlib import Path
         from dpr_lab.rig import load_rig
@@ -138,4 +138,4 @@ def test_a_kind_of_file_to_import_is_a_file_and_a_row(copy: Copy) -> None:
         print(found.kind, found.samples, found.rate_hz, found.theta[-1, 2])
         """
     )
-    assert said == "reversed text 50 100.0 3.49\n"
+    assert outcome == "reversed text 50 100.0 3.49\n"

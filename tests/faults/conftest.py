@@ -66,8 +66,8 @@ def operate(tmp_path: Path, command: Callable[..., tuple[int, str]]) -> Callable
 
     def run(link: str, *words: str, out: Path = tmp_path / "runs") -> Done:
         asked = ("capture", "--rig", "paper", "--pose", "X1", "--yes", "--link", link, "--out", out)
-        code, said = command(*asked, *words)
-        return Done(code, said, sorted(out.glob("*.mcap")) if out.is_dir() else [])
+        code, result = command(*asked, *words)
+        return Done(code, result, sorted(out.glob("*.mcap")) if out.is_dir() else [])
 
     return run
 

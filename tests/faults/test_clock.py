@@ -64,8 +64,8 @@ def test_a_clock_before_1970_records_and_reads_as_any_other(
     assert info(file).created_utc.startswith("196")
     assert " (196" in run_name(file)
     for words in (("info", file), ("verify", file), ("export", file, "--out", tmp_path / "swing.csv")):
-        code, said = command("run", *words)
-        assert (code, "Traceback" in said) == (0, False), said
+        code, result = command("run", *words)
+        assert (code, "Traceback" in result) == (0, False), result
     assert (tmp_path / "swing.csv").is_file()
 
 

@@ -68,14 +68,14 @@ def test_a_stopped_capture_finishes_its_file(
     process = start(tmp_path, link, "--duration", "60")
     path = await_release(tmp_path, process, 40_000)
     process.send_signal(number)
-    said = last_line(process)
+    result = last_line(process)
     assert process.returncode == 130
     about = info(path)
     assert about.stopped == "stopped by the operator"
     assert about.damage == ""
     assert about.clock["n"] >= 5
     assert wrong_samples(path) == 0
-    matrix.show(f"{number.name} during the swing", link, said, process.returncode, UNTIL)
+    matrix.show(f"{number.name} during the swing", link, result, process.returncode, UNTIL)
 
 
 def halted_three_times(folder: Path, link: str) -> tuple[int, Path, str]:
@@ -108,15 +108,15 @@ def test_a_disk_that_fills_up(link: str, tmp_path: Path, wrong_samples, matrix) 
     process = start(tmp_path, link, "--duration", "60")
     await_file(tmp_path, process)
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (SMALL_DISK, SMALL_DISK))  # the cache of kernels had room
-    said = last_line(process)
-    assert process.returncode == 3, said
+    result = last_line(process)
+    assert process.returncode == 3, result
     (path,) = tmp_path.glob("*.mcap")
     assert not info(path).complete
     assert wrong_samples(path) == 0
     assert recover(path, tmp_path / "saved.mcap") > 500
     assert verify(tmp_path / "saved.mcap").ok
     matrix.show(
-        "the disk fills up during the swing", link, said, 3, "every sample until then, in a file to be recovered"
+        "the disk fills up during the swing", link, result, 3, "every sample until then, in a file to be recovered"
     )
 
 
@@ -182,7 +182,7 @@ def test_a_killed_capture_keeps_all_but_the_last_quarter_second(tmp_path: Path, 
     assert about.clock["n"] >= 5
     assert wrong_samples(path) == 0
     assert recover(path, tmp_path / "saved.mcap") == about.samples
-    said = verify(path).faults[0]
+    result = verify(path).faults[0]
     matrix.show(
-        "SIGKILL, at any instant", "serial, CAN", f"`run verify`: {said}", 137, "every sample except the last 250 ms"
+        "SIGKILL, at any instant", "serial, CAN", f"`run verify`: {result}", 137, "every sample except the last 250 ms"
     )

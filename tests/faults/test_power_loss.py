@@ -68,8 +68,8 @@ def test_power_loss(run_file: Path, tmp_path: Path, wrong_samples, matrix, comma
     assert max(kept) == len(whole.t)
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(content[: ends[-1] - 1])
-    code, said = command("run", "verify", cut)
-    shown = f"`run verify`: {said.removeprefix(f'{cut}: ')}"
+    code, result = command("run", "verify", cut)
+    shown = f"`run verify`: {result.removeprefix(f'{cut}: ')}"
     matrix.show(
         "power lost: the file ends at any byte", "any", shown, code, "every whole chunk (250 ms) before the cut"
     )

@@ -29,10 +29,10 @@ def test_a_device_is_found_again_on_another_port_by_its_uid(
     assert wrong_samples(lost.runs[0]) == 0
     (tmp_path / "ttyC").unlink()
     plug(tmp_path, "ttyA", serve(link=link, uid=UID))
-    found = operate(anywhere, "--duration", "1", out=tmp_path / "again")
-    assert found.code == 0, found.said
-    assert wrong_samples(found.runs[0]) == 0
-    matrix.show("replugged on another port, link with `uid=`", shown, found.said, found.code, "every sample")
+    result = operate(anywhere, "--duration", "1", out=tmp_path / "again")
+    assert result.code == 0, result.said
+    assert wrong_samples(result.runs[0]) == 0
+    matrix.show("replugged on another port, link with `uid=`", shown, result.said, result.code, "every sample")
 
 
 @pytest.mark.slow
@@ -40,10 +40,10 @@ def test_a_device_is_found_on_another_channel_of_a_backend(serve, operate, wrong
     serve(link="virtual:uid-here", uid=0xBEEF_0000_0041)
     serve(link="virtual:uid-there", uid=UID)
     for release, link in enumerate(("can://virtual", "can://virtual/uid-*", "can://virtual/uid-there"), 1):
-        found = operate(f"{link}?uid={UID:x}", "--duration", "1", out=tmp_path / str(release))
-        assert found.code == 0, found.said
-        assert wrong_samples(found.runs[0], release=release) == 0
-    matrix.show("on another channel, link with `uid=`", "CAN, virtual", found.said, found.code, "every sample")
+        result = operate(f"{link}?uid={UID:x}", "--duration", "1", out=tmp_path / str(release))
+        assert result.code == 0, result.said
+        assert wrong_samples(result.runs[0], release=release) == 0
+    matrix.show("on another channel, link with `uid=`", "CAN, virtual", result.said, result.code, "every sample")
     lost = operate(f"can://virtual/uid-here?uid={UID:x}")
     assert lost.code == 4
     assert "searched uid-here (device 0000beef00000041)" in lost.said

@@ -153,13 +153,13 @@ class QemuBoard:
 
     def _bench_until(self, end: bytes) -> bytes:
         assert self.process.stdout is not None
-        said, deadline = b"", time.monotonic() + PATIENCE_S
-        while not said.endswith(end):
-            assert select.select([self.process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0], said
+        result, deadline = b"", time.monotonic() + PATIENCE_S
+        while not result.endswith(end):
+            assert select.select([self.process.stdout], [], [], max(0.0, deadline - time.monotonic()))[0], result
             fresh = self.process.stdout.read(1)
-            assert fresh, f"QEMU ended: {said!r}"
-            said += fresh
-        return said
+            assert fresh, f"QEMU ended: {result!r}"
+            result += fresh
+        return result
 
 
 class QemuRole:
@@ -207,8 +207,8 @@ class QemuRole:
         self.token = self.token % 255 + 1
         mark = Ping(0xBA00 + self.token)
         self._wait(lambda: any(isinstance(m, Pong) and m.token == mark.token for m in self.heard), mark)
-        said, self.heard = self.heard, []
-        return said
+        result, self.heard = self.heard, []
+        return result
 
     def _wait(self, done: Callable[[], bool], mark: Ping | None = None) -> None:
         """Read until `done`; a mark is sent again now and then, for nobody hears what is said to an unplugged port."""
@@ -260,13 +260,13 @@ def _run_trace(role: Role, steps: list[dict]) -> None:
         answers = _take_step(role, step, len(expected))
         assert [type(answer) for answer in answers] == [MESSAGES[name] for name, _ in expected], (number, step, answers)
         for answer, (_, fields) in zip(answers, expected, strict=True):
-            told = {name: getattr(answer, name) for name in fields}
-            assert told == fields, (number, step, answers)
+            outcome = {name: getattr(answer, name) for name in fields}
+            assert outcome == fields, (number, step, answers)
         if "then" in step:
             state, latched, fault = step["then"]
             status = role.status()
-            found = (status.state, status.latched, status.fault)
-            assert found == (State[state], latched, Fault[fault]), (number, step)
+            result = (status.state, status.latched, status.fault)
+            assert result == (State[state], latched, Fault[fault]), (number, step)
 
 
 def _take_step(role: Role, step: dict, answers: int) -> list[Message]:

@@ -51,7 +51,7 @@ def test_the_sketch_keeps_to_the_protocol(sketch: Path) -> None:
         link = open_transport(f"serial://{os.ttyname(slave)}?baud=921600")
         try:
             patient = ConformanceSettings(patience_s=60.0, rate_off=0.5, reports_hz=(1.0, 30.0))
-            found = list(conformity(link, patient))
+            result = list(conformity(link, patient))
         finally:
             link.close()
     finally:
@@ -60,5 +60,5 @@ def test_the_sketch_keeps_to_the_protocol(sketch: Path) -> None:
         os.close(master)
         os.close(slave)
     # Whether every tick was in time is this computer's affair.
-    assert [(one.what, one.message) for one in found if not one.ok and "tick" not in one.what] == []
-    assert len(found) >= 15
+    assert [(one.what, one.message) for one in result if not one.ok and "tick" not in one.what] == []
+    assert len(result) >= 15

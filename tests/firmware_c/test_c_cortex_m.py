@@ -119,6 +119,6 @@ def test_a_driver_that_goes_away_leaves_the_rods_held(board, device):
     with connected(board.url) as again:
         status = None
         while status is None or status.state is State.STREAMING:
-            told = [m for batch in again.poll(5.0) for m in batch.messages if isinstance(m, Status)]
-            status = told[-1] if told else status
+            result = [m for batch in again.poll(5.0) for m in batch.messages if isinstance(m, Status)]
+            status = result[-1] if result else status
         assert (status.state, status.latched) == (State.HOLDING, True)

@@ -17,10 +17,10 @@ def runtime(name: str) -> str:
     compiler = os.environ.get("CC", "cc")
     if shutil.which(compiler) is None:
         pytest.skip(f"{compiler} is not installed")
-    said = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout
-    if not Path(said.strip()).is_file():
+    stdout = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout
+    if not Path(stdout.strip()).is_file():
         pytest.skip(f"{compiler} has no {name}")
-    return said.strip()
+    return stdout.strip()
 
 
 def sanitized(library: Path, *command: str) -> subprocess.CompletedProcess[str]:

@@ -91,7 +91,7 @@ def test_version_is_the_dbc_s():
 def test_documented_message_table_is_the_dbc():
     rows = re.findall(r"^\| (\d+) \| ([A-Z_]+) \| (\d) \| ([^|]*) \|", DOCS.read_text(encoding="utf-8"), re.MULTILINE)
     documented = [
-        (int(number), name, int(length), set(re.findall("`(.*?)`", said))) for number, name, length, said in rows
+        (int(number), name, int(length), set(re.findall("`(.*?)`", result))) for number, name, length, result in rows
     ]
     assert documented == [(m.frame_id, m.name, m.length, {s.name for s in m.signals}) for m in DBC.messages]
 

@@ -306,10 +306,10 @@ def test_the_release_is_repeated_in_every_report_while_the_rods_swing():
     session = driver.session
     assert [type(m) for m in map(decode, session.report(3, (1, 2, 3), 0, 0, 9))] == [*[Position] * 3, Status]
     driver.command("release")
-    told = session.released((1 << 32) + 7)
+    result = session.released((1 << 32) + 7)
     for _ in range(2):
         *others, again = session.report(12, (1, 2, 3), 4, 5, 6)
-        assert again == told
+        assert again == result
         assert decode(others[3]) == Status(State.RELEASED, Fault.NONE, False, 4, 5, 6)
     driver.command("stop")
     assert len(session.report(13, (1, 2, 3), 0, 0, 0)) == 4

@@ -62,25 +62,27 @@ def test_the_handshake_identifies_the_device():
 
 
 def test_a_newer_major_says_to_upgrade_this_side():
-    said = refusal(replace(DEVICE, major=MAJOR + 1, minor=0, schema_hash=5))
-    assert said == (
+    result = refusal(replace(DEVICE, major=MAJOR + 1, minor=0, schema_hash=5))
+    assert result == (
         f"the device uses protocol {MAJOR + 1}.0 and this dpr-lab {MAJOR}.{MINOR}:"
         f" upgrade dpr-lab (or flash firmware of protocol {MAJOR}.x)"
     )
 
 
 def test_an_older_major_says_to_flash_the_device():
-    said = refusal(replace(DEVICE, major=MAJOR - 1, minor=7, schema_hash=5))
-    assert said == (
+    result = refusal(replace(DEVICE, major=MAJOR - 1, minor=7, schema_hash=5))
+    assert result == (
         f"the device uses protocol {MAJOR - 1}.7 and this dpr-lab {MAJOR}.{MINOR}:"
         f" flash newer firmware, of protocol {MAJOR}.x (or install a dpr-lab of protocol {MAJOR - 1}.x)"
     )
 
 
 def test_the_same_version_from_another_dbc_is_refused():
-    said = refusal(replace(DEVICE, schema_hash=SCHEMA_HASH ^ 1))
-    assert f"{SCHEMA_HASH ^ 1:08x} and {SCHEMA_HASH:08x}" in said
-    assert said.endswith("flash the firmware built from the same dpr.dbc, or install the dpr-lab release that matches")
+    result = refusal(replace(DEVICE, schema_hash=SCHEMA_HASH ^ 1))
+    assert f"{SCHEMA_HASH ^ 1:08x} and {SCHEMA_HASH:08x}" in result
+    assert result.endswith(
+        "flash the firmware built from the same dpr.dbc, or install the dpr-lab release that matches"
+    )
 
 
 def test_another_minor_version_is_welcome_with_its_own_schema():

@@ -44,8 +44,8 @@ def messages(draw: st.DrawFn) -> tuple[str, dict[str, int], Message]:
     if kind is Info:
         pages = layout.signal_tree[0]["page"]
         page = draw(st.sampled_from(sorted(pages)))
-        told = {signal: draw(values(layout.get_signal_by_name(signal))) for signal in pages[page]}
-        return name, {"page": page, **told}, Info(page, told)
+        result = {signal: draw(values(layout.get_signal_by_name(signal))) for signal in pages[page]}
+        return name, {"page": page, **result}, Info(page, result)
     raw = {signal.name: draw(values(signal)) for signal in layout.signals}
     hints = get_type_hints(kind)
     typed = {

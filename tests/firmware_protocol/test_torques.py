@@ -34,17 +34,17 @@ def told(tick: int, kind: TorqueKind = MEASURED) -> Torque:
 def paired(kinds, happenings) -> tuple[list[DrivenRow], int]:
     pairs = TorquePairs(kinds)
     pairs.take(rows([65529]))
-    found: list[DrivenRow] = []
+    result: list[DrivenRow] = []
     for happening in happenings:
         if isinstance(happening, Row):
-            found += pairs.take([happening])
+            result += pairs.take([happening])
         else:
             pairs.note(happening)
-    return found + pairs.rest(), pairs.missing - 1
+    return result + pairs.rest(), pairs.missing - 1
 
 
 def test_every_sample_gets_the_torques_of_its_own_tick_in_any_order_nearby():
-    usual = [item for row in rows() for item in (row, told(row.tick), told(row.tick, COMMANDED))]
+    usual = [entry for row in rows() for entry in (row, told(row.tick), told(row.tick, COMMANDED))]
     swapped = [usual[i ^ 1] if i ^ 1 < len(usual) else usual[i] for i in range(len(usual))]
     expected = [DrivenRow(t, (t, 0, 0), ((t - 65530, -1), (t - 65530, -2))) for t in TICKS]
     for happenings in (usual, swapped):
@@ -54,10 +54,10 @@ def test_every_sample_gets_the_torques_of_its_own_tick_in_any_order_nearby():
 
 def test_a_sample_without_its_torque_is_left_out_and_counted():
     lost, contradicted = 65534, 65540
-    happenings = [item for row in rows() for item in (row, *([] if row.tick == lost else [told(row.tick)]))]
+    happenings = [entry for row in rows() for entry in (row, *([] if row.tick == lost else [told(row.tick)]))]
     happenings.insert(-8, Torque(MEASURED, contradicted & 0xFFFF, 999, 0))
-    found, missing = paired([MEASURED], happenings)
-    assert [row.tick for row in found] == [t for t in TICKS if t not in (lost, contradicted)]
+    result, missing = paired([MEASURED], happenings)
+    assert [row.tick for row in result] == [t for t in TICKS if t not in (lost, contradicted)]
     assert missing == 2
 
 
@@ -83,7 +83,7 @@ def test_the_identity_contains_the_drive_of_the_arm_and_older_devices_are_accept
 
 
 def test_every_sample_gets_the_input_of_the_arm_of_its_own_tick():
-    usual = [item for row in rows() for item in (row, ArmInput(MEASURED, row.tick & 0xFFFF, 65530 - row.tick))]
+    usual = [entry for row in rows() for entry in (row, ArmInput(MEASURED, row.tick & 0xFFFF, 65530 - row.tick))]
     assert paired([MEASURED], usual) == ([DrivenRow(t, (t, 0, 0), ((65530 - t, 0),)) for t in TICKS], 0)
 
 

@@ -12,11 +12,11 @@ VECTORS = json.loads(Path(firmware_protocol.__file__).with_name("vectors.json").
 
 
 def message_of(row: dict) -> Message:
-    kind, told = MESSAGES[row["message"]], dict(row["fields"])
+    kind, result = MESSAGES[row["message"]], dict(row["fields"])
     if kind is Info:
-        return Info(told.pop("page"), told)
+        return Info(result.pop("page"), result)
     hints = get_type_hints(kind)
-    return kind(**{name: hints[name](value) for name, value in told.items()})
+    return kind(**{name: hints[name](value) for name, value in result.items()})
 
 
 @pytest.mark.parametrize("row", VECTORS["frames"], ids=lambda row: row["serial"])

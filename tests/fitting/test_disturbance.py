@@ -24,8 +24,8 @@ def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> Non
     rng, offsets = np.random.default_rng(1), np.array([0, 9, 16])
     steps, out, weight = rng.normal(size=(16, 4, 2)), rng.normal(size=(16, 2, 4)), rng.uniform(0.5, 2.0, (16, 2))
     walk, values, weight[3, 1] = steps @ steps.transpose(0, 2, 1), rng.normal(size=(16, 2, 3)), 0.0
-    shared, found = rng.normal(size=(16, 2)), padded(values, weight, offsets)
-    innovations(found, weight, offsets, walk, out, shared)
+    shared, result = rng.normal(size=(16, 2)), padded(values, weight, offsets)
+    innovations(result, weight, offsets, walk, out, shared)
     for s, (i, j) in enumerate([(0, 9), (9, 16)]):
         reach, scale = np.cumsum(walk[i:j], axis=0), (weight[i:j, :, None] * out[i:j]).reshape(-1, 4)
         owner = np.repeat(np.arange(j - i), 2)
@@ -34,7 +34,7 @@ def test_innovations_are_the_readings_over_the_root_of_their_covariance() -> Non
         covariance = np.eye(2 * (j - i)) + np.einsum("ma,mnab,nb->mn", scale, between, scale) + at_once
         weighed = (weight[i:j, :, None] * values[i:j]).reshape(-1, 3)
         whitened = np.linalg.solve(np.linalg.cholesky(covariance), weighed)
-        assert np.allclose(found[s, : j - i].reshape(-1, 3), whitened)
+        assert np.allclose(result[s, : j - i].reshape(-1, 3), whitened)
 
 
 def test_torque_noise_is_distinguished_from_steps_and_smooth_curves_and_commands_have_none() -> None:
@@ -56,19 +56,19 @@ def test_the_noise_of_torques_between_interpolated_rows_is_the_noise_of_the_rows
 
 @pytest.mark.slow
 def test_torques_that_a_controller_makes_rough_are_not_taken_for_noise(bare, paper: Rig) -> None:
-    problem, found = bare(ClosedLoop().runs(paper, 0))
+    problem, result = bare(ClosedLoop().runs(paper, 0))
     assert most_noise(problem)[0] > 2.5 * ClosedLoop().noise_Nm
-    assert likeliest_noise(problem, found.fit) == pytest.approx(ClosedLoop().noise_Nm, rel=0.4)
+    assert likeliest_noise(problem, result.fit) == pytest.approx(ClosedLoop().noise_Nm, rel=0.4)
 
 
 @pytest.mark.slow
 def test_the_noise_of_measured_torques_is_no_gap(bare, paper: Rig) -> None:
-    problem, found = bare(driven_runs(paper, 100)[1])
+    problem, result = bare(driven_runs(paper, 100)[1])
     taken_for_exact = replace(problem, disturbance=None)
-    assert taken_for_exact.chi2(found.fit.estimate) > 1.5 * found.fit.chi2
-    assert found.residuals.chi2 / found.residuals.dof == pytest.approx(1.0, abs=0.05)
-    assert abs(found.residuals.autocorrelation) < 0.05
-    assert at_noise_floor(found)
+    assert taken_for_exact.chi2(result.fit.estimate) > 1.5 * result.fit.chi2
+    assert result.residuals.chi2 / result.residuals.dof == pytest.approx(1.0, abs=0.05)
+    assert abs(result.residuals.autocorrelation) < 0.05
+    assert at_noise_floor(result)
 
 
 @pytest.mark.slow
@@ -78,9 +78,9 @@ def test_torques_count_as_exact_if_the_residual_is_far_above_the_noise(screened,
     problem, base = bare(runs)
     with_noise = forward(FittedSets(screened(runs), problem, other, base))
     assert with_noise.trace[-1].move == "short segments"  # no set in full segments: it is searched again
-    found = diagnose(runs, paper, library=other)
+    diagnosis = diagnose(runs, paper, library=other)
     _, problem, exact = fit_bare_model(replace(screened(runs), exact_torques=True), nominal_ratios(paper))
     assert problem.disturbance is None
-    assert found.exact_torques
-    assert found.verdict in ("unexplained", "partly_explained")
-    assert found.chi2_per_dof > 0.1 * exact.residuals.chi2 / exact.residuals.dof > 20
+    assert diagnosis.exact_torques
+    assert diagnosis.verdict in ("unexplained", "partly_explained")
+    assert diagnosis.chi2_per_dof > 0.1 * exact.residuals.chi2 / exact.residuals.dof > 20

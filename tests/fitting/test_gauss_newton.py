@@ -44,10 +44,10 @@ def test_bounded_solution_agrees_with_an_independent_solver(rng):
         lower = np.where(rng.random(6) < 0.5, -np.inf, rng.normal(size=6) * 0.1)
         upper = np.where(rng.random(6) < 0.5, np.inf, np.maximum(lower, -0.1) + rng.random(6) * 0.1 + 1e-3)
         reference = lsq_linear(A, b, (lower, upper), method="bvls").x
-        found = bounded_solution(A.T @ A, A.T @ b, lower, upper)
-        assert (found >= lower - 1e-12).all()
-        assert (found <= upper + 1e-12).all()
-        assert found == pytest.approx(reference, abs=1e-9)
+        result = bounded_solution(A.T @ A, A.T @ b, lower, upper)
+        assert (result >= lower - 1e-12).all()
+        assert (result <= upper + 1e-12).all()
+        assert result == pytest.approx(reference, abs=1e-9)
 
 
 def test_the_conditional_reduction_of_columns_agrees_with_a_joint_solution(rng):
@@ -70,16 +70,16 @@ def test_many_small_sets_gain_what_each_gains_alone(rng):
     sets[4, :, 1] = held[:, 0] + 1e-6 * sets[4, :, 1]  # nearly what is fitted already
     space, across = ColumnSpace.of(held, e), np.einsum("rk,srn->ksn", held, sets)
     own, gradient = np.einsum("sri,srj->sij", sets, sets), np.einsum("srn,r->sn", sets, e)
-    found = space.gains_given(across, own, gradient, positive=False)
+    result = space.gains_given(across, own, gradient, positive=False)
     left = [np.linalg.lstsq(A, e, rcond=None)[1][0] for A in (held, *(np.column_stack([held, own]) for own in sets))]
-    assert found == pytest.approx(left[0] - np.array(left[1:]), rel=1e-3)
+    assert result == pytest.approx(left[0] - np.array(left[1:]), rel=1e-3)
     single = np.ix_(range(5), [0], [0])
-    found = space.gains_given(across[:, :, :1], own[single], gradient[:, :1], positive=True)
+    result = space.gains_given(across[:, :, :1], own[single], gradient[:, :1], positive=True)
     alone = [ColumnSpace.of(np.column_stack([held, one[:, :1]]), e) for one in sets]
     wrong = np.array([space.given([0, 1, 2], [3]).solution()[0] < 0 for space in alone])
     assert wrong.any()
-    assert (found[wrong] == 0).all()
-    assert found[~wrong] == pytest.approx([alone[i].gain() - space.gain() for i in np.flatnonzero(~wrong)])
+    assert (result[wrong] == 0).all()
+    assert result[~wrong] == pytest.approx([alone[i].gain() - space.gain() for i in np.flatnonzero(~wrong)])
 
 
 class Counting:
@@ -102,14 +102,14 @@ def test_a_fit_with_frozen_jacobians_reaches_the_same_minimum(clean):
     model = Counting(problem.model)
     start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
     free = free_parameters(start, (), problem)
-    found = fit(replace(problem, model=model), start, free)
+    fitted = fit(replace(problem, model=model), start, free)
     exact = fit(problem, start, free, iterations=30, settings=GaussNewton(linearity=-1.0, converged=1e-9))
-    A, _ = found.linear.flat
+    A, _ = fitted.linear.flat
     std = np.sqrt(np.diag(np.linalg.inv(A.T @ A)))
-    assert found.converged
-    assert model.asked < found.iterations
-    assert np.abs(found.values - exact.values).max() < np.abs(start.ratios[:5] - exact.values).max()
-    assert (np.abs(found.values - exact.values) < 0.05 * std).all()
+    assert fitted.converged
+    assert model.asked < fitted.iterations
+    assert np.abs(fitted.values - exact.values).max() < np.abs(start.ratios[:5] - exact.values).max()
+    assert (np.abs(fitted.values - exact.values) < 0.05 * std).all()
 
 
 class Misleading(Counting):
@@ -123,9 +123,9 @@ def test_a_step_that_failed_is_not_tried_again_because_of_a_little_damping(clean
     problem, base = clean
     model = Misleading(problem.model)
     start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
-    found = fit(replace(problem, model=model), start, free_parameters(start, (), problem))
-    assert found.stop is StopReason.NO_DESCENT
-    assert found.estimate is start
+    fitted = fit(replace(problem, model=model), start, free_parameters(start, (), problem))
+    assert fitted.stop is StopReason.NO_DESCENT
+    assert fitted.estimate is start
     assert model.predicted <= 1 + 2 * GaussNewton().tries  # a damping of 1e-3 is another step
 
 
@@ -140,10 +140,10 @@ def test_a_swing_from_near_the_upright_does_not_end_a_fit_above_its_minimum(bare
     start = base.fit.estimate.changed(params=with_drag)
     alone = fit(problem, start, free_parameters(start, ("air_drag_both",), problem), iterations=30)
     both = free_parameters(alone.estimate, ("air_drag_both", "coulomb_joint1"), problem)
-    found = fit(problem, alone.estimate, both, iterations=30)
+    fitted = fit(problem, alone.estimate, both, iterations=30)
     assert alone.chi2 > 2.0 * problem.evidence
-    assert found.stop is StopReason.CONVERGED
-    assert found.chi2 < 1.1 * problem.evidence
+    assert fitted.stop is StopReason.CONVERGED
+    assert fitted.chi2 < 1.1 * problem.evidence
 
 
 def test_far_from_the_noise_a_preliminary_fit_ends_at_the_first_small_reduction(clean):
@@ -188,9 +188,9 @@ def test_a_fit_goes_on_after_a_step_that_regains_a_lost_segment(clean):
     problem, base = clean
     start = base.fit.estimate.changed(ratios=base.fit.estimate.ratios * 1.002)
     losing = replace(problem, model=LosesASegment(problem.model))
-    found = fit(losing, start, free_parameters(start, (), problem))
-    assert found.iterations > 1
-    assert found.chi2 == pytest.approx(base.fit.chi2, rel=1e-3)
+    fitted = fit(losing, start, free_parameters(start, (), problem))
+    assert fitted.iterations > 1
+    assert fitted.chi2 == pytest.approx(base.fit.chi2, rel=1e-3)
 
 
 def test_eliminating_initial_states_changes_no_step(clean):
@@ -208,14 +208,14 @@ def test_eliminating_initial_states_changes_no_step(clean):
     reference = np.linalg.lstsq(whole / scale, linear.residual.ravel(), rcond=None)[0] / scale
     A, e = linear.flat
     norm = np.linalg.norm(A, axis=0)
-    found = np.linalg.lstsq(A / norm, e, rcond=None)[0] / norm
-    assert found == pytest.approx(reference[: len(free)], rel=1e-6, abs=1e-12)
+    result = np.linalg.lstsq(A / norm, e, rcond=None)[0] / norm
+    assert result == pytest.approx(reference[: len(free)], rel=1e-6, abs=1e-12)
 
 
 def test_prediction_of_a_run_left_out_agrees_with_fitting_the_others(clean):
     problem, base = clean
     fold = folds(problem)
-    found = left_out_chi2(base.fit, fold)
+    result = left_out_chi2(base.fit, fold)
     linear = base.fit.linear
     A = linear.A.reshape(*linear.A.shape)
     scale = np.linalg.norm(A.reshape(-1, A.shape[2]), axis=0)
@@ -223,16 +223,16 @@ def test_prediction_of_a_run_left_out_agrees_with_fitting_the_others(clean):
         rest = (A[fold != r] / scale).reshape(-1, A.shape[2])
         step = np.linalg.lstsq(rest, linear.e[fold != r].ravel(), rcond=None)[0] / scale
         expected = np.sum((linear.e[fold == r] - A[fold == r] @ step) ** 2, axis=1)
-        assert found[fold == r] == pytest.approx(expected, rel=1e-3)
-    assert found.sum() > base.fit.chi2
+        assert result[fold == r] == pytest.approx(expected, rel=1e-3)
+    assert result.sum() > base.fit.chi2
 
 
 @pytest.mark.parametrize("part", ["shape", "size"])
 def test_only_the_shape_of_an_effect_that_one_run_alone_sees_is_that_run_s_own(clean, tested, part):
     """A cubic term of a spring that other runs hardly reach is fitted to the run left out; the stiffness is not."""
     problem, base = clean
-    (item,) = tested(problem, base.fit, [EFFECTS["spring_joint2"]]).ranking
-    more = fit(problem, base.fit.estimate, item.free)
+    (result,) = tested(problem, base.fit, [EFFECTS["spring_joint2"]]).ranking
+    more = fit(problem, base.fit.estimate, result.free)
     fold = folds(problem)
     names = [parameter.name for parameter in more.free]
     alone = names.index("cubic_Nm_per_rad3" if part == "shape" else "stiffness_Nm_per_rad")
@@ -249,8 +249,8 @@ def test_only_the_shape_of_an_effect_that_one_run_alone_sees_is_that_run_s_own(c
 
 def test_an_effect_that_is_not_there_makes_no_run_easier_to_predict(clean, tested):
     problem, base = clean
-    (item,) = tested(problem, base.fit, [EFFECTS["spring_joint2"]]).ranking
-    more = fit(problem, base.fit.estimate, item.free)
+    (result,) = tested(problem, base.fit, [EFFECTS["spring_joint2"]]).ranking
+    more = fit(problem, base.fit.estimate, result.free)
     fold = folds(problem)
     assert predictive_loss(more, fold, 1.0).sum() > predictive_loss(base.fit, fold, 1.0).sum()
 
@@ -258,10 +258,10 @@ def test_an_effect_that_is_not_there_makes_no_run_easier_to_predict(clean, teste
 def test_a_reduction_of_chi2_beyond_a_bound_is_no_evidence(clean, tested):
     """A fit ends at a tiny positive friction, although its linear model has its minimum at a negative one."""
     problem, base = clean
-    (item,) = tested(problem, base.fit, [EFFECTS["coulomb_joint1"]]).ranking
+    (result,) = tested(problem, base.fit, [EFFECTS["coulomb_joint1"]]).ranking
     params = base.fit.estimate.params.copy()
     params[param_index("coulomb_joint1", "torque_Nm")] = 1e-9
-    near = fit(problem, base.fit.estimate.changed(params=params), item.free, iterations=0)
+    near = fit(problem, base.fit.estimate.changed(params=params), result.free, iterations=0)
     friction = near.linear.A[:, :, [parameter.name for parameter in near.free].index("torque_Nm")]
     e = near.linear.e - 50 * friction / np.linalg.norm(friction)
     beyond = replace(near, linear=replace(near.linear, e=e))
@@ -314,10 +314,10 @@ def test_segments_that_cannot_be_simulated_are_refitted_even_if_they_are_the_maj
 @pytest.mark.slow
 def test_the_score_test_predicts_the_reduction_of_the_fit(recorded, bare, tested):
     problem, base = bare(recorded({"base_tilt": {"tilt_rad": 5e-4}}))
-    (item,) = tested(problem, base.fit, [EFFECTS["base_tilt"]]).ranking
+    (result,) = tested(problem, base.fit, [EFFECTS["base_tilt"]]).ranking
     at = base.fit.estimate
     after = fit(problem, at, free_parameters(at, ("base_tilt",), problem))
-    assert base.fit.chi2 - after.chi2 == pytest.approx(item.gain, rel=0.02)
+    assert base.fit.chi2 - after.chi2 == pytest.approx(result.gain, rel=0.02)
     assert after.estimate.params[param_index("base_tilt", "tilt_rad")] == pytest.approx(5e-4, rel=0.02)
     assert len(effect_parameters(EFFECTS["base_tilt"])) == 1
 

@@ -57,8 +57,8 @@ def test_the_scan_finds_the_arms_frequency_between_the_points_of_its_grid(record
     truth = {"arm_compliance": {"coupling_per_kg": 0.06, "frequency_hz": 7.2, "damping_ratio": 0.08}}
     problem, base = bare(recorded(truth))
     along = trajectory(problem, base.fit.estimate)
-    found = ShapeScan(problem, base.fit, along, Recorded((None,), lambda: [])).shapes(EFFECTS["arm_compliance"])
-    assert dict(found[0])[param_index("arm_compliance", "frequency_hz")] == pytest.approx(7.2, rel=0.1)
+    result = ShapeScan(problem, base.fit, along, Recorded((None,), lambda: [])).shapes(EFFECTS["arm_compliance"])
+    assert dict(result[0])[param_index("arm_compliance", "frequency_hz")] == pytest.approx(7.2, rel=0.1)
 
 
 @pytest.mark.slow
@@ -74,5 +74,5 @@ def test_a_scan_does_not_lose_the_order_that_is_nearly_gravity(recorded, bare, m
     every = tuple(
         replace(one, scan=(1.0, *one.scan)) if one.scan else one for one in EFFECTS["detent_joint1"].parameters
     )
-    found = next_to_fit.shapes(replace(EFFECTS["detent_joint1"], parameters=every))
-    assert dict(found[0])[order] == 1.0
+    result = next_to_fit.shapes(replace(EFFECTS["detent_joint1"], parameters=every))
+    assert dict(result[0])[order] == 1.0

@@ -42,8 +42,8 @@ def test_friction_of_joints_that_come_to_rest_is_found(rng, first, second, start
     at = Estimate.of(np.append(off, [base[1], np.nan]), coulomb(0.7 * first, 0.7 * second), initial)
     names = "coulomb_joint1", "coulomb_joint2"
     free = [*ratio_parameters(at), *(p for name in names for p in effect_parameters(EFFECTS[name]))]
-    found = fit(problem, at, free, iterations=30)
-    assert found.converged
-    assert found.chi2 / (2 * chosen.size - len(free) - 4 * len(chosen)) == pytest.approx(1.0, abs=0.15)
-    torques = found.estimate.params[[param_index(name, "torque_Nm") for name in names]]
+    fitted = fit(problem, at, free, iterations=30)
+    assert fitted.converged
+    assert fitted.chi2 / (2 * chosen.size - len(free) - 4 * len(chosen)) == pytest.approx(1.0, abs=0.15)
+    torques = fitted.estimate.params[[param_index(name, "torque_Nm") for name in names]]
     assert torques == pytest.approx([first, second], rel=0.01)

@@ -34,9 +34,9 @@ def test_backlash_is_named_and_not_taken_for_friction_compliance_or_latency(case
         rig, plant = with_arm(rig, plant, mode)
     hidden = draw_plant(parse_request(f"single:clear:{effect}"), plant, rig)
     runs = record(hidden, rig, DURATION_S, RATE_HZ, drives=arm_drive_of(hidden))
-    found = diagnose(runs, rig, library=LIKELY)
-    assert [one.name for one in found.effects] == [effect]
-    assert found.effects[0].members == [effect]
-    size = found.effects[0].parameters["play_rad"].value
+    diagnosis = diagnose(runs, rig, library=LIKELY)
+    assert [one.name for one in diagnosis.effects] == [effect]
+    assert diagnosis.effects[0].members == [effect]
+    size = diagnosis.effects[0].parameters["play_rad"].value
     assert size == pytest.approx(hidden.effects[effect]["play_rad"], rel=0.02)
-    assert found.verdict in ("named", "partly_explained")  # means over samples blur the jumps of a driven motor
+    assert diagnosis.verdict in ("named", "partly_explained")  # means over samples blur the jumps of a driven motor

@@ -63,24 +63,24 @@ def test_indistinguishable_effects_get_bench_measurements_with_ids(diagnosis: Di
 )
 def test_a_measured_value_decides(diagnosis: Diagnosis, measured: str, value: float, cause: str) -> None:
     check = next(check for check in diagnosis.checks if check.measures == measured)
-    found = update(diagnosis, check, CheckAnswer(value=value, std=5e-4))
-    (done,) = found.checks_done
+    result = update(diagnosis, check, CheckAnswer(value=value, std=5e-4))
+    (done,) = result.checks_done
     other = OFFSET if cause == TILT else TILT
     assert done.after[cause] > 0.8
     assert done.after[other] < 0.2 < done.before[other]
     assert sum(done.after.values()) == pytest.approx(sum(done.before.values()))
-    assert check.id not in [left.id for left in found.checks]
-    assert candidates(found, diagnosis.effects[0].name) == {n: p for n, p in done.after.items() if n != NONE_OF_THEM}
+    assert check.id not in [left.id for left in result.checks]
+    assert candidates(result, diagnosis.effects[0].name) == {n: p for n, p in done.after.items() if n != NONE_OF_THEM}
     if cause != diagnosis.effects[0].name:
-        assert found.effects[0].probability < 0.2
-        assert found.rivals[0].name == cause
-    assert ("--without" in found.sentence) == (cause != diagnosis.effects[0].name)
+        assert result.effects[0].probability < 0.2
+        assert result.rivals[0].name == cause
+    assert ("--without" in result.sentence) == (cause != diagnosis.effects[0].name)
     now = f"{cause} {done.before[cause]:.2f} -> {done.after[cause]:.2f}"
-    assert now in found.sentence.partition("Before the checks:")[0]
+    assert now in result.sentence.partition("Before the checks:")[0]
     bits = {check.id: check.expected_bits for check in diagnosis.checks}
-    assert found.checks
-    assert all(left.expected_bits < 0.8 * bits[left.id] for left in found.checks)
-    assert found.gap == diagnosis.gap
+    assert result.checks
+    assert all(left.expected_bits < 0.8 * bits[left.id] for left in result.checks)
+    assert result.gap == diagnosis.gap
 
 
 def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
@@ -88,21 +88,21 @@ def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
     named = diagnosis.effects[0]
     rival = {"name": other, "class": [other], "probability": 0.49, "cosine": 0.9, "instead_of": named.name}
     asked = AdvisedCheck(id="9-rec", kind="recording", text="record", about=named.name, splits=[], expected_bits=1.0)
-    said = diagnosis.to_json() | {"rivals": [rival], "checks": [asked.model_dump()]}
-    said["effects"][0]["probability"] = 0.49
-    return Diagnosis.model_validate(said)
+    result = diagnosis.to_json() | {"rivals": [rival], "checks": [asked.model_dump()]}
+    result["effects"][0]["probability"] = 0.49
+    return Diagnosis.model_validate(result)
 
 
 @pytest.mark.parametrize("std", [3e-3, 3e-4])  # both members remain in the class, or one
 def test_the_odds_of_a_class_are_those_after_the_check(std: float) -> None:
     before = made(checks=[measurement(CLOCK, CLOCK, 1)])
     named = before.effects[0].model_copy(update={"odds": {CLOCK: 0.5, LENGTH: 0.5}})
-    found = update(
+    result = update(
         before.model_copy(update={"effects": [named]}), before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=std)
     )
-    after = {name: p for name, p in found.checks_done[0].after.items() if name != NONE_OF_THEM}
+    after = {name: p for name, p in result.checks_done[0].after.items() if name != NONE_OF_THEM}
     assert after[CLOCK] > 0.7
-    (causes,) = causes_of(found)
+    (causes,) = causes_of(result)
     assert causes.probabilities == pytest.approx(after)
 
 
@@ -152,8 +152,8 @@ def test_the_odds_of_a_class_are_its_prior_in_a_check() -> None:
 @pytest.mark.timeout(900)
 def test_a_recording_decides(diagnosis: Diagnosis) -> None:
     before = open_between(diagnosis, "com_offset_link1")
-    found = update(before, before.checks[0], CheckAnswer(tuple(recorded(8)[:1]), load_rig("paper")))
-    after = found.checks_done[0].after
+    result = update(before, before.checks[0], CheckAnswer(tuple(recorded(8)[:1]), load_rig("paper")))
+    after = result.checks_done[0].after
     assert after[TILT] + after[OFFSET] > 0.9
     assert after["com_offset_link1"] < 0.1
 
@@ -164,11 +164,11 @@ def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_
     """Coulomb or Stribeck friction: short releases do not distinguish them, and checks that do are listed."""
     names = ("coulomb_joint2", "stribeck_joint2")
     plant = load_plant("paper", 5).model_copy(update={"effects": {names[0]: {"torque_Nm": 3e-4}}})
-    found = diagnose(
+    result = diagnose(
         record(plant, load_rig("paper"), 1.0, 250), load_rig("paper"), library={n: EFFECTS[n] for n in names}
     )
-    assert found.effects[0].members == list(names)
-    measured = next(check for check in found.checks if check.kind == "measurement")
+    assert result.effects[0].members == list(names)
+    measured = next(check for check in result.checks if check.kind == "measurement")
     assert measured.quantity is not None
     assert measured.quantity.model_dump() == {
         "name": "extra friction torque at rest, joint 2",
@@ -178,15 +178,15 @@ def test_two_forms_of_one_law_are_distinguished_by_the_amplitude_that_the_wider_
         "definition": "",
     }
     assert "Give the extra friction torque at rest, joint 2 (S), in N m." in measured.text
-    after = update(found, measured, CheckAnswer(value=0.0, std=1e-5)).checks_done[0].after
+    after = update(result, measured, CheckAnswer(value=0.0, std=1e-5)).checks_done[0].after
     assert after[names[0]] > 0.9 * sum(after.values())
-    asked = next(check for check in found.checks if check.kind == "recording")
+    asked = next(check for check in result.checks if check.kind == "recording")
     assert asked.release is not None
     assert asked.release.duration_s >= 10
     pose = Pose(theta1=asked.release.theta1_rad, theta2=asked.release.theta2_rad)
     rig = load_rig("paper").model_copy(update={"poses": {"check": pose}})
     after = (
-        update(found, asked, CheckAnswer(tuple(record(plant, rig, asked.release.duration_s, 250)), rig))
+        update(result, asked, CheckAnswer(tuple(record(plant, rig, asked.release.duration_s, 250)), rig))
         .checks_done[0]
         .after
     )
@@ -211,10 +211,10 @@ def test_a_new_diagnosis_names_its_parent(
     file = tmp_path / "diagnosis.json"
     file.write_text(json.dumps(diagnosis.to_json()))
     check = next(check for check in diagnosis.checks if check.measures == TILT)
-    found = take_check(CheckRequest(tmp_path, check.id, value=0.01, std=5e-4, out=tmp_path / "new"))
+    result = take_check(CheckRequest(tmp_path, check.id, value=0.01, std=5e-4, out=tmp_path / "new"))
     again = load_diagnosis(tmp_path / "new")
-    assert again == found
-    assert len(found.parent) == 64
+    assert again == result
+    assert len(result.parent) == 64
     page = (tmp_path / "new" / "diagnosis.html").read_text()
     assert "Results of checks" in page
     with pytest.raises(RunError, match="give its result"):

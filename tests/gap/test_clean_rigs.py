@@ -29,8 +29,8 @@ from clean_rigs import KINDS, drawn
 )
 def test_a_clean_rig_has_no_gap(kind: str, seed: int) -> None:
     rig, runs, _ = drawn(kind, seed)
-    said = diagnose(runs, rig)
-    assert (said.verdict, said.effects) == ("no_gap", [])
+    diagnosis = diagnose(runs, rig)
+    assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", [])
 
 
 @pytest.mark.long
@@ -38,14 +38,14 @@ def test_a_clean_rig_has_no_gap(kind: str, seed: int) -> None:
 def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
     rig, runs, logger = drawn("camera", seed)
     assert logger.shared > 0.7
-    said = diagnose(runs, rig)
-    assert (said.verdict, said.effects) == ("no_gap", [])
-    assert said.model_effects  # L1 as it was fitted, for whoever simulates
-    assert any(finding.name == "non_white_noise" for finding in said.sensor_findings)
+    diagnosis = diagnose(runs, rig)
+    assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", [])
+    assert diagnosis.model_effects  # L1 as it was fitted, for whoever simulates
+    assert any(finding.name == "non_white_noise" for finding in diagnosis.sensor_findings)
     true = KINDS["camera"](np.random.default_rng(seed))[0]
-    fitted, reach = re.search(r"fitted: ([\d.]+) m \+- ([\d.e-]+) m", said.assumptions[0]).groups()
+    fitted, reach = re.search(r"fitted: ([\d.]+) m \+- ([\d.e-]+) m", diagnosis.assumptions[0]).groups()
     assert abs(float(fitted) - true) < 2 * float(reach) < 0.01 * abs(rig.L1 - true) + 1e-3
-    again = estimate_each(runs[:1], rig, said.model_effects)  # the length is free there already
+    again = estimate_each(runs[:1], rig, diagnosis.model_effects)  # the length is free there already
     assert len(again.names) == len(set(again.names))
 
 
@@ -53,5 +53,5 @@ def test_a_camera_whose_scale_is_unsure_has_no_gap(seed: int) -> None:
 def test_a_length_error_beyond_its_stated_uncertainty_is_reported() -> None:
     rig, runs, _ = drawn("camera", 2)
     sure = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1_std": 0.001})})
-    said = diagnose(runs, sure, library=candidates("wrong_length", "clock", "coulomb"))
-    assert said.assumptions[0].endswith("This contradicts the uncertainty in the file.")
+    diagnosis = diagnose(runs, sure, library=candidates("wrong_length", "clock", "coulomb"))
+    assert diagnosis.assumptions[0].endswith("This contradicts the uncertainty in the file.")

@@ -26,14 +26,14 @@ LIKELY = ("backlash", "coulomb", "torque_", "latency", "hysteresis", "encoder_of
 @pytest.mark.parametrize("case", thinned([(cause, seed) for cause in CASES for seed in (0, 1)], 16))
 def test_a_cause_in_a_closed_loop_is_named(paper: Rig, case: tuple[str, int]) -> None:
     cause, seed = case
-    found = diagnose(CASES[cause].runs(paper, seed, duration=DURATION_S), paper, library=candidates(*LIKELY))
-    assert found.verdict in ("named", "partly_explained")
-    assert cause.split(",")[0] in found.effects[0].members
-    assert any("Noise of the measured torques" in sentence for sentence in found.assumptions)
+    diagnosis = diagnose(CASES[cause].runs(paper, seed, duration=DURATION_S), paper, library=candidates(*LIKELY))
+    assert diagnosis.verdict in ("named", "partly_explained")
+    assert cause.split(",")[0] in diagnosis.effects[0].members
+    assert any("Noise of the measured torques" in sentence for sentence in diagnosis.assumptions)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_closed_loop_without_a_cause_has_no_gap(paper: Rig) -> None:
-    found = diagnose(ClosedLoop().runs(paper, 1, duration=DURATION_S), paper, library=candidates(*LIKELY))
-    assert (found.verdict, found.model_effects) == ("no_gap", {})
+    diagnosis = diagnose(ClosedLoop().runs(paper, 1, duration=DURATION_S), paper, library=candidates(*LIKELY))
+    assert (diagnosis.verdict, diagnosis.model_effects) == ("no_gap", {})

@@ -180,10 +180,10 @@ def test_torques_that_contradict_the_rig_file_s_inertia_are_unexplained_with_a_h
 @pytest.mark.long
 def test_a_gain_that_no_drive_has_gives_way_to_a_wrong_sign(driven: list[Run], paper: Rig) -> None:
     runs = with_signs(driven, (-1, 1))
-    found = diagnose(runs, paper, library={"torque_scale_joint1": EFFECTS["torque_scale_joint1"]})
-    assert found.verdict == "unexplained"
-    assert "sign of torque 1" in found.hints[0]
-    assert found.effects == []
+    diagnosis = diagnose(runs, paper, library={"torque_scale_joint1": EFFECTS["torque_scale_joint1"]})
+    assert diagnosis.verdict == "unexplained"
+    assert "sign of torque 1" in diagnosis.hints[0]
+    assert diagnosis.effects == []
 
 
 @pytest.mark.slow
@@ -198,10 +198,10 @@ def test_a_clean_rig_has_no_hint_and_a_visible_one_stays_named(swings, recorded,
 @pytest.mark.slow
 def test_recordings_that_cannot_show_a_gap_are_inconclusive(swings, paper: Rig, rng: np.random.Generator) -> None:
     noisy = [replace(run, theta=run.theta + rng.normal(0, 0.03, run.theta.shape), counts=None) for run in swings]
-    found = diagnose(noisy, paper, library=SOME)
-    assert found.verdict == "inconclusive"
-    assert "cannot show a gap" in found.sentence
-    assert failures(found, []) == ["inconclusive: the recordings cannot show a gap"]
+    diagnosis = diagnose(noisy, paper, library=SOME)
+    assert diagnosis.verdict == "inconclusive"
+    assert "cannot show a gap" in diagnosis.sentence
+    assert failures(diagnosis, []) == ["inconclusive: the recordings cannot show a gap"]
 
 
 def test_runs_without_motion_are_refused(swings, paper: Rig) -> None:
@@ -229,7 +229,7 @@ def test_a_size_is_the_less_plausible_the_further_beyond_its_scale() -> None:
 
 def test_a_cause_that_is_next_to_impossible_is_not_listed() -> None:
     causes = [EffectPosterior(name, (name,), (), p) for name, p in (("a", 0.9), ("b", 0.004), ("c", 0.3))]
-    assert [item.name for item in listed_causes(causes)] == ["a", "c"]
+    assert [entry.name for entry in listed_causes(causes)] == ["a", "c"]
 
 
 @pytest.mark.slow
@@ -272,7 +272,7 @@ def test_a_small_swing_on_a_cart_shows_the_sign_of_the_cart_and_no_spring(tmp_pa
         tmp_path, "cart", rig, {"t_s": t, "theta0_rad": sign * place / 10, "theta1_rad": angle + noise}
     )
     some = {name: EFFECTS[name] for name in ("spring_joint1", "com_offset_link1", "coulomb_joint1")}
-    found = diagnose([run], rig, library=some)
-    assert found.effects == []
-    assert ("--scale theta0=-1" in found.sentence) == (sign == 1)
-    assert found.verdict == ("unexplained" if sign == 1 else "no_gap")
+    diagnosis = diagnose([run], rig, library=some)
+    assert diagnosis.effects == []
+    assert ("--scale theta0=-1" in diagnosis.sentence) == (sign == 1)
+    assert diagnosis.verdict == ("unexplained" if sign == 1 else "no_gap")

@@ -26,16 +26,16 @@ NOT_SEEN = ("rotor_inertia_joint1",)
 def scaled(found: Diagnosis, effect: str, parameter: str) -> float:
     """A torque at the plant's own scale: a free swing fixes none."""
     b = load_plant("paper", 1).parameters
-    (item,) = [item for item in found.effects if effect in item.members]
-    return item.parameters[parameter].value * (b["J2"] + b["m2"] * b["l2"] ** 2) / found.scale_b
+    (result,) = [result for result in found.effects if effect in result.members]
+    return result.parameters[parameter].value * (b["J2"] + b["m2"] * b["l2"] ** 2) / found.scale_b
 
 
 @pytest.mark.slow
 def test_both_of_two_effects_are_named_with_their_sizes(two_found: Diagnosis):
     assert two_found.verdict == "named", two_found.sentence
-    assert {item.name for item in two_found.effects} == {"coulomb_joint1", "latency_joint2"}
+    assert {effect.name for effect in two_found.effects} == {"coulomb_joint1", "latency_joint2"}
     assert scaled(two_found, "coulomb_joint1", "torque_Nm") == pytest.approx(1.5e-3, rel=0.03)
-    (latency,) = [item for item in two_found.effects if item.name == "latency_joint2"]
+    (latency,) = [effect for effect in two_found.effects if effect.name == "latency_joint2"]
     low, high = latency.parameters["delay_s"].interval90
     assert low < latency.parameters["delay_s"].value < high
     assert latency.parameters["delay_s"].value == pytest.approx(5e-4, rel=0.03)
@@ -56,17 +56,17 @@ def test_the_gap_closes_in_cross_validation_across_releases(two_found: Diagnosis
 
 @pytest.mark.slow
 def test_the_result_has_the_keys_of_the_interface(two_found: Diagnosis):
-    said = json.loads(json.dumps(two_found.to_json()))
+    document = json.loads(json.dumps(two_found.to_json()))
     assert {
         "verdict", "sentence", "gap", "where", "effects", "rivals", "probabilities", "detectable", "sensor_findings",
         "advice", "ratios", "seconds",
-    } <= set(said)  # fmt: skip
+    } <= set(document)  # fmt: skip
     assert {"floor_rad", "before_rad", "after_rad", "before_Nm", "explained_share", "closed_held_out"} <= set(
-        said["gap"]
+        document["gap"]
     )
-    assert {"name", "class", "probability", "parameters", "share"} <= set(said["effects"][0])
+    assert {"name", "class", "probability", "parameters", "share"} <= set(document["effects"][0])
     # encoder 0 read the same angle throughout, and no reading is off by two counts or more
-    assert set(said["detectable"]) == set(OF_FREE_SWINGS) - {"arm_compliance", "missed_counts"}
+    assert set(document["detectable"]) == set(OF_FREE_SWINGS) - {"arm_compliance", "missed_counts"}
 
 
 @pytest.mark.long
@@ -78,9 +78,9 @@ def test_same_runs_same_answer(two_found: Diagnosis, two_runs, paper: Rig):
 
 @pytest.mark.slow
 def test_a_clean_rig_has_no_gap(recorded, paper: Rig):
-    found = diagnose(recorded({}, seed=3), paper)
-    assert (found.verdict, found.effects) == ("no_gap", [])
-    assert found.probabilities["no_gap"] > 0.9
+    diagnosis = diagnose(recorded({}, seed=3), paper)
+    assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", [])
+    assert diagnosis.probabilities["no_gap"] > 0.9
 
 
 @pytest.mark.slow
@@ -90,18 +90,18 @@ def test_a_clean_rig_has_no_gap(recorded, paper: Rig):
     ids=lambda dirt: next(iter(dirt)),
 )
 def test_dirty_sensors_are_no_effect(recorded, paper: Rig, dirt: dict[str, float]):
-    found = diagnose(recorded({}, seed=4, **dirt), paper)
-    assert (found.verdict, found.effects) == ("no_gap", [])
-    assert found.sensor_findings
+    diagnosis = diagnose(recorded({}, seed=4, **dirt), paper)
+    assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", [])
+    assert diagnosis.sensor_findings
 
 
 @pytest.mark.slow
 def test_indistinguishable_effects_form_one_class_with_a_bench_check(recorded, paper: Rig):
     runs = recorded({"encoder_offset_joint1": {"offset_rad": 2e-3}}, duration=2.5)
-    found = diagnose(runs, paper, library=candidates(*LIKELY, "base_"))
-    (item,) = found.effects
-    assert set(item.members) == {"encoder_offset_joint1", "base_tilt"}
-    assert any("spirit level" in advice for advice in found.advice)
+    diagnosis = diagnose(runs, paper, library=candidates(*LIKELY, "base_"))
+    (result,) = diagnosis.effects
+    assert set(result.members) == {"encoder_offset_joint1", "base_tilt"}
+    assert any("spirit level" in advice for advice in diagnosis.advice)
 
 
 @pytest.mark.slow
@@ -109,25 +109,25 @@ def test_a_cause_outside_the_library_is_not_given_a_name(recorded, paper: Rig, f
     few_readings("no interpretation is expected")
     effects = {"detent_joint2": {"cos1_Nm": 2e-3, "order": 9.0}}
     library = {name: effect for name, effect in candidates(*LIKELY).items() if not name.startswith("detent")}
-    found = diagnose(recorded(effects, duration=2.0), paper, library=library)
-    assert found.verdict in ("unexplained", "partly_explained")
-    assert all(item.probability < 0.5 for item in found.effects)
+    diagnosis = diagnose(recorded(effects, duration=2.0), paper, library=library)
+    assert diagnosis.verdict in ("unexplained", "partly_explained")
+    assert all(result.probability < 0.5 for result in diagnosis.effects)
 
 
 @pytest.mark.slow
 def test_a_run_held_out_is_scored_and_not_fitted(recorded, paper: Rig):
     runs = recorded({"coulomb_joint2": {"torque_Nm": 5e-4}})
-    found = diagnose(runs[:2], paper, held_out=runs[2:], library=candidates(*LIKELY))
-    assert found.gap.closed_held_out.held_out[runs[2].name] > 0.8
-    assert runs[2].name not in found.gap.closed_held_out.per_run
+    diagnosis = diagnose(runs[:2], paper, held_out=runs[2:], library=candidates(*LIKELY))
+    assert diagnosis.gap.closed_held_out.held_out[runs[2].name] > 0.8
+    assert runs[2].name not in diagnosis.gap.closed_held_out.per_run
 
 
 @pytest.mark.slow
 def test_the_residual_map_shows_the_joint_and_its_speed(recorded, paper: Rig):
-    found = diagnose(recorded({"coulomb_joint2": {"torque_Nm": 1e-3}}), paper, library=candidates(*LIKELY))
-    assert (found.where[0].site, found.where[0].coordinate) == ("joint2", "speed")
-    assert found.where[0].share > 0.6
-    assert "braking most at low speed" in found.where_sentence
+    diagnosis = diagnose(recorded({"coulomb_joint2": {"torque_Nm": 1e-3}}), paper, library=candidates(*LIKELY))
+    assert (diagnosis.where[0].site, diagnosis.where[0].coordinate) == ("joint2", "speed")
+    assert diagnosis.where[0].share > 0.6
+    assert "braking most at low speed" in diagnosis.where_sentence
 
 
 @pytest.mark.slow
@@ -154,15 +154,15 @@ def test_detectable_size_does_not_depend_on_the_order_of_the_fitted_parameters(r
 
 @pytest.mark.long
 def test_detectable_size_is_five_standard_deviations_of_repeated_fits(recorded, bare, paper: Rig):
-    found, sizes = None, []
+    result, sizes = None, []
     for seed in range(5, 13):
         runs = recorded({}, seed=seed, duration=3.0)
-        if found is None:
-            found = diagnose(runs, paper).detectable["base_tilt"]["tilt_rad"]
+        if result is None:
+            result = diagnose(runs, paper).detectable["base_tilt"]["tilt_rad"]
         problem, base = bare(runs)
         at = base.fit.estimate
         sizes.append(float(fit(problem, at, free_parameters(at, ("base_tilt",), problem)).values[-1]))
-    assert found == pytest.approx(5 * np.sqrt(np.mean(np.square(sizes))), rel=0.7)
+    assert result == pytest.approx(5 * np.sqrt(np.mean(np.square(sizes))), rel=0.7)
 
 
 @pytest.mark.slow
@@ -184,11 +184,11 @@ SEEN = [name for name in OF_FREE_SWINGS if name not in (*NOT_SEEN, "missed_count
 def test_every_effect_is_named_from_its_own_recording(recorded, paper: Rig, name: str):
     effect = EFFECTS[name]
     values = {p.name: (0.5 * p.typical if p.role == "amplitude" else p.default) for p in effect.parameters}
-    found = diagnose(recorded({name: values}, seed=7, duration=8.0 if FULL else 4.0), paper)
-    classes = [set(item.members) for item in found.effects]
+    diagnosis = diagnose(recorded({name: values}, seed=7, duration=8.0 if FULL else 4.0), paper)
+    classes = [set(result.members) for result in diagnosis.effects]
     family = {name, *effect.nested}
-    assert classes, found.sentence
-    assert classes[0] & family, (found.sentence, classes)
+    assert classes, diagnosis.sentence
+    assert classes[0] & family, (diagnosis.sentence, classes)
 
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real" / "multiarm" / "dp_freeswing_1khz.csv"

@@ -68,8 +68,8 @@ def test_a_push_in_the_middle_is_left_out_from_its_first_to_its_last_reading(tmp
     rig, runs = recorded(tmp_path, push)
     screened = Recordings(tuple(record(run, rig) for run in runs), rig)
     cleaned, _, bare = fit_bare_model(screened, nominal_ratios(rig))
-    (found,) = disturbances(rig, runs)
-    assert found == ("first", pytest.approx(since, abs=0.15))
+    (result,) = disturbances(rig, runs)
+    assert result == ("first", pytest.approx(since, abs=0.15))
     left = cleaned.records[0].t
     assert not ((left > since + 0.05) & (left < until - 0.05)).any()
     assert len(left) > len(runs[0].t) - (until - since + 0.3) / 0.01
@@ -79,8 +79,8 @@ def test_a_push_in_the_middle_is_left_out_from_its_first_to_its_last_reading(tmp
 @pytest.mark.slow
 def test_a_hand_that_pushes_at_the_beginning_is_left_out(tmp_path):
     rig, runs = recorded(tmp_path, Rod(W2, 0.02, 0.1, 0.01, push=(0.3, -60.0)))
-    (found,) = disturbances(rig, runs)
-    assert found == ("first", pytest.approx(0.0, abs=0.04))
+    (result,) = disturbances(rig, runs)
+    assert result == ("first", pytest.approx(0.0, abs=0.04))
 
 
 @pytest.mark.slow

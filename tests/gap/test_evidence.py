@@ -116,7 +116,7 @@ def test_the_map_of_coverage_contains_every_second(looked_at: Any):
     recordings, _, _ = looked_at({})
     maps = coverage(recordings, recordings.only(recordings.records[:1]))
 
-    seconds = [float(item.t[-1] - item.t[0]) for item in recordings.records]
+    seconds = [float(record.t[-1] - record.t[0]) for record in recordings.records]
     for rod in ("inner", "outer"):
         assert np.sum(maps[rod].fitted_s) == pytest.approx(sum(seconds), rel=0.01)
         assert np.sum(maps[rod].held_out_s) == pytest.approx(seconds[0], rel=0.01)

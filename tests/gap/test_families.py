@@ -36,12 +36,12 @@ def test_friction_alone_is_a_bearing_and_parts_of_two_joints_are_no_drive():
 @pytest.mark.slow
 def test_a_geared_drive_is_named_as_one(recorded: Callable[..., list[Run]], paper: Rig):
     runs = recorded({ROTOR: {"inertia_kgm2": 3e-4}, FRICTION: {"torque_Nm": 2e-3}})
-    found = diagnose(runs, paper, library={name: EFFECTS[name] for name in (ROTOR, FRICTION, "coulomb_joint1")})
-    (drive,) = found.families
+    diagnosis = diagnose(runs, paper, library={name: EFFECTS[name] for name in (ROTOR, FRICTION, "coulomb_joint1")})
+    (drive,) = diagnosis.families
     assert drive.name == "drive_joint2"
     assert set(drive.effects) == {ROTOR, FRICTION}
     assert drive.share == pytest.approx(1.0, abs=0.05)
-    assert any(note.startswith("If the rig has a geared drive, joint 2 [drive_joint2], ") for note in found.notes)
+    assert any(note.startswith("If the rig has a geared drive, joint 2 [drive_joint2], ") for note in diagnosis.notes)
 
 
 @pytest.mark.parametrize(
@@ -61,19 +61,19 @@ def test_a_drive_that_the_rig_file_states_is_always_in_the_model(recorded, paper
     runs = recorded({FRICTION: {"torque_Nm": 2e-3}, ROTOR: {"inertia_kgm2": 2e-7}}, duration=2.0)
     geared = paper.model_copy(update={"joints": Joints(geared=(2,))})
     library = {name: EFFECTS[name] for name in expected_of(geared.joints.geared)}
-    found = diagnose(runs, geared, library=library)
-    assert ROTOR in found.model_effects
+    diagnosis = diagnose(runs, geared, library=library)
+    assert ROTOR in diagnosis.model_effects
     assert ROTOR not in diagnose(runs, paper, library=library).model_effects
-    assert any("a geared motor on joint 2" in told for told in found.assumptions)
+    assert any("a geared motor on joint 2" in assumption for assumption in diagnosis.assumptions)
 
 
 @pytest.mark.slow
 def test_what_a_geared_rig_cannot_show_is_not_in_the_model(paper: Rig):
     alone = paper.model_copy(update={"joints": Joints(geared=(1, 2))}).with_rods("inner")
     runs = record(load_plant("paper", 3), alone, 4.0, 500)
-    found = diagnose(runs, alone, library={name: EFFECTS[name] for name in expected_of((1, 2))})
-    assert found.verdict == "no_gap"
-    assert not [name for name in found.model_effects if name.endswith("joint2")]
+    diagnosis = diagnose(runs, alone, library={name: EFFECTS[name] for name in expected_of((1, 2))})
+    assert diagnosis.verdict == "no_gap"
+    assert not [name for name in diagnosis.model_effects if name.endswith("joint2")]
 
 
 @pytest.mark.slow

@@ -77,5 +77,5 @@ def test_angles_of_points_do_not_depend_on_counts_per_turn(tmp_path: Path) -> No
     for tracked, expected in ((run, set()), (replace(run, film_noise=None), counted - {"encoder_scale_joint0"})):
         recordings = Recordings((record(tracked, rig),), rig)
         _, problem, _ = fit_bare_model(recordings, nominal_ratios(rig))
-        found = applicable(EFFECTS, problem, of_points=recordings.of_points)
-        assert counted & found.keys() == expected
+        result = applicable(EFFECTS, problem, of_points=recordings.of_points)
+        assert counted & result.keys() == expected

@@ -44,8 +44,8 @@ def test_it_follows_however_few_readings_a_second_there_are(paper: Rig, rate_hz:
 
 
 def test_it_begins_after_breaks_that_come_too_soon(paper: Rig) -> None:
-    item = swing(paper, 200.0)
-    assert error(paper, replace(item, breaks=item.t[3:70:5] + 1e-3)) < 20 * NOISE
+    result = swing(paper, 200.0)
+    assert error(paper, replace(result, breaks=result.t[3:70:5] + 1e-3)) < 20 * NOISE
 
 
 def test_a_recording_in_pieces_too_short_is_refused(paper: Rig) -> None:

@@ -28,5 +28,5 @@ def test_the_exported_table_of_a_clean_rig_shows_no_gap(
         file = export(replace(run, t=run.t + later_s, counts=None), tmp_path / f"{run.name}.csv")
         tables.append(import_csv(file, paper, out=tmp_path / f"{run.name}.mcap"))
     assert all(len(run.rest) > 100 and np.abs(run.t).min() == 0 for run in tables)
-    found = diagnose(tables, paper, library={name: EFFECTS[name] for name in FEW})
-    assert (found.verdict, found.effects) == ("no_gap", []), found.sentence
+    diagnosis = diagnose(tables, paper, library={name: EFFECTS[name] for name in FEW})
+    assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", []), diagnosis.sentence

@@ -43,10 +43,10 @@ def test_a_recording_that_was_disturbed_is_named_and_the_others_are_explained():
     runs = [record(rig, base, laws, rng, "X2", 4.0, rods=1) for laws in acting]
     runs = [replace(run, name=f"run{i}") for i, run in enumerate(runs)]
     library = {"coulomb_joint1": EFFECTS["coulomb_joint1"]}
-    found = diagnose(runs, rig, library=library)
-    (note,) = (note for note in found.notes if "Either a cause acted only in run1" in note)
+    diagnosis = diagnose(runs, rig, library=library)
+    (note,) = (note for note in diagnosis.notes if "Either a cause acted only in run1" in note)
     assert re.fullmatch(r"The model leaves .* times the noise in run1\. If run1 is not fitted, .* without it\.", note)
-    assert all(effect.probability <= 0.5 for effect in found.effects)
+    assert all(effect.probability <= 0.5 for effect in diagnosis.effects)
     others = diagnose([runs[0], runs[2]], rig, library=library)
     assert others.verdict == "named"
     assert others.effects[0].probability > 0.9

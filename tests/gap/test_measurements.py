@@ -43,10 +43,10 @@ def test_either_of_two_measurements_is_enough() -> None:
 
 
 def test_a_value_that_agrees_with_the_fit_confirms_its_effect() -> None:
-    found = update(made(), made().checks[0], CheckAnswer(value=0.0051, std=1e-4))
-    assert after(found)[CLOCK] > 0.97
-    assert found.verdict == "named"
-    assert found.checks_done[0].log10_bayes_factor[CLOCK] > 1.5
+    result = update(made(), made().checks[0], CheckAnswer(value=0.0051, std=1e-4))
+    assert after(result)[CLOCK] > 0.97
+    assert result.verdict == "named"
+    assert result.checks_done[0].log10_bayes_factor[CLOCK] > 1.5
 
 
 def test_a_value_that_fits_no_candidate_is_questioned_and_if_confirmed_supports_another_cause() -> None:
@@ -54,13 +54,13 @@ def test_a_value_that_fits_no_candidate_is_questioned_and_if_confirmed_supports_
     with pytest.raises(RunError, match=r"predicts 50 % for .*It is 99 times the estimate .*, 0.505 %") as refused:
         update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.5, std=1e-9))
     assert "--force" in str(refused.value)
-    found = update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.5, std=1e-9, confirmed=True))
-    assert after(found)[NONE_OF_THEM] > 0.999
-    assert found.probabilities[NONE_OF_THEM] > 0.999
-    assert found.verdict == "unexplained"
-    assert found.sentence.startswith("After check 1-abcd")
-    assert "none of the named effects explains the measured value" in found.sentence
-    assert found.remedies == []
+    result = update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.5, std=1e-9, confirmed=True))
+    assert after(result)[NONE_OF_THEM] > 0.999
+    assert result.probabilities[NONE_OF_THEM] > 0.999
+    assert result.verdict == "unexplained"
+    assert result.sentence.startswith("After check 1-abcd")
+    assert "none of the named effects explains the measured value" in result.sentence
+    assert result.remedies == []
 
 
 def test_both_candidates_measured_as_zero_leave_neither() -> None:
@@ -74,8 +74,8 @@ def test_both_candidates_measured_as_zero_leave_neither() -> None:
 
 
 def test_zero_within_a_large_uncertainty_says_nothing() -> None:
-    found = update(made(), made().checks[0], CheckAnswer(value=0.0, std=1.0))
-    assert after(found)[CLOCK] == pytest.approx(0.49, abs=0.02)
+    result = update(made(), made().checks[0], CheckAnswer(value=0.0, std=1.0))
+    assert after(result)[CLOCK] == pytest.approx(0.49, abs=0.02)
 
 
 def test_an_uncertainty_far_below_the_possible_has_no_further_effect() -> None:

@@ -70,8 +70,8 @@ def test_a_spring_whose_stiffness_is_lost_in_the_noise_is_possible() -> None:
     """With the stiffness of the fit, 0, its constant and its hardening term contradict each other."""
     base, rig = weighed(load_plant("paper", 997003), load_rig("paper"))
     wanted = parse_request(f"single:subtle:{SPRING}")
-    found = diagnose(record(draw_plant(wanted, base, rig), rig, 6.0), rig, library={SPRING: EFFECTS[SPRING]})
-    assert (found.verdict, [effect.name for effect in found.effects]) == ("named", [SPRING])
+    diagnosis = diagnose(record(draw_plant(wanted, base, rig), rig, 6.0), rig, library={SPRING: EFFECTS[SPRING]})
+    assert (diagnosis.verdict, [effect.name for effect in diagnosis.effects]) == ("named", [SPRING])
 
 
 @pytest.mark.parametrize(("error", "impossible"), [(0.5e-4, True), (2e-4, False)])

@@ -39,8 +39,8 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in ("coulomb_joint2", "viscous_ground_link2", "base_tilt")}
     sets = FittedSets(screened(runs), problem, library, base)
-    found = refined(forward(sets))
-    chosen = found.chosen
+    result = refined(forward(sets))
+    chosen = result.chosen
     assert chosen.effects == ("coulomb_joint2",)
     unit = 2 * chosen.residuals.inflation * CALIBRATION.temperature
     viscous = replace(chosen, effects=tuple(OTHER), curves={})
@@ -49,18 +49,20 @@ def test_a_set_of_lower_cost_is_as_probable_as_the_selected_one_at_most(
     def of(selection: Selection) -> dict[frozenset[str], float]:
         return {frozenset(one.effects): one.probability for one in components(problem, selection, paper, None)}
 
-    both = replace(found, fitted={chosen.key: chosen, OTHER: other})
+    both = replace(result, fitted={chosen.key: chosen, OTHER: other})
     for fitted, expected in ((worse, [0.8, 0.2]), (other, [0.5, 0.5])):  # the other is not significantly better
         made = components(problem, replace(both, fitted={chosen.key: chosen, OTHER: fitted}), paper, None)
         assert [one.probability for one in made] == pytest.approx(expected)
     gap = replace(base.residuals, chi2=1e4 * base.residuals.dof, autocorrelation=0.99)
     lacking = costing(replace(base, residuals=gap), chosen.cost + 20 * unit + gap.inflation * base.penalty)
     assert lacking.cost_at(gap.inflation) < chosen.cost_at(gap.inflation)
-    assert of(replace(found, fitted={chosen.key: chosen, lacking.key: lacking})) == {chosen.key: 1.0}
+    assert of(replace(result, fitted={chosen.key: chosen, lacking.key: lacking})) == {chosen.key: 1.0}
     impossible = replace(both, impossible=frozenset({OTHER}))
     assert of(impossible) == {chosen.key: 1.0}
     larger = costing(replace(chosen, effects=(*chosen.effects, "base_tilt")), chosen.cost - unit)
-    weights = [one.probability for one in components(problem, replace(found, fitted={larger.key: larger}), paper, None)]
+    weights = [
+        one.probability for one in components(problem, replace(result, fitted={larger.key: larger}), paper, None)
+    ]
     assert max(weights) == weights[0] > 0.9  # what hundreds of candidates explain by chance is no evidence
 
 
@@ -72,12 +74,12 @@ def test_a_richer_form_of_the_named_effect_is_no_alternative_if_it_may_follow_th
     problem, base = bare(runs)
     name, richer = "coulomb_joint2", "friction_curve_joint2"
     sets = FittedSets(screened(runs), problem, {each: EFFECTS[each] for each in (name, richer)}, base)
-    found = refined(forward(sets))
-    chosen = found.chosen
+    result = refined(forward(sets))
+    chosen = result.chosen
     assert chosen.effects == (name,)
     better = costing(replace(chosen, effects=(richer,), curves={}), chosen.cost - 20 * chosen.residuals.inflation)
     near, far = (
-        replace(found, bare=replace(base, residuals=replace(base.residuals, chi2=chi2)), fitted={better.key: better})
+        replace(result, bare=replace(base, residuals=replace(base.residuals, chi2=chi2)), fitted={better.key: better})
         for chi2 in (chosen.residuals.chi2 + 1e3, 1e8)
     )
     (alternative,) = effect_posterior(near, name).alternatives
@@ -94,9 +96,9 @@ def test_an_effect_that_every_rig_has_compensates_for_nothing(
     problem, base = bare(runs)
     name = "coulomb_joint2"
     sets = FittedSets(screened(runs), problem, {name: EFFECTS[name]}, base)
-    found = replace(refined(forward(sets)), own_shares={name: 0.001})
-    assert outside(found, name) > 0.7
-    assert outside(found, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed
+    result = replace(refined(forward(sets)), own_shares={name: 0.001})
+    assert outside(result, name) > 0.7
+    assert outside(result, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed
 
 
 @pytest.mark.slow
@@ -109,11 +111,11 @@ def test_a_drift_of_rate_zero_is_no_separate_cause(
     problem, base = bare(runs)
     library = {name: EFFECTS[name] for name in (tilt, offset, drift)}
     sets = FittedSets(screened(runs), problem, library, base, expected=frozenset({tilt}))
-    found = refined(forward(sets))
-    assert found.chosen.effects == (tilt,)
+    result = refined(forward(sets))
+    assert result.chosen.effects == (tilt,)
     for lower, forms in ((0.0, (drift,)), (1.0, ())):
-        drifting = costing(replace(found.chosen, effects=(drift,), curves={}), found.chosen.cost - lower)
-        posterior = effect_posterior(replace(found, fitted={**found.fitted, frozenset({drift}): drifting}), tilt)
+        drifting = costing(replace(result.chosen, effects=(drift,), curves={}), result.chosen.cost - lower)
+        posterior = effect_posterior(replace(result, fitted={**result.fitted, frozenset({drift}): drifting}), tilt)
         assert posterior.forms == forms
         assert set(posterior.members) == {tilt, offset} | ({drift} - {*forms})
         assert posterior.alternatives == ()

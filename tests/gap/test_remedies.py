@@ -9,8 +9,8 @@ from dpr_lab.rig import Rig
 @pytest.fixture
 def named():
     def made(name: str, *twins: str) -> NamedEffect:
-        told = {"name": name, "class": [name, *twins], "probability": 0.9, "parameters": {}, "share": 0.5}
-        return NamedEffect.model_validate(told)
+        result = {"name": name, "class": [name, *twins], "probability": 0.9, "parameters": {}, "share": 0.5}
+        return NamedEffect.model_validate(result)
 
     return made
 

@@ -49,40 +49,40 @@ def test_shares_sum_to_one_for_any_remainder() -> None:
 @pytest.mark.slow
 def test_a_clean_rig_has_only_noise() -> None:
     rig, runs, _ = recordings(1, [])
-    found = diagnose(runs, rig, library=candidates("coulomb", *SMOOTH))
-    budget = of(found)
+    diagnosis = diagnose(runs, rig, library=candidates("coulomb", *SMOOTH))
+    budget = of(diagnosis)
     assert budget.noise > 0.98
     assert budget.of_reproducible is None
-    assert (repeatability_bar(found), repeatability_sentences(found)) == (None, [])
+    assert (repeatability_bar(diagnosis), repeatability_sentences(diagnosis)) == (None, [])
 
 
 @pytest.mark.slow
 def test_a_named_effect_explains_all_that_is_reproducible() -> None:
     rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
-    found = diagnose(runs, rig, library=candidates("coulomb", *SMOOTH))
-    budget = of(found)
+    diagnosis = diagnose(runs, rig, library=candidates("coulomb", *SMOOTH))
+    budget = of(diagnosis)
     assert budget.explained > 0.8
     assert budget.of_reproducible == pytest.approx(1.0, abs=0.02)
     assert budget.parameters == []
-    bar = repeatability_bar(found)
+    bar = repeatability_bar(diagnosis)
     assert bar is not None
     assert sum(share for _, share in bar.parts) == pytest.approx(1.0)
-    assert "explains 100 % of the reproducible part and 100 % of the whole" in repeatability_sentences(found)[0]
+    assert "explains 100 % of the reproducible part and 100 % of the whole" in repeatability_sentences(diagnosis)[0]
 
 
 @pytest.mark.slow
 def test_pieces_of_a_single_recording_serve_and_say_so() -> None:
     rig, runs, _ = recordings(2, [law("coulomb", 0, 4)])
-    found = diagnose(runs[:1], rig, library=candidates("coulomb", *SMOOTH))
-    assert of(found).basis == "pieces of one recording"
-    assert of(found).of_reproducible == pytest.approx(1.0, abs=0.02)
-    assert "cannot show differences between releases" in repeatability_sentences(found)[1]
+    diagnosis = diagnose(runs[:1], rig, library=candidates("coulomb", *SMOOTH))
+    assert of(diagnosis).basis == "pieces of one recording"
+    assert of(diagnosis).of_reproducible == pytest.approx(1.0, abs=0.02)
+    assert "cannot show differences between releases" in repeatability_sentences(diagnosis)[1]
 
 
 @pytest.mark.long
 def test_a_parameter_drawn_for_each_recording_varies() -> None:
-    found = each_its_own([law("coulomb", 0, size) for size in (4, 5, 6)], 3, coulomb_joint1="")
-    budget = of(found)
+    result = each_its_own([law("coulomb", 0, size) for size in (4, 5, 6)], 3, coulomb_joint1="")
+    budget = of(result)
     assert budget.varying > 0.1
     assert budget.not_reproducible < 0.02
     (parameter,) = budget.parameters
@@ -91,7 +91,7 @@ def test_a_parameter_drawn_for_each_recording_varies() -> None:
     assert list(parameter.values) == ["swing", "swing (2)", "swing (3)"]
     assert np.diff([*parameter.values.values()]) == pytest.approx([1e-3, 1e-3], rel=0.1)
     assert parameter.sigmas > 10
-    sentence = repeatability_sentences(found)[1]
+    sentence = repeatability_sentences(result)[1]
     assert sentence.startswith("Between recordings torque of Coulomb friction, joint 1 [coulomb_joint1] varies by 1.0")
     assert re.search(r", from 3\.\d+ mN m \(.*\) in swing to 5\.\d+ mN m \(.*\) in swing \(3\)\.$", sentence)
 
@@ -118,10 +118,10 @@ def test_a_disturbance_of_each_recording_alone_is_not_reproducible() -> None:
 @pytest.mark.slow
 def test_too_few_segments_cannot_decide() -> None:
     rig, runs, _ = recordings(2, [law("coulomb", 0, 8)], seconds=2.0)
-    found = diagnose(runs[:1], rig)
-    assert of(found).undecided.startswith("Recordings of fewer than 3 segments")
-    assert of(found).of_reproducible is None
-    assert "do not show which part of the gap is reproducible" in repeatability_sentences(found)[0]
+    diagnosis = diagnose(runs[:1], rig)
+    assert of(diagnosis).undecided.startswith("Recordings of fewer than 3 segments")
+    assert of(diagnosis).of_reproducible is None
+    assert "do not show which part of the gap is reproducible" in repeatability_sentences(diagnosis)[0]
 
 
 def test_a_budget_without_decided_shares_has_a_part_of_the_gap_if_effects_explain_one() -> None:

@@ -38,12 +38,12 @@ def swung(pose: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def runs() -> list[Run]:
-    random, found = np.random.default_rng(5), []
+    random, result = np.random.default_rng(5), []
     for k, (zeros, pose) in enumerate(zip(ZEROS, POSES, strict=True)):
         read = swung(pose) + np.cumsum(zeros) + np.cumsum(random.normal(0, NOISE, (len(T), 2)), axis=1)
         theta = np.column_stack([np.zeros(len(T)), read])
-        found.append(Run(f"x{k}", T, theta, None, None, STAYING.name, "", 200.0))
-    return found
+        result.append(Run(f"x{k}", T, theta, None, None, STAYING.name, "", 200.0))
+    return result
 
 
 def recordings(runs: list[Run], rig: Rig) -> Recordings:

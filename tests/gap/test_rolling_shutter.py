@@ -94,9 +94,9 @@ def test_drag_is_named_behind_a_rolling_shutter(tmp_path: Path) -> None:
     library = candidates("air_drag", "coulomb", "spring")
     diagnosis = diagnose(runs[:1], rig, held_out=runs[1:], library=library, max_effects=1)
     assert [effect.name for effect in diagnosis.effects] == ["air_drag_both"]
-    found = [finding for finding in diagnosis.sensor_findings if finding.name == "rolling_shutter"]
-    assert [finding.run for finding in found] == [run.name for run in runs]
-    delay_ms = float(found[0].evidence.split("lines): ")[1].split(" ms")[0])
+    result = [finding for finding in diagnosis.sensor_findings if finding.name == "rolling_shutter"]
+    assert [finding.run for finding in result] == [run.name for run in runs]
+    delay_ms = float(result[0].evidence.split("lines): ")[1].split(" ms")[0])
     assert delay_ms == pytest.approx(1e3 * DELAY * rig.L1, rel=0.15)
     again = load_diagnosis_of(diagnosis, tmp_path)
     tested = free_run_errors(runs, rig, again, 2.0)

@@ -53,10 +53,10 @@ def test_a_step_is_detected_with_its_place_and_size(clean: Run, paper: Rig, join
     size = 20 * abs(paper.radians_per_count[1 + joint])
     theta[at:, 1 + joint :] += size
     screened = screen(changed(clean, paper, theta), paper)
-    (found,) = [finding for finding in screened.findings if finding.axis == f"joint{joint + 1}"]
-    assert found.name == "missed_counts"
-    assert found.at_s == pytest.approx(clean.t[at], abs=0.002)
-    assert float(found.evidence.split()[4]) == pytest.approx(20, abs=4)
+    (result,) = [finding for finding in screened.findings if finding.axis == f"joint{joint + 1}"]
+    assert result.name == "missed_counts"
+    assert result.at_s == pytest.approx(clean.t[at], abs=0.002)
+    assert float(result.evidence.split()[4]) == pytest.approx(20, abs=4)
     assert screened.breaks[0][1] == joint
 
 
@@ -73,8 +73,8 @@ def test_repeated_samples_are_found(clean: Run, paper: Rig):
     theta = clean.theta.copy()
     fast = np.flatnonzero((np.abs(np.gradient(theta[:, 1], clean.t)) > 5) & (clean.t > 0.5))[50:-50:200]
     theta[fast] = theta[fast - 1]
-    found = [f for f in screen(changed(clean, paper, theta), paper).findings if f.name == "repeated_sample"]
-    assert {f.at_s for f in found if f.axis == "joint1"} >= set(clean.t[fast].tolist())
+    result = [f for f in screen(changed(clean, paper, theta), paper).findings if f.name == "repeated_sample"]
+    assert {f.at_s for f in result if f.axis == "joint1"} >= set(clean.t[fast].tolist())
 
 
 def test_two_equal_readings_at_a_turning_point_that_ends_the_record_are_no_fault():
@@ -108,17 +108,17 @@ def test_a_rod_that_vibrates_stands_and_moves_on_but_one_that_is_not_read_again_
     assert repeated(t, readings, np.full(2, count / np.sqrt(12)), 0.0, 0.005)[4:-4].sum() <= 2
     fast = np.round(np.column_stack([4 * speed * t, 4 * speed * t]) / count) * count
     fast[[50, 80, 81]] = fast[[49, 79, 79]]
-    found = repeated(t, fast, np.full(2, count / np.sqrt(12)), 0.0, 0.005)
-    assert np.flatnonzero(found[:, 0]).tolist() == [50, 80, 81]
+    result = repeated(t, fast, np.full(2, count / np.sqrt(12)), 0.0, 0.005)
+    assert np.flatnonzero(result[:, 0]).tolist() == [50, 80, 81]
 
 
 def test_missing_samples_are_counted(clean: Run, paper: Rig, rng: np.random.Generator):
     keep = (rng.random(len(clean.t)) > 0.02) | (clean.t < 0)
     keep[-1] = True
     run = replace(clean, t=clean.t[keep], theta=clean.theta[keep], counts=clean.counts[keep])
-    (found,) = screen(run, paper).findings
-    assert found.name == "gap"
-    assert found.evidence.startswith(f"{(~keep).sum()} of")
+    (result,) = screen(run, paper).findings
+    assert result.name == "gap"
+    assert result.evidence.startswith(f"{(~keep).sum()} of")
 
 
 def test_jitter_is_measured(recorded, paper: Rig):
@@ -150,8 +150,8 @@ LOST = {"lost_from_s": 1.5, "lost_for_s": 0.3}
 def test_faults_of_a_logger_are_named_alone_and_together(recorded, paper: Rig, fault: dict, names: set):
     harmless = {"outlier", "repeated_sample"}  # of a few samples
     for run in recorded({}, duration=4.0, **fault):
-        found = {finding.name for finding in screen(run, paper).findings}
-        assert names <= found <= names | harmless
+        result = {finding.name for finding in screen(run, paper).findings}
+        assert names <= result <= names | harmless
 
 
 def test_late_readings_are_found_among_repeated_ones_that_hide_them():
@@ -173,9 +173,9 @@ def test_late_readings_are_found_among_repeated_ones_that_hide_them():
 def test_a_stretch_of_repeated_frames_is_masked_where_it_is(recorded, paper: Rig):
     run = recorded({}, duration=4.0, **STRETCH)[1]
     screened = screen(run, paper)
-    (found,) = [finding for finding in screened.findings if finding.axis is None]
-    assert "between 1." in found.evidence
-    assert "one reading in 5 repeats" in found.evidence
+    (result,) = [finding for finding in screened.findings if finding.axis is None]
+    assert "between 1." in result.evidence
+    assert "one reading in 5 repeats" in result.evidence
     masked = screened.t[~screened.keep.all(axis=1)]
     inside = (masked >= 1.0) & (masked < 2.5)
     assert 0.9 * 300 < inside.sum() <= 300
@@ -193,8 +193,8 @@ def test_counts_that_stand_still_at_rest_are_no_noise_free_measurement(clean: Ru
 
 def test_noise_that_differs_from_the_rig_file_is_reported(recorded, paper: Rig):
     run = recorded({}, duration=2.0, noise_counts=2.0)[0]
-    found = {(finding.name, finding.axis) for finding in screen(run, paper).findings}
-    assert found == {("noise_level", "joint1"), ("noise_level", "joint2")}
+    result = {(finding.name, finding.axis) for finding in screen(run, paper).findings}
+    assert result == {("noise_level", "joint1"), ("noise_level", "joint2")}
 
 
 def test_filtered_noise_is_reported_as_not_white(clean: Run, paper: Rig, rng: np.random.Generator):
@@ -227,9 +227,9 @@ def test_a_rod_that_is_balanced_within_a_count_is_not_filtered(paper: Rig, rng: 
     ids=["uneven", "coarse", "noisy"],
 )
 def test_a_dirty_encoder_without_missed_counts_is_not_reported_to_miss_them(recorded, paper: Rig, faults: dict):
-    found = {name for run in recorded({}, **faults) for name in names(run, paper)}
-    assert found
-    assert "missed_counts" not in found
+    result = {name for run in recorded({}, **faults) for name in names(run, paper)}
+    assert result
+    assert "missed_counts" not in result
 
 
 def test_a_burst_of_impossible_readings_is_masked(clean: Run, paper: Rig, rng: np.random.Generator):

@@ -171,9 +171,9 @@ def test_friction_and_drag_that_hide_each_other_are_found_together() -> None:
     """Next to viscous friction, each changes the decay in the opposite direction."""
     drag = Law("air_drag", 0, 2.5e-4, lambda t, angle, speed: -2.5e-4 * speed * abs(speed))
     rig, runs, _ = recordings(1, [law("coulomb", 0, 5.0), drag], rods=1, seconds=4.0)
-    found = diagnose(runs, rig, library=candidates("coulomb", "stribeck", "friction", "air_drag"))
-    assert found.model_effects.keys() == {"coulomb_joint1", "air_drag_both"}
-    assert min(effect.probability for effect in found.effects) > 0.9
+    diagnosis = diagnose(runs, rig, library=candidates("coulomb", "stribeck", "friction", "air_drag"))
+    assert diagnosis.model_effects.keys() == {"coulomb_joint1", "air_drag_both"}
+    assert min(effect.probability for effect in diagnosis.effects) > 0.9
 
 
 @pytest.mark.slow

@@ -70,8 +70,8 @@ def test_an_eccentric_encoder_is_not_called_a_vibration(tmp_path: Path) -> None:
     theta = runs[1].theta.copy()
     theta[:, 1] += 6e-3 * np.cos(2 * theta[:, 1])
     likely = candidates("encoder", "base_", "detent", "coulomb")
-    found = diagnose([replace(runs[1], theta=theta)], rig, library=likely)
-    assert found.probabilities["encoder_eccentricity_joint1"] > 0.9
+    diagnosis = diagnose([replace(runs[1], theta=theta)], rig, library=likely)
+    assert diagnosis.probabilities["encoder_eccentricity_joint1"] > 0.9
 
 
 @pytest.mark.long
@@ -89,9 +89,9 @@ def test_air_drag_is_not_called_a_drift_of_friction_after_one_release(tmp_path: 
         counts=2400,
     )
     rig, runs = one_rod.recorded(rod, seed, tmp_path)
-    found = diagnose(runs[:1], rig, library=LOSSES)
-    assert found.probabilities["air_drag_both"] > 0.8
-    assert found.probabilities.get("friction_drift_joint1", 0.0) < 0.2
+    diagnosis = diagnose(runs[:1], rig, library=LOSSES)
+    assert diagnosis.probabilities["air_drag_both"] > 0.8
+    assert diagnosis.probabilities.get("friction_drift_joint1", 0.0) < 0.2
 
 
 @pytest.mark.long
@@ -111,5 +111,5 @@ def test_a_drift_of_friction_that_drag_cannot_imitate_is_named(tmp_path: Path) -
     reading = np.pi + np.round((angle + rng.normal(0.0, 3e-4, len(t))) / step) * step
     theta = run.theta.copy()
     theta[:, 1:] = np.concatenate([np.full(len(run.t) - len(t), reading[0]), reading])[:, None]
-    found = diagnose([replace(run, theta=theta, counts=None)], rig, library=LOSSES)
-    assert found.probabilities["friction_drift_joint1"] > 0.9
+    diagnosis = diagnose([replace(run, theta=theta, counts=None)], rig, library=LOSSES)
+    assert diagnosis.probabilities["friction_drift_joint1"] > 0.9

@@ -67,8 +67,8 @@ def test_a_fall_in_one_direction_does_not_show_the_time_base(one_rod):
 @pytest.mark.slow
 def test_a_diagnosis_of_one_rod_lists_it_among_the_findings(one_rod):
     rig, runs = one_rod
-    found = diagnose(filmed(runs[:1], 8.0), rig, library=candidates("coulomb")).sensor_findings
-    assert [one.name for one in found].count("time_scale") == 1
+    result = diagnose(filmed(runs[:1], 8.0), rig, library=candidates("coulomb")).sensor_findings
+    assert [one.name for one in result].count("time_scale") == 1
 
 
 @pytest.mark.slow

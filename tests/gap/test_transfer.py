@@ -63,10 +63,10 @@ def test_the_prediction_of_held_out_runs_precedes_the_stage_where(
 
 @pytest.mark.slow
 def test_one_release_says_that_it_was_not_tested_on_another(dry: list[Run], paper: Rig):
-    found = diagnose(dry[:1], paper, library=LIBRARY)
-    assert found.basis == "one release"
-    assert "across the quarters of the only release" in found.sentence
-    assert len(re.findall(r"\.(?= |$)", found.sentence)) <= 3
+    diagnosis = diagnose(dry[:1], paper, library=LIBRARY)
+    assert diagnosis.basis == "one release"
+    assert "across the quarters of the only release" in diagnosis.sentence
+    assert len(re.findall(r"\.(?= |$)", diagnosis.sentence)) <= 3
 
 
 def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,16 +76,16 @@ def test_a_single_recording_that_stays_unexplained_names_no_others(monkeypatch: 
     states = {b: Mock(selection=selection, posteriors=[Mock()]) for b in ("one release", "releases left out")}
     for basis, state in states.items():
         state.transfer.basis = basis
-    said = {basis: sentence._unexplained(state) for basis, state in states.items()}
-    assert "but not in the quarters that were not fitted." in said["one release"]
-    assert "but not in other recordings." in said["releases left out"]
+    result = {basis: sentence._unexplained(state) for basis, state in states.items()}
+    assert "but not in the quarters that were not fitted." in result["one release"]
+    assert "but not in other recordings." in result["releases left out"]
 
 
 @pytest.mark.slow
 def test_each_effect_says_what_it_closes_on_each_run_left_out(dry: list[Run], paper: Rig):
-    found = diagnose(dry, paper, library=LIBRARY)
-    assert (found.verdict, found.basis, found.withdrawn) == ("named", "releases left out", [])
-    shares = found.transfer["coulomb_joint2"]
+    diagnosis = diagnose(dry, paper, library=LIBRARY)
+    assert (diagnosis.verdict, diagnosis.basis, diagnosis.withdrawn) == ("named", "releases left out", [])
+    shares = diagnosis.transfer["coulomb_joint2"]
     assert set(shares) == {run.name for run in dry}
     for share in shares.values():
         assert share.interval90[0] <= share.value <= share.interval90[1]
@@ -94,19 +94,23 @@ def test_each_effect_says_what_it_closes_on_each_run_left_out(dry: list[Run], pa
 
 @pytest.mark.slow
 def test_an_effect_that_does_not_transfer_to_a_held_out_run_is_withdrawn(dry: list[Run], recorded, paper: Rig):
-    found = diagnose(dry[:2], paper, held_out=recorded({})[2:], library=LIBRARY)
-    assert (found.verdict, found.basis, found.withdrawn) == ("unexplained", "held-out runs", ["coulomb_joint2"])
-    assert found.probabilities["coulomb_joint2"] <= 0.5
-    assert "but not in other recordings" in found.sentence
+    diagnosis = diagnose(dry[:2], paper, held_out=recorded({})[2:], library=LIBRARY)
+    assert (diagnosis.verdict, diagnosis.basis, diagnosis.withdrawn) == (
+        "unexplained",
+        "held-out runs",
+        ["coulomb_joint2"],
+    )
+    assert diagnosis.probabilities["coulomb_joint2"] <= 0.5
+    assert "but not in other recordings" in diagnosis.sentence
 
 
 @pytest.mark.slow
 def test_an_effect_that_worsens_held_out_runs_is_left_out_of_the_model(dry: list[Run], recorded, paper: Rig):
     library = {name: EFFECTS[name] for name in ("coulomb_joint2", "spring_joint1")}
     sprung = recorded({**DRY, "spring_joint1": {"stiffness_Nm_per_rad": 4e-4}}, duration=5.0)
-    found = diagnose(sprung[:2], paper, held_out=dry[2:], library=library)
-    assert [effect.name for effect in found.effects] == ["coulomb_joint2"]
-    assert found.assumptions[-1].startswith("spring_joint1 was excluded from the model")
+    diagnosis = diagnose(sprung[:2], paper, held_out=dry[2:], library=library)
+    assert [effect.name for effect in diagnosis.effects] == ["coulomb_joint2"]
+    assert diagnosis.assumptions[-1].startswith("spring_joint1 was excluded from the model")
 
 
 def test_a_gap_that_grows_is_not_reported_to_close() -> None:
@@ -166,9 +170,9 @@ def test_held_out_data_without_a_gap_of_their_own_refute_nothing() -> None:
 def test_a_cause_is_named_although_a_noisy_held_out_run_shows_no_gap(dry: list[Run], paper: Rig):
     rng = np.random.default_rng(2)
     blurred = replace(dry[2], theta=dry[2].theta + rng.normal(0, 0.03, dry[2].theta.shape))
-    found = diagnose(dry[:2], paper, held_out=blurred, library=LIBRARY)
-    assert found.verdict != "unexplained"
-    assert found.probabilities["coulomb_joint2"] > 0.9
+    diagnosis = diagnose(dry[:2], paper, held_out=blurred, library=LIBRARY)
+    assert diagnosis.verdict != "unexplained"
+    assert diagnosis.probabilities["coulomb_joint2"] > 0.9
 
 
 @pytest.mark.parametrize(("closed", "probability"), [(-0.42, 0.49), (0.31, 0.98)])
@@ -202,23 +206,23 @@ def test_a_failed_test_of_quarters_is_weak_evidence(
 
 @pytest.mark.slow
 def test_the_headline_is_what_closes_on_the_runs_held_out(dry: list[Run], paper: Rig):
-    found = diagnose(dry[:2], paper, held_out=dry[2:], library=LIBRARY)
-    closed = found.gap.closed_held_out
-    assert (found.verdict, found.basis) == ("named", "held-out runs")
+    diagnosis = diagnose(dry[:2], paper, held_out=dry[2:], library=LIBRARY)
+    closed = diagnosis.gap.closed_held_out
+    assert (diagnosis.verdict, diagnosis.basis) == ("named", "held-out runs")
     assert closed.estimate == pytest.approx(closed.held_out[dry[2].name])
-    assert f"the gap closes by {percent(closed.estimate)}" in found.sentence
+    assert f"the gap closes by {percent(closed.estimate)}" in diagnosis.sentence
 
 
 @pytest.mark.slow
 def test_a_long_record_is_cut_into_pieces_that_are_fitted_and_held_out(recorded: Recorded, paper: Rig):
     (run,) = recorded(DRY, duration=24.0)[:1]
-    found = diagnose([run], paper, library=LIBRARY)
-    assert (found.verdict, found.basis) == ("named", "held-out runs")
-    assert list(found.gap.closed_held_out.held_out) == [f"{run.name} 12-24 s"]
-    assert list(found.gap.closed_held_out.per_run) == [f"{run.name} 0-12 s"]
-    assert {whole(name) for name in found.gap.closed_held_out.held_out} == {run.name}
-    assert "cut into 2 pieces" in found.assumptions[0]
-    assert found.gap.closed_held_out.estimate > 0.9
+    diagnosis = diagnose([run], paper, library=LIBRARY)
+    assert (diagnosis.verdict, diagnosis.basis) == ("named", "held-out runs")
+    assert list(diagnosis.gap.closed_held_out.held_out) == [f"{run.name} 12-24 s"]
+    assert list(diagnosis.gap.closed_held_out.per_run) == [f"{run.name} 0-12 s"]
+    assert {whole(name) for name in diagnosis.gap.closed_held_out.held_out} == {run.name}
+    assert "cut into 2 pieces" in diagnosis.assumptions[0]
+    assert diagnosis.gap.closed_held_out.estimate > 0.9
 
 
 @pytest.mark.slow
@@ -227,10 +231,10 @@ def test_a_remainder_below_half_the_noise_is_no_gap(recorded: Recorded, bare, pa
     _, base = bare(runs)
     assert base.residuals.z > 4
     assert 0 < base.residuals.noise_ratio < 0.5
-    found = diagnose(runs, paper, library={"encoder_scale_joint1": EFFECTS["encoder_scale_joint1"]})
-    assert (found.verdict, found.effects) == ("no_gap", [])
-    assert found.probabilities["no_gap"] > 0.9
-    assert "No gap above the noise" in found.sentence
+    diagnosis = diagnose(runs, paper, library={"encoder_scale_joint1": EFFECTS["encoder_scale_joint1"]})
+    assert (diagnosis.verdict, diagnosis.effects) == ("no_gap", [])
+    assert diagnosis.probabilities["no_gap"] > 0.9
+    assert "No gap above the noise" in diagnosis.sentence
 
 
 def test_counts_are_missed_only_where_there_are_counts(dry: list[Run], paper: Rig):
@@ -360,10 +364,10 @@ def test_a_held_out_recording_of_a_rod_of_another_length_is_named_as_such(tmp_pa
     rig, runs = one_rod.recorded(steady, 1, tmp_path)
     other = one_rod.recorded(replace(steady, length=length), 2, tmp_path)[1][0]
     likely = candidates("coulomb", "wrong_length", "clock", "encoder")
-    found = diagnose(runs[1:], rig, held_out=replace(other, name="after"), library=likely)
-    assert found.gap.budget is not None
-    changed = found.gap.budget.changed_ratio
+    diagnosis = diagnose(runs[1:], rig, held_out=replace(other, name="after"), library=likely)
+    assert diagnosis.gap.budget is not None
+    changed = diagnosis.gap.budget.changed_ratio
     assert changed is not None
     of_fitted, of_other = changed.values[runs[1].name], changed.values["after"]
     assert of_other / of_fitted == pytest.approx(steady.length / length, rel=0.1)
-    assert any("differ in e1/a" in note and "diagnose them separately" in note for note in found.notes)
+    assert any("differ in e1/a" in note and "diagnose them separately" in note for note in diagnosis.notes)

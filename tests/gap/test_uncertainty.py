@@ -27,12 +27,12 @@ def test_a_mass_weighed_badly_widens_what_follows_from_it(recorded, paper: Rig):
     mass = paper.parameters["m1"].nominal
     runs = recorded({"com_offset_link1": {"offset_m": 1e-3}})
     library = {"com_offset_link1": EFFECTS["com_offset_link1"]}
-    found = [
+    result = [
         diagnose(runs, weighed(paper, own, std), library=library)
         for own, std in ((mass, 1e-9), (mass, 0.02 * mass), (1.02 * mass, 1e-9))
     ]
-    sharp, wide, heavier = (said.effects[0].parameters["offset_m"] for said in found)
-    scaled = heavier.value * found[0].scale_b / found[2].scale_b
+    sharp, wide, heavier = (entry.effects[0].parameters["offset_m"] for entry in result)
+    scaled = heavier.value * result[0].scale_b / result[2].scale_b
     assert scaled == pytest.approx(sharp.value / 1.02, rel=2e-3)  # what a refit says of such an error
     reach = (wide.interval90[1] - wide.interval90[0]) / 2
     assert reach == pytest.approx(
@@ -43,17 +43,19 @@ def test_a_mass_weighed_badly_widens_what_follows_from_it(recorded, paper: Rig):
 @pytest.mark.slow
 def test_steps_of_a_play_are_not_missed_counts(recorded, paper: Rig):
     runs = recorded({"backlash_joint2": {"play_rad": 0.012}}, duration=8.0)
-    found = diagnose(runs, paper, library=candidates("backlash", "missed", "coulomb", "encoder"))
-    assert [effect.name for effect in found.effects] == ["backlash_joint2"]
-    assert not [finding for finding in found.sensor_findings if finding.name == "missed_counts"]
+    diagnosis = diagnose(runs, paper, library=candidates("backlash", "missed", "coulomb", "encoder"))
+    assert [effect.name for effect in diagnosis.effects] == ["backlash_joint2"]
+    assert not [finding for finding in diagnosis.sensor_findings if finding.name == "missed_counts"]
 
 
 @pytest.mark.long
 def test_friction_that_follows_the_load_shows_the_scale(paper: Rig):
     plant, rig = weighed_rig(load_plant("paper", 3), paper)
-    told = plant.model_copy(update={"effects": {"load_friction_joint2": {"friction_radius_m": 6e-4}}})
-    found = diagnose(record(told, rig, 5.0), rig, library={"load_friction_joint2": EFFECTS["load_friction_joint2"]})
-    true_b = base_parameters(told.Z, rig.rig.L1, rig.rig.g)[BASE.index("b")]
-    assert found.scale_b == pytest.approx(true_b, rel=0.02)
-    assert found.effects[0].parameters["friction_radius_m"].value == pytest.approx(6e-4, rel=0.02)
-    assert any("fixes the scale" in sentence for sentence in found.assumptions)
+    result = plant.model_copy(update={"effects": {"load_friction_joint2": {"friction_radius_m": 6e-4}}})
+    diagnosis = diagnose(
+        record(result, rig, 5.0), rig, library={"load_friction_joint2": EFFECTS["load_friction_joint2"]}
+    )
+    true_b = base_parameters(result.Z, rig.rig.L1, rig.rig.g)[BASE.index("b")]
+    assert diagnosis.scale_b == pytest.approx(true_b, rel=0.02)
+    assert diagnosis.effects[0].parameters["friction_radius_m"].value == pytest.approx(6e-4, rel=0.02)
+    assert any("fixes the scale" in sentence for sentence in diagnosis.assumptions)

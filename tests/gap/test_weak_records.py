@@ -67,11 +67,11 @@ def test_drag_with_the_elbow_clamped_has_an_interval_that_holds_the_truth(
     diagnosis = diagnose(runs, rig)
     (effect,) = diagnosis.effects
     assert drag in effect.members
-    (found,) = effect.parameters.values()
-    assert found.value == pytest.approx(size, rel=0.5)
+    (result,) = effect.parameters.values()
+    assert result.value == pytest.approx(size, rel=0.5)
     assert diagnosis.scale is not None
-    assert found.interval90_with_scale is not None
-    low, high = found.interval90_with_scale
+    assert result.interval90_with_scale is not None
+    low, high = result.interval90_with_scale
     assert low < size < high
     for name, true in zip(RATIOS, truth, strict=True):
         low, high = diagnosis.ratios[name].interval90
@@ -148,9 +148,9 @@ def test_a_zero_offset_and_dry_friction_of_one_rod_are_not_called_cogging(tmp_pa
 )
 def test_a_zero_that_drifts_is_no_tilt(rod: Rod, tmp_path: Path) -> None:
     rig, runs = recorded(rod, 3, tmp_path)
-    found = {effect.name: effect for effect in diagnose(runs, rig, library=candidates("enc", "base_", "coul")).effects}
-    assert set(found) == {"encoder_drift_joint1"} | ({"coulomb_joint1"} if rod.dry else set())
-    assert found["encoder_drift_joint1"].parameters["rate_rad_per_s"].value == pytest.approx(rod.drift, rel=0.1)
+    result = {effect.name: effect for effect in diagnose(runs, rig, library=candidates("enc", "base_", "coul")).effects}
+    assert set(result) == {"encoder_drift_joint1"} | ({"coulomb_joint1"} if rod.dry else set())
+    assert result["encoder_drift_joint1"].parameters["rate_rad_per_s"].value == pytest.approx(rod.drift, rel=0.1)
 
 
 @pytest.mark.long
@@ -207,7 +207,7 @@ def test_whole_turns_between_recordings_show_a_wrong_number_of_counts(tmp_path: 
     """An encoder with 4000 counts, of which the rig file says 4096; the rod was turned once between the releases."""
     rig, runs = recorded(Rod(scale=-0.0234, turns=(0, 1)), 5, tmp_path)
     library = candidates("coulomb", "spring", "encoder", "detent")
-    found = {effect.name: effect for effect in diagnose(runs, rig, library=library).effects}
-    scale = found["encoder_scale_joint1"]
+    result = {effect.name: effect for effect in diagnose(runs, rig, library=library).effects}
+    scale = result["encoder_scale_joint1"]
     assert scale.probability > 0.9
     assert next(iter(scale.parameters.values())).value == pytest.approx(-0.0234, abs=2e-3)

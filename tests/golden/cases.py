@@ -90,10 +90,10 @@ def diagnosed(runs: list[Run], rig: Rig, held_out: list[Run]) -> dict[str, Any]:
     """Results of a diagnosis that are stored."""
     from dpr_lab.gap.diagnose import diagnose
 
-    said = diagnose(runs, rig, held_out=held_out).to_json()
+    result = diagnose(runs, rig, held_out=held_out).to_json()
     kept = ("verdict", "probabilities", "ratios", "chi2_per_dof", "segments", "model_effects")
-    gap = {key: said["gap"][key] for key in ("explained_share", "closed_held_out", "free_run_rad")}
-    return {key: said[key] for key in kept} | {"effects": said["effects"], "gap": gap}
+    gap = {key: result["gap"][key] for key in ("explained_share", "closed_held_out", "free_run_rad")}
+    return {key: result[key] for key in kept} | {"effects": result["effects"], "gap": gap}
 
 
 def identified(runs: list[Run], rig: Rig) -> dict[str, Any]:

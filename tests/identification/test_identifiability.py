@@ -91,9 +91,9 @@ def test_rank_and_singular_values_are_those_of_finite_differences(rig: Rig) -> N
         by_start = slopes[:, 9:]
         parts.append(slopes[:, :9] - by_start @ np.linalg.lstsq(by_start, slopes[:, :9], rcond=None)[0])
     brute = np.linalg.svd(np.vstack(parts), compute_uv=False)
-    found = identifiability(expected_information(TRUE, one, releases), one)
-    assert found.rank == 5
-    assert found.singular_values == pytest.approx(brute[:5], rel=1e-3)
+    result = identifiability(expected_information(TRUE, one, releases), one)
+    assert result.rank == 5
+    assert result.singular_values == pytest.approx(brute[:5], rel=1e-3)
     assert brute[5] < 1e-3 * brute[4]
 
 
@@ -140,11 +140,11 @@ def test_what_fixes_each_parameter_is_what_an_identification_says(
     rig: Rig, information: NDArray, names: tuple[str, ...]
 ) -> None:
     known = measured(rig, *names)
-    found = identifiability(information, known)
+    result = identifiability(information, known)
     nine, _ = update_prior(ratios(base_parameters(TRUE, 0.4, 9.81)), np.linalg.inv(information), known)
-    assert found.fixed_by == {name: value.fixed_by for name, value in nine.items()}
+    assert result.fixed_by == {name: value.fixed_by for name, value in nine.items()}
     for name, value in nine.items():
-        assert found.parameters[name].std == (None if value.std is None else pytest.approx(value.std, rel=1e-3))
+        assert result.parameters[name].std == (None if value.std is None else pytest.approx(value.std, rel=1e-3))
 
 
 def test_weighing_three_parts_leaves_one_direction_which_a_centroid_or_a_known_mass_closes(
@@ -243,12 +243,12 @@ def test_runs_with_a_known_mass_see_a_sixth_direction(rig: Rig, information: NDA
     assert both.shape == (6, 6)
     assert np.linalg.matrix_rank(both / np.sqrt(np.outer(np.diag(both), np.diag(both))), tol=1e-8) == 5
     both[:5, :5] += information
-    found = identifiability(both, rig)
-    assert found.rank == 6
-    assert list(found.cramer_rao_std) == [*RATIOS, "b"]
-    assert len(found.null_space) == 3
-    assert not any("c1" in direction or "c2" in direction for direction in found.null_space)
-    assert found.fixed_by["c1"] == found.fixed_by["c2"] == "data"
+    result = identifiability(both, rig)
+    assert result.rank == 6
+    assert list(result.cramer_rao_std) == [*RATIOS, "b"]
+    assert len(result.null_space) == 3
+    assert not any("c1" in direction or "c2" in direction for direction in result.null_space)
+    assert result.fixed_by["c1"] == result.fixed_by["c2"] == "data"
 
 
 def test_a_length_error_moves_the_ratios_and_shows_as_residual(found: Identifiability) -> None:

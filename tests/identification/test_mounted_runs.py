@@ -27,7 +27,7 @@ MOUNTED = {"both": {}, "inner": {"mounted": "inner"}, "outer": {"mounted": "oute
 @pytest.fixture(scope="module")
 def runs(paper: Rig) -> dict[str, list[Run]]:
     recorded = {
-        name: record(PLANT, paper.with_rods(**said), duration=3.0, rate_hz=500) for name, said in MOUNTED.items()
+        name: record(PLANT, paper.with_rods(**result), duration=3.0, rate_hz=500) for name, result in MOUNTED.items()
     }
     return {
         name: [replace(run, name=f"{name} {run.name}", sha256=f"{name} {run.name}") for run in some]
@@ -38,8 +38,8 @@ def runs(paper: Rig) -> dict[str, list[Run]]:
 @pytest.fixture
 def fitted(paper: Rig, runs: dict[str, list[Run]]) -> Callable[..., tuple]:
     def made(*names: str) -> tuple:
-        found = polish(paper.nominal, [preprocess(run, paper) for name in names for run in runs[name]], paper)
-        return found, uncertainty(found)
+        result = polish(paper.nominal, [preprocess(run, paper) for name in names for run in runs[name]], paper)
+        return result, uncertainty(result)
 
     return made
 
@@ -47,20 +47,20 @@ def fitted(paper: Rig, runs: dict[str, list[Run]]) -> Callable[..., tuple]:
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [("both", "inner"), ("both", "clamped"), ("outer",)], ids="+".join)
 def test_runs_of_different_mountings_share_their_parameters(fitted, paper: Rig, names: tuple[str, ...]) -> None:
-    found, sure = fitted(*names)
-    truth = unknown_ratios(whole_parameters(TRUE, paper.L1, paper.g))[list(found.visible)]
-    assert found.chi2_per_dof == pytest.approx(1.0, abs=0.1)
-    assert np.abs((found.unknowns - truth) / sure.std).max() < 4
+    result, sure = fitted(*names)
+    truth = unknown_ratios(whole_parameters(TRUE, paper.L1, paper.g))[list(result.visible)]
+    assert result.chi2_per_dof == pytest.approx(1.0, abs=0.1)
+    assert np.abs((result.unknowns - truth) / sure.std).max() < 4
     assert ("p/b" in sure.names) == ("inner" in names)
 
 
 def test_the_inner_rod_alone_determines_its_own_two_ratios(fitted, paper: Rig) -> None:
-    found, sure = fitted("inner")
+    result, sure = fitted("inner")
     a, _, _, e1, c1, _ = base_parameters(TRUE, paper.L1, paper.g)
     p = TRUE[3] * paper.L1**2
     given = unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
     inertia = given[0] - given[6]
-    e1_fit, c1_fit = found.unknowns
+    e1_fit, c1_fit = result.unknowns
     assert sure.names == ("e1/b", "c1/b")
     assert (e1_fit - given[6] * paper.g / paper.L1) / inertia == pytest.approx(
         (e1 - p * paper.g / paper.L1) / (a - p), 1e-4

@@ -26,10 +26,10 @@ def test_a_rig_whose_arm_moves_is_identified_and_compared() -> None:
     model = identify(carried[:2], rig)
     truth = ratios(base_parameters(plant.Z, rig.L1, rig.g))
     for name, true in zip(RATIOS, truth.tolist(), strict=True):
-        found = model.ratios[name]
-        assert abs(found.value / true - 1) < 0.01, name
+        result = model.ratios[name]
+        assert abs(result.value / true - 1) < 0.01, name
         if name != "c1/b":  # the noise of the arm's encoder biases it beside
-            assert abs(found.value - true) < 2 * found.std, name
+            assert abs(result.value - true) < 2 * result.std, name
     seen, held = (compare_run(run, rig, model) for run in (carried[2], recorded[2]))
     assert seen.held_out
     assert (seen.segment_rms_rad < 1.3 * seen.noise_rad).all()

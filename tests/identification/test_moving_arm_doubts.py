@@ -197,10 +197,10 @@ def test_the_end_of_a_cable_is_named_and_a_cable_that_always_pulls_is_not():
     tight = replace(free, theta=swing + rng.normal(0, NOISE, swing.shape))
     assert not stops(T, tight.theta[:, 0])
     assert soft_stop(free, rig) is None
-    found = soft_stop(tight, rig)
-    assert found is not None
-    assert (found.end, len(found.contacts) >= 2) == ("largest", True)
-    assert found.angle == pytest.approx(limit, abs=0.1 * np.ptp(tight.theta[:, 0]))
+    result = soft_stop(tight, rig)
+    assert result is not None
+    assert (result.end, len(result.contacts) >= 2) == ("largest", True)
+    assert result.angle == pytest.approx(limit, abs=0.1 * np.ptp(tight.theta[:, 0]))
     if FULL:  # the fit behind this sentence takes three seconds
         assert any("its cable tightens there" in failure for failure in identify_moving_arm([tight], rig).failures)
 

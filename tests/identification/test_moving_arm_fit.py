@@ -193,12 +193,12 @@ def test_a_global_search_over_rods_arm_and_drive_finds_the_start_of_a_fit():
     far = Rig.model_validate(table)
     recordings = recordings_of([run], far)
     problem, initial = arm_problem(recordings, far, 0.25)
-    found = searched_start(problem, initial)
-    assert found is not None
+    result = searched_start(problem, initial)
+    assert result is not None
     places = problem.unknowns.places
-    moved = np.abs(np.log(found[places] / problem.unknowns.start[places]))
+    moved = np.abs(np.log(result[places] / problem.unknowns.start[places]))
     assert (moved > 1e-3).all()  # every unknown is a gene
-    cost = [problem.chi2(Estimate(p, initial)) for p in (found, problem.unknowns.start)]
+    cost = [problem.chi2(Estimate(p, initial)) for p in (result, problem.unknowns.start)]
     assert cost[0] < cost[1]
     model = fit_moving_arm(recordings, far, replace(ARM_FIT, searched=0.0))
     truth, *_ = truth_of(rig, Z, arm)

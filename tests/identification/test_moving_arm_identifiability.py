@@ -157,7 +157,7 @@ def test_a_free_arm_without_runs_and_poses_is_refused():
 
 
 def test_one_rod_is_weighed_without_words_on_an_encoder_that_it_does_not_carry():
-    found = identifiability_of_arm([], load_rig("furuta"))
-    instructions = [advice.how for advice in found.advice]
+    result = identifiability_of_arm([], load_rig("furuta"))
+    instructions = [advice.how for advice in result.advice]
     assert "weigh the inner rod to 0.1 g" in instructions
     assert not [how for how in instructions if "joint-2" in how]

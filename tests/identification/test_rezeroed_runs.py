@@ -31,8 +31,8 @@ def test_runs_with_zeros_of_their_own_are_identified_and_compared(recorded, pape
     settings = load_search("segments").model_copy(update={"generations": 2})
     model = identify(runs[:2], rezeroed, settings=settings)
     truth = ratios(base_parameters(load_plant("paper").Z, paper.L1, paper.g))
-    found = np.array([[item.value, item.std] for item in model.ratios.values()])
-    assert np.abs((found[:, 0] - truth) / found[:, 1]).max() < 4
+    result = np.array([[entry.value, entry.std] for entry in model.ratios.values()])
+    assert np.abs((result[:, 0] - truth) / result[:, 1]).max() < 4
     assert model.fit.chi2_per_dof == pytest.approx(1.0, abs=0.1)
     assert np.array([run.zeros_rad for run in model.runs]) == pytest.approx(ZEROS[:2], abs=1e-3)
     beside = compare_run(runs[2], rezeroed, model)

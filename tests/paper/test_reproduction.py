@@ -34,12 +34,12 @@ def test_off_the_grid_the_truth_is_inside_the_bounds_and_on_no_grid_point(paper:
 
 
 def test_every_reading_grid_and_seed_is_searched_once(paper: Rig, result: Reproduction):
-    assert [found.case for found in result.results] == search_cases(1, tuple(READINGS))
+    assert [outcome.case for outcome in result.results] == search_cases(1, tuple(READINGS))
     assert len(set(search_cases(5, tuple(READINGS)))) == 5 * len(READINGS) * len(TRUTHS)
-    for found in result.results:
-        assert found.generations == SHORT.generations
-        assert found.H == found.history["best_cost"][-1]
-        assert ((paper.bounds[0] <= found.best) & (found.best <= paper.bounds[1])).all()
+    for outcome in result.results:
+        assert outcome.generations == SHORT.generations
+        assert outcome.H == outcome.history["best_cost"][-1]
+        assert ((paper.bounds[0] <= outcome.best) & (outcome.best <= paper.bounds[1])).all()
 
 
 def test_same_seed_same_answer_another_seed_another(paper: Rig, result: Reproduction):
@@ -53,19 +53,19 @@ def test_same_seed_same_answer_another_seed_another(paper: Rig, result: Reproduc
 @pytest.mark.long
 def test_processes_change_nothing(paper: Rig, result: Reproduction):
     side_by_side = {
-        found.case: found for found in run_searches(search_cases(1, tuple(READINGS)), paper, SHORT, workers=2)
+        outcome.case: outcome for outcome in run_searches(search_cases(1, tuple(READINGS)), paper, SHORT, workers=2)
     }
-    for found in result.results:
-        assert side_by_side[found.case].history == found.history
+    for outcome in result.results:
+        assert side_by_side[outcome.case].history == outcome.history
 
 
 def test_percent_errors_are_against_the_truth_of_the_grid(paper: Rig):
     Z = TRUTHS["off"] * 1.01
-    found = Found(SearchCase("X1", "off", 0), Z, 0.0, {}, 0, 0, None, 0.0, 0.0, {})
-    np.testing.assert_allclose(found.percent, 1.0)
+    outcome = Found(SearchCase("X1", "off", 0), Z, 0.0, {}, 0, 0, None, 0.0, 0.0, {})
+    np.testing.assert_allclose(outcome.percent, 1.0)
     l2, m2, c1, J2 = TRUTHS["off"][[1, 3, 5, 8]]
     b, b_found = J2 + m2 * l2**2, 1.01 * J2 + 1.01**3 * m2 * l2**2
-    np.testing.assert_allclose(found.ratio_percent(paper)[3], 100 * ((1.01 * c1 / b_found) / (c1 / b) - 1))
+    np.testing.assert_allclose(outcome.ratio_percent(paper)[3], 100 * ((1.01 * c1 / b_found) / (c1 / b) - 1))
 
 
 def test_verdicts_count_what_was_reached(paper: Rig):
@@ -78,7 +78,7 @@ def test_verdicts_count_what_was_reached(paper: Rig):
 
 
 def test_contradictions_carry_our_numbers(paper: Rig, result: Reproduction):
-    by_claim = {item.claim: item.evidence for item in contradictions(result.ours, paper)}
+    by_claim = {entry.claim: entry.evidence for entry in contradictions(result.ours, paper)}
     assert len(by_claim) == 7
     tenth = next(evidence for claim, evidence in by_claim.items() if "misprints" in claim)
     assert "0.2853" in tenth
@@ -108,11 +108,11 @@ def test_the_command_prints_one_json_object(tmp_path: Path):
         ["paper", "--quick", "--seeds", "1", "--generations", "1", "--workers", "1", "--json", "--out", f"{tmp_path}"],
     )
     assert done.exit_code == 0, done.output
-    said = json.loads(done.stdout)
-    assert said["settings"]["generations"] == 1
-    assert said["settings"]["population"] == 200
-    assert len(said["searches"]) == len(READINGS) * len(TRUTHS)
-    assert Path(said["page"]).is_file()
+    document = json.loads(done.stdout)
+    assert document["settings"]["generations"] == 1
+    assert document["settings"]["population"] == 200
+    assert len(document["searches"]) == len(READINGS) * len(TRUTHS)
+    assert Path(document["page"]).is_file()
 
 
 @pytest.mark.parametrize("wrong", [{"seeds": 0}, {"readings": ()}, {"readings": ("median",)}])

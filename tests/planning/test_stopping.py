@@ -90,9 +90,9 @@ def test_correlated_amplitudes_of_an_effect_are_judged_together(correlation: flo
     (friction,) = one_cause().effects
     spring = {"name": "spring_joint1", "members": ["spring_joint1"], "parameters": dict.fromkeys(names, size)}
     spring = friction.model_copy(update=spring | {"odds": {"spring_joint1": 1.0}})
-    found = of_runs(one_cause().model_copy(update={"effects": [spring], "posterior": [fitted]}), "P1")
-    assert significance(found, spring) == pytest.approx(2.0 * np.sqrt(2.0 / (1.0 - correlation)))
-    assert decided(found) is expected
+    result = of_runs(one_cause().model_copy(update={"effects": [spring], "posterior": [fitted]}), "P1")
+    assert significance(result, spring) == pytest.approx(2.0 * np.sqrt(2.0 / (1.0 - correlation)))
+    assert decided(result) is expected
 
 
 def test_the_file_of_an_older_version_counts_releases_by_its_validation() -> None:
@@ -146,9 +146,9 @@ def test_a_single_release_decides_a_cause_only_if_every_other_effect_is_excluded
         Exclusion(effect=name, parameter="amplitude", size=5.0, estimate=sizes + 0.1 * k, confidence=confidence)
         for k, name in enumerate(names)
     ]
-    found = of_runs(one_cause(advice=[]), *runs, exclusions=tested)
-    assert decided(found) is expected
-    assert ("must test clock_rate, base_tilt and 2 others," in undecided(found)) is not expected
+    result = of_runs(one_cause(advice=[]), *runs, exclusions=tested)
+    assert decided(result) is expected
+    assert ("must test clock_rate, base_tilt and 2 others," in undecided(result)) is not expected
 
 
 def test_enough_names_the_effects_that_are_not_excluded_and_offers_an_optional_release(paper: Rig) -> None:
@@ -297,9 +297,9 @@ def test_a_plan_forecasts_a_decision_up_to_causes_that_no_release_separates(pape
     pair = ("encoder_offset_joint1", "base_tilt")
     class_of = {"name": pair[0], "members": list(pair), "odds": dict.fromkeys(pair, 0.5)}
     small = one_cause(8.0)
-    found = of_runs(small.model_copy(update={"effects": [small.effects[0].model_copy(update=class_of)]}), "P1")
-    (causes,) = causes_of(found)
-    known = replace(known_before(paper), causes=(causes,), named=frozenset({pair[0]}), diagnosis=found)
+    result = of_runs(small.model_copy(update={"effects": [small.effects[0].model_copy(update=class_of)]}), "P1")
+    (causes,) = causes_of(result)
+    known = replace(known_before(paper), causes=(causes,), named=frozenset({pair[0]}), diagnosis=result)
     objective = Objective.of(known)
     steps = Planner(objective, PlanLimits(), np.random.default_rng(0)).sequence(1, None)
     made = summed_up(objective, steps, PlanLimits(), 0.0)

@@ -87,14 +87,14 @@ def test_both_firmwares_send_the_same_at_every_step(after_usual: bool, sequence:
 
 @pytest.mark.slow
 def test_two_swings_are_the_same_frame_by_frame(bench):
-    said = []
+    result = []
     for firmware in ("python", "c"):
         host = bench.direct(seed=7, firmware=firmware, plant="dry")
         host.release(pose=2, swing=12_000)
-        said.append(host.messages.copy())
+        result.append(host.messages.copy())
         host.release(pose=3, rate_hz=300, swing=300)
-        said[-1] += host.messages
-    assert said[0] == said[1]
+        result[-1] += host.messages
+    assert result[0] == result[1]
 
 
 def test_a_restart_is_the_same(bench):
@@ -109,7 +109,7 @@ def test_a_restart_is_the_same(bench):
 
 
 def test_ticks_missed_and_samples_without_room_are_counted_the_same(bench):
-    told = []
+    result = []
     for firmware in ("python", "c"):
         host = bench.direct(seed=7, firmware=firmware, fault=("overrun=0.02",))
         device = host.end.device
@@ -121,10 +121,10 @@ def test_ticks_missed_and_samples_without_room_are_counted_the_same(bench):
         host.session.hello(host.now())
         host.run_for(0.3)
         last = host.of(Status)[-1]
-        told.append((last.dropped, last.sent, [sample.tick for sample in host.of(Sample)]))
+        result.append((last.dropped, last.sent, [sample.tick for sample in host.of(Sample)]))
         assert last.overruns > 0
-    assert told[0] == told[1]
-    assert told[0][0] == 10
+    assert result[0] == result[1]
+    assert result[0][0] == 10
 
 
 @pytest.mark.slow
@@ -160,7 +160,7 @@ def test_what_is_built_from_another_dbc_answers_the_same(fault: tuple[str, ...],
     answers = c.receive(encode(hello), 100.0)
     assert answers == python.receive(encode(hello), 100.0)
     assert len(answers) == 1 + PAGES
-    told = decode(answers[1])
+    result = decode(answers[1])
     for name, value in (text.split("=") for text in fault):
-        assert told.fields[{"major": "major", "schema": "schema_hash"}[name]] == int(value)
+        assert result.fields[{"major": "major", "schema": "schema_hash"}[name]] == int(value)
     assert c.receive(encode(Hold(2)), 100.1) == python.receive(encode(Hold(2)), 100.1)

@@ -39,8 +39,8 @@ def test_chance_draws_every_fault_and_none() -> None:
     assert drawn == {None, "input_delay", *joints}
     for seed in range(20):
         fault = drawn_fault(seed)
-        told = done_by_drives(driven(load_plant("paper", seed), fault).drives)
-        assert list(told) == ([fault.name] if fault else [])
+        result = done_by_drives(driven(load_plant("paper", seed), fault).drives)
+        assert list(result) == ([fault.name] if fault else [])
 
 
 def test_a_fault_may_be_asked_for_and_no_other_effect(paper: Rig) -> None:
@@ -53,14 +53,14 @@ def test_a_fault_may_be_asked_for_and_no_other_effect(paper: Rig) -> None:
 
 def test_a_sealed_driven_plant_keeps_its_torques_and_reports_them_with_its_recordings(tmp_path: Path) -> None:
     asked = Options(draw_effects="driven:clear:torque_ripple_joint1", seed=7)
-    told = sealed_trial(asked, tmp_path / "device")
+    result = sealed_trial(asked, tmp_path / "device")
     truth = opened(tmp_path / "device")["truth"]
     assert list(truth["effects"]) == ["torque_ripple_joint1"]
     plant = load_plant(tmp_path / SEALED_FILE)
     kept, drawn = load_drives(tmp_path / SEALED_TORQUES, plant.drives, plant.seed), drawn_drives(plant)
     assert np.array_equal(kept.joints, drawn.joints)
     assert np.array_equal(kept.t, drawn.t)
-    assert "runs" not in told
+    assert "runs" not in result
 
 
 @pytest.mark.parametrize("fault", ["torque_ripple_joint1", "torque_ripple_joint2"])

@@ -14,9 +14,9 @@ from sim_device.trials.driven import driven_runs
 def test_the_scale_of_a_driven_plant_lies_within_three_standard_deviations(paper: Rig, seed: int) -> None:
     plant, runs = driven_runs(paper, seed)
     assert all(run.torque_kind == "measured" and run.commanded is not None for run in runs)
-    found = identify(runs[:2], paper).base["b"]
+    result = identify(runs[:2], paper).base["b"]
     true = float(base_parameters(plant.Z, paper.L1, paper.g)[1])
-    assert found.std is not None
-    assert abs(found.value - true) < 3 * found.std
-    assert found.std < 0.02 * true
+    assert result.std is not None
+    assert abs(result.value - true) < 3 * result.std
+    assert result.std < 0.02 * true
     assert np.abs(runs[0].torques - runs[0].commanded).max() < 0.02  # pyright: ignore[reportOptionalOperand]

@@ -68,7 +68,7 @@ def test_a_driven_swing_is_that_of_the_equation_under_its_torques(paper: Rig) ->
     start, still = np.array([0.0, 3.0, 2.8]), np.zeros(3)
     swing = Plant(config, paper).let_go(start, still, 200.0, 1, lambda first, count: torques[first : first + count])
     torques = np.concatenate([torques, np.zeros((200, 2))])
-    body, x, found = Body.of(config.Z, paper.L1, paper.L1, paper.g), np.array([3.0, 2.8, 0, 0]), [(3.0, 2.8)]
+    body, x, result = Body.of(config.Z, paper.L1, paper.L1, paper.g), np.array([3.0, 2.8, 0, 0]), [(3.0, 2.8)]
     for k in range(59):
 
         def slope(t: float, x: np.ndarray, tau: np.ndarray = torques[k]) -> list[float]:
@@ -76,8 +76,8 @@ def test_a_driven_swing_is_that_of_the_equation_under_its_torques(paper: Rig) ->
             return [omega1, omega2, *body.accelerations(theta1, theta2, omega1, omega2, tau[0] - tau[1], tau[1])]
 
         x = solve_ivp(slope, (k / 200, (k + 1) / 200), x, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
-        found.append(tuple(x[:2]))
-    assert swing.theta(0, 60)[:, 1:] == pytest.approx(np.array(found), abs=1e-8)
+        result.append(tuple(x[:2]))
+    assert swing.theta(0, 60)[:, 1:] == pytest.approx(np.array(result), abs=1e-8)
 
 
 @pytest.mark.parametrize("firmware", ["python", "c"])
@@ -91,11 +91,11 @@ def test_every_sample_of_a_driven_device_is_followed_by_its_torques(table: Path,
     frames = board.service(100.05)
     released = [decode(frame) for frame in board.receive(encode(Release(4)), 100.05)][-1]
     assert isinstance(released, Event)
-    said = [decode(frame) for frame in (*frames, *board.service(100.08))]
-    said = [message for message in said if isinstance(message, Sample | Torque)]
-    assert [type(message) for message in said] == [Sample, Torque, Torque] * (len(said) // 3)
-    assert [message.tick for message in said[::3]] == [message.tick for message in said[2::3]]
-    commanded = {m.tick: m.torque1 for m in said if isinstance(m, Torque) and m.kind is TorqueKind.COMMANDED}
+    result = [decode(frame) for frame in (*frames, *board.service(100.08))]
+    result = [message for message in result if isinstance(message, Sample | Torque)]
+    assert [type(message) for message in result] == [Sample, Torque, Torque] * (len(result) // 3)
+    assert [message.tick for message in result[::3]] == [message.tick for message in result[2::3]]
+    commanded = {m.tick: m.torque1 for m in result if isinstance(m, Torque) and m.kind is TorqueKind.COMMANDED}
     assert {torque for tick, torque in commanded.items() if tick < released.tick} == {0}
     assert [commanded[released.tick + k] for k in (0, 10, 11)] == [1000, 1000, -2000]
 

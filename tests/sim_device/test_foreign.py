@@ -68,8 +68,8 @@ def test_a_slide_shorter_than_a_step_ends(body, joint):
         later = start + 1e-4 * np.array([*start[2:], 0.0, 0.0])
         if abs(holding(body, later)) < abs(holding(body, start)):
             limit = abs(holding(body, start)) * (1 - 1e-7)
-            found = integrate(sticking(body, joint, lambda x, limit=limit: limit), start, t)
-            assert np.ptp(found[:, joint - 1] - (joint - 1) * found[:, 0]) < 1e-3
+            result = integrate(sticking(body, joint, lambda x, limit=limit: limit), start, t)
+            assert np.ptp(result[:, joint - 1] - (joint - 1) * result[:, 0]) < 1e-3
             tried += 1
     assert tried > 2
 
@@ -99,11 +99,11 @@ def test_no_size_no_error_of_the_encoders(name):
 @pytest.mark.parametrize("torque", [0.05, 0.3])
 def test_a_sticking_joint_agrees_with_the_independent_code_of_dpr_lab(body, joint, torque):
     start, t = np.array([np.pi + 0.4, np.pi + 1.1, 0.0, 0.0]), np.linspace(0, 2, 41)
-    found = integrate(sticking(body, joint, lambda x: torque), start, t)
+    result = integrate(sticking(body, joint, lambda x: torque), start, t)
     base = [body.a, body.b, body.d, body.e1, body.c1, body.c2]
     params = effect_params({f"coulomb_joint{joint}": {"torque_Nm": torque}})
-    assert found == pytest.approx(simulate(base, body.L1, body.g, start, t, 2e-4, params), abs=1e-6)
-    speed = found[:, 2] if joint == 1 else found[:, 3] - found[:, 2]
+    assert result == pytest.approx(simulate(base, body.L1, body.g, start, t, 2e-4, params), abs=1e-6)
+    speed = result[:, 2] if joint == 1 else result[:, 3] - result[:, 2]
     assert (np.abs(speed) < 1e-12).sum() > (5 if torque == 0.3 else 0)
 
 
@@ -142,8 +142,8 @@ def test_the_drag_is_the_integral_along_the_rod(body):
 
     tau1 = quad(lambda s: drag(s) * lever, 0, body.L2)[0]
     tau2 = quad(lambda s: drag(s) * s, 0, body.L2)[0]
-    found = drag_on_outer_rod(body, 0.004, exponent, theta1, theta2, omega1, omega2)
-    assert found == pytest.approx((tau1, tau2), rel=3e-3)
+    result = drag_on_outer_rod(body, 0.004, exponent, theta1, theta2, omega1, omega2)
+    assert result == pytest.approx((tau1, tau2), rel=3e-3)
 
 
 def foreign_plant(paper, name: str):
@@ -168,10 +168,10 @@ def test_every_reading_of_a_foreign_swing_gives_the_same_bits(paper, name):
 def test_a_foreign_effect_stands_alone_and_is_spelled_out(paper):
     config = load_plant("paper")
     good = {"mains_hum": {"error_rad": 1e-3, "phase_rad": 0.0}}
-    for changes, said in (
+    for changes, result in (
         ({"foreign": good, "effects": {"base_tilt": {"tilt_rad": 0.01}}}, "cannot be combined"),
         ({"foreign": {"gremlins": {}}}, "no foreign effect 'gremlins'"),
         ({"foreign": {"mains_hum": {"error_rad": 1e-3}}}, "has the parameters error_rad, phase_rad"),
     ):
-        with pytest.raises(ConfigError, match=said):
+        with pytest.raises(ConfigError, match=result):
             plant_of(config.model_copy(update=changes), paper)

@@ -112,14 +112,14 @@ def test_a_plant_of_another_rig_cannot_be_drawn(paper):
 
 def test_the_truth_revealed_is_the_truth(paper):
     config = load_plant("dry")
-    told = Plant(config, paper).reveal()
+    result = Plant(config, paper).reveal()
     p, L1, g = config.parameters, paper.rig.L1, paper.rig.g
     b = p["J2"] + p["m2"] * p["l2"] ** 2
-    assert told["parameters"] == config.parameters
-    assert told["effects"] == {name: dict(values) for name, values in config.effects.items()}
-    assert told["ratios"]["d/b"] == pytest.approx(p["m2"] * L1 * p["l2"] / b)
-    assert told["ratios"]["e1/b"] == pytest.approx((p["m1"] * p["l1"] + (p["m2"] + p["mb"]) * L1) * g / b)
-    assert told["ratios"]["c2/b"] == pytest.approx(p["c2"] / b)
+    assert result["parameters"] == config.parameters
+    assert result["effects"] == {name: dict(values) for name, values in config.effects.items()}
+    assert result["ratios"]["d/b"] == pytest.approx(p["m2"] * L1 * p["l2"] / b)
+    assert result["ratios"]["e1/b"] == pytest.approx((p["m1"] * p["l1"] + (p["m2"] + p["mb"]) * L1) * g / b)
+    assert result["ratios"]["c2/b"] == pytest.approx(p["c2"] / b)
 
 
 def test_an_effect_there_is_not_is_named(paper):

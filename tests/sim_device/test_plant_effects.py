@@ -55,10 +55,10 @@ def test_readings_of_a_plant_agree_with_the_prediction_of_dpr_lab(name):
     states = plant.swing(POSE, REST, np.array([0.0, plant.pace * t[100] - PAD]))[-1]
     swing = segments([t[:100], t[100:]], [0, 0], step=1e-3)
     expected = predict(BASE, params, CONSTANTS, swing, [[*POSE[1:], 0.0, 0.0], states[[1, 2, 4, 5]]], arm=True)
-    found = encoder_angles(shown(effects))[20:1020:5]
+    result = encoder_angles(shown(effects))[20:1020:5]
     # A wrong clock starts the first segment before the release; dry friction bends within a step where the joint turns.
     loose = {"clock_rate": 1e-3, "coulomb_joint2": 1e-5, "stribeck_joint2": 1e-5, "backlash_joint2": 1e-5}
-    np.testing.assert_allclose(found, expected, atol=loose.get(name, 1e-6))
+    np.testing.assert_allclose(result, expected, atol=loose.get(name, 1e-6))
 
 
 def test_a_fast_clock_reads_the_same_swing_earlier():
@@ -143,8 +143,8 @@ def test_the_simulated_operator_follows_the_encoder_readings(effects):
     for number, pose in enumerate(RIG.poses.values(), 1):
         rods = SimulatedRods(plant_with(effects), RIG)
         rods.place(number, 0.0)
-        said = RIG.theta(rods.held_counts(np.array([1.0]), 0))
-        assert np.abs(pose_error(said, pose)).max() < pose.tolerance
+        result = RIG.theta(rods.held_counts(np.array([1.0]), 0))
+        assert np.abs(pose_error(result, pose)).max() < pose.tolerance
 
 
 def test_what_encoders_misread_by_a_little_moves_no_hand():

@@ -68,10 +68,10 @@ def test_a_seed_that_is_not_given_is_drawn(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_seal_does_not_reveal_the_seed(tmp_path: Path) -> None:
     """Seeds had 32 bits, and masses of full precision in the rig file said which: five minutes on one core."""
-    told = sealed_trial(Options(draw_effects="clean"), tmp_path / "device")
+    result = sealed_trial(Options(draw_effects="clean"), tmp_path / "device")
     secret = opened(tmp_path / "device")["truth"]["drawn"]["seed"]
     assert secret.bit_length() > 90
-    public = {name: tomllib.loads(told["rig"])["parameters"][name]["measured"] for name in MASSES}
+    public = {name: tomllib.loads(result["rig"])["parameters"][name]["measured"] for name in MASSES}
     assert all(mass == round(mass, 4) for mass in public.values())
     for seed in (secret, *range(500), *(secret >> bits for bits in (32, 64, 96)), secret & (1 << 32) - 1):
         _, rig = weighed(load_plant("paper", seed), load_rig("paper"), SPREAD.scales_step)
@@ -90,11 +90,11 @@ def test_a_plant_held_in_memory_is_revealed_on_request_and_never_written(tmp_pat
         assert device.stdout is not None
         device.stdin.write(rig + "\n")
         device.stdin.flush()
-        told = json.loads(device.stdout.readline())
+        document = json.loads(device.stdout.readline())
         device.stdin.write("open\n")
         device.stdin.flush()
         kept = json.loads(device.stdout.readline())
-    assert seal(kept["truth"], kept["salt"]) == told["seal"]
+    assert seal(kept["truth"], kept["salt"]) == document["seal"]
     assert not list(tmp_path.iterdir())
 
 
@@ -123,11 +123,11 @@ def test_a_sealed_plant_is_never_replaced(told, device: Path) -> None:
 def test_the_program_seals_and_unseals(program, tmp_path: Path) -> None:
     sealed = program("--draw-effects", "clean", "--seal", tmp_path / "device", "--direct")
     assert sealed.code == 0, sealed.err
-    told = json.loads(sealed.out)
+    document = json.loads(sealed.out)
     kept = json.loads(program("--unseal", tmp_path / "device").out)
-    assert seal(kept["truth"], kept["salt"]) == told["seal"]
-    assert [run["pose"] for run in told["runs"]] == ["X1", "X2", "X3"]
-    assert all(len(run["t"]) == len(run["counts"]) > 10_000 for run in told["runs"])
+    assert seal(kept["truth"], kept["salt"]) == document["seal"]
+    assert [run["pose"] for run in document["runs"]] == ["X1", "X2", "X3"]
+    assert all(len(run["t"]) == len(run["counts"]) > 10_000 for run in document["runs"])
     assert str(kept["truth"]["drawn"]["seed"]) not in sealed.out
 
 

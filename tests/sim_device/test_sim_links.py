@@ -144,10 +144,10 @@ def test_dropped_samples_are_reported(bench):
     host.do(Stop())
     heard = len(host.of(Status))
     host.until(lambda: len(host.of(Status)) > heard)  # nothing is dropped any more
-    told, ticks = host.of(Status)[-1], host.counts()[:, 0]
-    assert told.dropped > 0
-    assert len(ticks) == told.sent
-    assert 0 < np.sum(np.diff(ticks) - 1) <= told.dropped  # a busy host may miss the last ones too
+    result, ticks = host.of(Status)[-1], host.counts()[:, 0]
+    assert result.dropped > 0
+    assert len(ticks) == result.sent
+    assert 0 < np.sum(np.diff(ticks) - 1) <= result.dropped  # a busy host may miss the last ones too
     assert host.of(Status)[-1].overruns == 0
 
 

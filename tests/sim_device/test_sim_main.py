@@ -57,9 +57,9 @@ def test_it_answers_before_what_moves_the_rods_is_compiled(tmp_path, monkeypatch
 def test_reveal_prints_the_truth_of_the_same_arguments(program):
     first, again, other = (program("--reveal", "--draw", "--seed", seed).out for seed in ("5", "5", "6"))
     assert first == again != other
-    told = json.loads(first)
-    assert tuple(told["parameters"]) == PARAMETERS
-    assert set(told["ratios"]) == {"a/b", "d/b", "e1/b", "c1/b", "c2/b"}
+    document = json.loads(first)
+    assert tuple(document["parameters"]) == PARAMETERS
+    assert set(document["ratios"]) == {"a/b", "d/b", "e1/b", "c1/b", "c2/b"}
     assert json.loads(program("--reveal", "--plant", "dry").out)["effects"]["coulomb_joint1"]["torque_Nm"] > 0
 
 

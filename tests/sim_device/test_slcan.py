@@ -59,8 +59,8 @@ def test_frames_pass_however_the_bytes_are_cut(sent, data):
     cuts = sorted(data.draw(st.lists(st.integers(0, len(text)), max_size=5)))
     codec, received, answers = on_bus(), [], b""
     for start, stop in zip([0, *cuts], [*cuts, len(text)], strict=True):
-        found, answer = codec.decode(text[start:stop])
-        received += found
+        result, answer = codec.decode(text[start:stop])
+        received += result
         answers += answer
     assert received == sent
     assert answers == b"z\r" * len(sent)

@@ -78,10 +78,10 @@ class Stranger:
                 at += packet[at]
             number = int.from_bytes(data[:2], "little") - 64
             name = next(name for name, known in NUMBERS.items() if known == number)
-            said = self._dbc.get_message_by_name(name).decode(bytes(data[2:-3]))
-            self.heard[name] = (self.heard.get(name, {}) if name == "INFO" else {}) | said
+            result = self._dbc.get_message_by_name(name).decode(bytes(data[2:-3]))
+            self.heard[name] = (self.heard.get(name, {}) if name == "INFO" else {}) | result
             if name == "POSITION":
-                self.positions[said["joint"]] = said["position"]
+                self.positions[result["joint"]] = result["position"]
 
     def until(self, condition: Callable[[], object]) -> None:
         give_up = time.monotonic() + PATIENCE_S

@@ -42,13 +42,13 @@ def test_bags_that_cannot_be_understood(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(RunError, match="on several topics: choose one with --take: /a, /b"):
         read(two)
     assert is_the_swing(read(two, take=("/a",)))
-    for topics, said in (
+    for topics, result in (
         ([], "contains no sensor_msgs/JointState"),
         ([("/a", ("theta1", "theta1"), ROWS)], "two joints of a JointState have the same name: theta1, theta1"),
         ([("/a", ("theta1", "theta2", "tip"), ROWS)], "a JointState with 3 names but 2 positions"),
     ):
-        with pytest.raises(RunError, match=said):
-            read(write(tmp_path / f"{len(said)}{suffix}", topics))
+        with pytest.raises(RunError, match=result):
+            read(write(tmp_path / f"{len(result)}{suffix}", topics))
 
 
 def test_a_run_is_recognised_without_the_library_of_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,14 +81,14 @@ def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> No
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs a folder that takes no file")
 def test_an_unwritable_output_is_reported_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    for refuse, place, said in (
+    for refuse, place, result in (
         (refuse_folder, tmp_path, "is a folder"),
         (refuse_folder, tmp_path / "file" / "m.json", "cannot be written"),
         (refuse_folder, Path("/proc/nowhere/m.json"), "cannot be written"),
         (refuse_file, tmp_path / "file", "is a file"),
         (refuse_file, Path("/proc/nowhere"), "cannot be written"),
     ):
-        with pytest.raises(ConfigError, match=said):
+        with pytest.raises(ConfigError, match=result):
             refuse(place)
     refuse_folder(tmp_path / "new" / "m.json")
     refuse_file(tmp_path / "new")

@@ -341,9 +341,9 @@ def as_imported_before(file: Path, out: Path) -> Path:
     from dpr_lab.storage.metadata import RunSummary
     from dpr_lab.storage.scan import scan
 
-    found = scan(file)
-    samples = found.samples()
-    metadata = replace(found.metadata, extra={"t_offset_s": "0.0", "columns": '{"theta1": "1", "theta2": "2"}'})
+    result = scan(file)
+    samples = result.samples()
+    metadata = replace(result.metadata, extra={"t_offset_s": "0.0", "columns": '{"theta1": "1", "theta2": "2"}'})
     with RunWriter(out, metadata) as writer:
         writer.table(samples.t, samples.theta)
         writer.finish(RunSummary(release_tick=0))

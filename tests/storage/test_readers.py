@@ -64,15 +64,15 @@ def test_records_of_a_logger_are_a_table_however_they_are_nested(tmp_path: Path)
 def damaged(path: Path) -> list[Path]:
     """Truncated file, and file with changed bytes."""
     content = path.read_bytes()
-    found = []
+    result = []
     rng = np.random.default_rng(5)
     for number in range(12):
         changed = bytearray(content if number else content[: len(content) // 2])
         for at in rng.integers(0, len(changed), 30 if number else 0):
             changed[at] = int(rng.integers(256))
-        found.append(path.with_name(f"{number}{path.suffix}"))
-        found[-1].write_bytes(changed)
-    return found
+        result.append(path.with_name(f"{number}{path.suffix}"))
+        result[-1].write_bytes(changed)
+    return result
 
 
 @pytest.mark.parametrize("suffix", [*WRITERS, ".mcap", ".db3"])
@@ -120,12 +120,12 @@ def test_scale_offset_and_wrap(tmp_path: Path) -> None:
 
 def test_a_preview_says_what_was_understood_and_writes_nothing(tmp_path: Path) -> None:
     file = write_mat(tmp_path / "a.mat", **SWING | {"t": np.where(T > 0.5, T + 0.2, T)})
-    found = preview(file, RIG, ImportOptions(**GUESSED))
-    facts = found.facts()
+    result = preview(file, RIG, ImportOptions(**GUESSED))
+    facts = result.facts()
     assert facts["columns"] == "t = t, theta1 = theta1, theta2 = theta2"
     assert facts["angles"] == "rad, absolute, upright is 0"
     assert facts["rate"].startswith("200 Hz, steps 0.005 to 0.205 s; 1 gap")
-    assert found.first_rows()[0] == pytest.approx((0.0, THETA1[0], THETA2[0]))
+    assert result.first_rows()[0] == pytest.approx((0.0, THETA1[0], THETA2[0]))
     assert [path.name for path in tmp_path.iterdir()] == ["a.mat"]
     fast = text(tmp_path / "b.csv", np.column_stack([T, np.degrees(ROWS[:, 1:])]), head="t,theta1,theta2\n")
     asked = [question.sentence for question in preview(fast, RIG, ImportOptions(**GUESSED)).questions]

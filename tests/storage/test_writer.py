@@ -244,9 +244,9 @@ def test_a_full_disk_says_so_and_keeps_the_file(tmp_path):
         """
     )
     path = tmp_path / "full.mcap"
-    said = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=True)
-    assert "full.mcap: cannot be written: File too large" in said.stdout
-    assert "recover" in said.stdout
+    output = subprocess.run([sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=True)
+    assert "full.mcap: cannot be written: File too large" in output.stdout
+    assert "recover" in output.stdout
     about = info(path)
     assert not about.complete
     assert about.samples >= 500

@@ -112,10 +112,10 @@ def test_slcan_opens_the_bus_at_the_bit_rate_and_survives_damaged_lines(adapter:
 
 def heard(device: int) -> bytes:
     """All bytes that the host sends to the adapter until it pauses."""
-    told = b""
+    result = b""
     while select.select([device], [], [], 0.5)[0]:
-        told += os.read(device, 100)
-    return told
+        result += os.read(device, 100)
+    return result
 
 
 def test_busy_slcan_port_says_so_and_is_left_alone(adapter: tuple[int, str]) -> None:

@@ -22,8 +22,8 @@ def test_can_interfaces_are_those_of_the_can_type(tmp_path: Path) -> None:
 def test_forbidden_port_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     port = tmp_path / "ttyUSB0"
     port.touch()
-    found = SimpleNamespace(device=str(port), description="FTDI", serial_number="A1")
-    monkeypatch.setattr(module.list_ports, "comports", lambda: [found])
+    result = SimpleNamespace(device=str(port), description="FTDI", serial_number="A1")
+    monkeypatch.setattr(module.list_ports, "comports", lambda: [result])
     monkeypatch.setattr(module.os, "access", lambda path, mode: False)
     (listed,) = module.serial_ports()
     assert (listed.device, listed.description, listed.serial_number) == (str(port), "FTDI", "A1")

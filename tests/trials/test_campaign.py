@@ -77,11 +77,11 @@ def test_a_complete_line_that_is_not_a_trial_is_reported(tmp_path: Path) -> None
 
 
 def test_a_campaign_that_is_done_runs_nothing(tmp_path: Path) -> None:
-    told: list[int] = []
+    result: list[int] = []
     (tmp_path / "trials.jsonl").write_bytes(lines(tmp_path, 2, 0, 1, 7))
-    tried = run_campaign(CLEAN, 3, tmp_path, on_trial=lambda done, last: told.append(done))
+    tried = run_campaign(CLEAN, 3, tmp_path, on_trial=lambda done, last: result.append(done))
     assert [o.seed for o in tried.outcomes] == [0, 1, 2]
-    assert told == [3]
+    assert result == [3]
 
 
 def test_a_folder_holds_one_campaign(tmp_path: Path) -> None:
@@ -240,15 +240,15 @@ def wait_until(holds, seconds: float = 120) -> None:
 
 def members(group: int) -> list[int]:
     """Processes of a process group."""
-    found: list[int] = []
+    result: list[int] = []
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
             state, _, pgrp = stat.read_text().rpartition(")")[2].split()[:3]
         except OSError:
             continue
         if int(pgrp) == group and state != "Z":
-            found.append(int(stat.parent.name))
-    return found
+            result.append(int(stat.parent.name))
+    return result
 
 
 @pytest.mark.long
@@ -273,13 +273,13 @@ def test_a_killed_campaign_leaves_no_process_and_can_be_continued(tmp_path: Path
         cut.write(b'{"number": 3, "outc')
     before = file.read_bytes().splitlines()[:-1]
     assert 1 <= len(before) < 4
-    told = told_by(tmp_path, 4, "--jobs", 1)
+    result = told_by(tmp_path, 4, "--jobs", 1)
     after = file.read_bytes().splitlines()
     assert after[: len(before)] == before
     assert sorted(json.loads(line)["number"] for line in after) == [0, 1, 2, 3]
-    assert told["trials"] == 4
-    assert told["false_alarms"] == 0.0
-    assert Path(told["files"]["page"]).is_file()
+    assert result["trials"] == 4
+    assert result["false_alarms"] == 0.0
+    assert Path(result["files"]["page"]).is_file()
 
 
 @contextmanager

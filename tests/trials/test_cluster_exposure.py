@@ -48,13 +48,13 @@ def listeners(group: int) -> set[str]:
                 inodes |= {os.readlink(link) for link in (stat.parent / "fd").iterdir()}
         except OSError:
             continue
-    found: set[str] = set()
+    result: set[str] = set()
     for table in ("/proc/net/tcp", "/proc/net/tcp6"):
         for row in Path(table).read_text().splitlines()[1:]:
             fields = row.split()
             if fields[3] == LISTENING and f"socket:[{fields[9]}]" in inodes:
-                found.add(fields[1].partition(":")[0])
-    return found
+                result.add(fields[1].partition(":")[0])
+    return result
 
 
 @pytest.mark.slow
@@ -75,8 +75,8 @@ def test_the_recipe_listens_on_this_machine_alone(tmp_path: Path) -> None:
                 assert time.monotonic() < deadline
                 assert processes[-1].poll() is None, (tmp_path / kind).read_text()
                 time.sleep(0.2)
-            found = listeners(processes[-1].pid)
-            assert found == {"0100007F"}, kind
+            result = listeners(processes[-1].pid)
+            assert result == {"0100007F"}, kind
     finally:
         for process in reversed(processes):
             os.killpg(process.pid, signal.SIGTERM)

@@ -23,16 +23,16 @@ LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "coulomb_joint2")}
 @pytest.mark.usefixtures("loaded_processes")
 def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[..., Any], paper: Rig):
     runs = recorded({"coulomb_joint1": {"torque_Nm": 3e-3}}, duration=3.0)[:2]
-    found = diagnose(runs, paper, library=LIBRARY)
-    told: list[int] = []
+    diagnosis = diagnose(runs, paper, library=LIBRARY)
+    result: list[int] = []
 
-    tried = trust(found, runs, paper, 4, library=LIBRARY, processes=2, on_trial=told.append)
-    (here,) = trust(found, runs, paper, 1, library=LIBRARY).trials
+    tried = trust(diagnosis, runs, paper, 4, library=LIBRARY, processes=2, on_trial=result.append)
+    (here,) = trust(diagnosis, runs, paper, 1, library=LIBRARY).trials
 
     assert here == tried.trials[0].model_copy(update={"seconds": here.seconds}), "the same in whichever process"
-    assert told == [0, 1, 2, 3, 4]
-    assert [item.kind for item in tried.trials] == ["as found", "another", "another", "clean"]
-    assert [set(item.truth) for item in tried.trials] == [
+    assert result == [0, 1, 2, 3, 4]
+    assert [trial.kind for trial in tried.trials] == ["as found", "another", "another", "clean"]
+    assert [set(trial.truth) for trial in tried.trials] == [
         {"coulomb_joint1"},
         {"coulomb_joint2"},
         {"coulomb_joint2"},
@@ -44,22 +44,22 @@ def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[...,
         ("coulomb_joint1", "coulomb_joint1"),
         (NOTHING, NOTHING),
     }
-    assert tried.seconds_each == pytest.approx(np.median([item.seconds for item in tried.trials]))
+    assert tried.seconds_each == pytest.approx(np.median([trial.seconds for trial in tried.trials]))
 
     def refuses(*runs: object, **options: object) -> Diagnosis:
         raise RunError("the model cannot follow the readings")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(own_rig, "diagnose", refuses)
-        without = trust(found, runs, paper, 4, library=LIBRARY)
-    assert [item.verdict for item in without.trials] == ["refused"] * 4
+        without = trust(diagnosis, runs, paper, 4, library=LIBRARY)
+    assert [trial.verdict for trial in without.trials] == ["refused"] * 4
     assert (without.right.held, without.wrong.held, without.false_alarms.held) == (0, 0, 0)
-    assert "In 4 trials the recordings were refused" in trust_words(found.model_copy(update={"trust": without}))[0]
+    assert "In 4 trials the recordings were refused" in trust_words(diagnosis.model_copy(update={"trust": without}))[0]
 
-    whole = found.model_copy(update={"trust": tried})
+    whole = diagnosis.model_copy(update={"trust": tried})
     assert trust_figure(whole) is not None
-    assert trust_figure(found) is None
-    assert "--trust 40" in trust_words(found)[0]
+    assert trust_figure(diagnosis) is None
+    assert "--trust 40" in trust_words(diagnosis)[0]
 
 
 def test_blind_trials_are_recommended_unless_the_arm_moves() -> None:

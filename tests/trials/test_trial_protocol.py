@@ -116,8 +116,8 @@ def test_a_driven_plant_is_recorded_with_its_torques_through_the_protocol_and_di
     asked = PlantRequest(Kind.DRIVEN, seed=101)
     trial = draw(TrialRequest(asked, tmp_path / "trial"))
     sealed = seal(asked, tmp_path / "device", direct=True)
-    for run, told in zip(recordings(trial), sealed["runs"], strict=True):
-        sent, direct = run.swing, run_of(told, trial.rig).swing
+    for run, result in zip(recordings(trial), sealed["runs"], strict=True):
+        sent, direct = run.swing, run_of(result, trial.rig).swing
         both = min(len(sent.t), len(direct.t))
         assert both >= 9_000
         assert direct.torque_kind == sent.torque_kind == "measured"

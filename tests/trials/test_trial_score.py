@@ -22,7 +22,7 @@ SCALE_B = float(base_parameters(RIG.nominal, 0.4, 9.81)[1])
 
 def truth_of(effects=None, foreign=None, family=(), encoders=CLEAN_ENCODERS, heavier=1.0) -> Truth:
     Z = RIG.nominal * np.array([1, 1, *[heavier] * 7])
-    told = {
+    result = {
         "effects": effects or {},
         "foreign": {foreign: {}} if foreign else {},
         "family": {foreign: list(family)} if foreign else {},
@@ -30,7 +30,7 @@ def truth_of(effects=None, foreign=None, family=(), encoders=CLEAN_ENCODERS, hea
         "parameters": dict(zip(PARAMETERS, Z.tolist(), strict=True)),
         "encoders": encoders,
     }
-    return read_truth(told)
+    return read_truth(result)
 
 
 def named(name: str, probability: float = 0.9, twins=(), **values: float) -> dict:
@@ -160,12 +160,12 @@ def test_an_outcome_can_be_kept():
 
 
 def test_a_broken_seal_does_not_count():
-    told = {"effects": {}, "foreign": {}, "family": {}, "held_back": [], "parameters": {}, "encoders": {}}
-    text = "salt" + json.dumps(told, sort_keys=True, separators=(",", ":"))
+    result = {"effects": {}, "foreign": {}, "family": {}, "held_back": [], "parameters": {}, "encoders": {}}
+    text = "salt" + json.dumps(result, sort_keys=True, separators=(",", ":"))
     seal = hashlib.sha256(text.encode()).hexdigest()
-    assert unsealed({"salt": "salt", "truth": told}, seal).clean
+    assert unsealed({"salt": "salt", "truth": result}, seal).clean
     with pytest.raises(DprError, match="does not match the seal"):
-        unsealed({"salt": "salt", "truth": told | {"effects": {"base_tilt": {}}}}, seal)
+        unsealed({"salt": "salt", "truth": result | {"effects": {"base_tilt": {}}}}, seal)
 
 
 def test_the_size_of_a_cause_is_relative_to_the_minimum_detectable_size():

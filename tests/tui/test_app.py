@@ -197,12 +197,14 @@ async def test_a_field_takes_letters_and_escape_leaves_it(tmp_path: Path) -> Non
 
 async def test_no_line_ends_between_a_number_and_its_unit(tmp_path: Path) -> None:
     # "rise3 0.0129 mN" stood above "m, rise4", and "(90 %" above "interval".
-    told = "rise 0.0114 mN m (90 % to 3 mm), drift 0.03 rad/s after 12 s, 2.5 °/s, 0.4 kg m² of 5 m/s²"
+    result = "rise 0.0114 mN m (90 % to 3 mm), drift 0.03 rad/s after 12 s, 2.5 °/s, 0.4 kg m² of 5 m/s²"
     apart = re.compile(r"\d$|(?<!\w)(mN|kg)$")
     app = faulty(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         shown = app.current.query_one(Static)
-        for width, content in product((17, 19, 23, 29, 37), (told, Group(told), table("", ["", ""], [["x", told]]))):
+        for width, content in product(
+            (17, 19, 23, 29, 37), (result, Group(result), table("", ["", ""], [["x", result]]))
+        ):
             shown.styles.width = width
             shown.update(content)
             await pilot.pause()
@@ -285,8 +287,8 @@ async def test_after_the_window_was_too_small_the_keys_work_again(tmp_path: Path
 async def test_the_stepper_keeps_its_two_rows(tmp_path: Path) -> None:
     # At 120 columns it wrapped behind step 4 and pushed out what is missing and what is next.
     data = Path(__file__).parent / "data"
-    told = Workspace(out=tmp_path, model=data / "model.json", diagnosis=data / "diagnosis.json")
-    app = DprApp(told, tmp_path / "state")
+    result = Workspace(out=tmp_path, model=data / "model.json", diagnosis=data / "diagnosis.json")
+    app = DprApp(result, tmp_path / "state")
     async with app.run_test(size=(120, 30)) as pilot:
         await pilot.press("4", "6", "1")
         for width in (120, 80, 100, 160):

@@ -136,16 +136,16 @@ NAMED_KEY = re.compile(r"\b[Pp]ress (?:[a-zA-Z/]|f\d+)\b|(?:^|[ (])(?:[a-zA-Z/]|
 def texts(path: Path) -> set[str]:
     """All texts of a file except docstrings."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    said = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    strings = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and id(node) not in said)
+    result = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    strings = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and id(node) not in result)
     return {node.value for node in strings if isinstance(node.value, str)}
 
 
 def test_no_text_of_any_screen_names_a_key_by_itself() -> None:
     assert NAMED_KEY.search("Press r to RELEASE")
     assert NAMED_KEY.search("good. k: keep it")
-    found = {(path.name, text) for path in TUI.rglob("*.py") for text in texts(path) if NAMED_KEY.search(text)}
-    assert found == set()
+    result = {(path.name, text) for path in TUI.rglob("*.py") for text in texts(path) if NAMED_KEY.search(text)}
+    assert result == set()
 
 
 def test_the_config_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,8 +138,8 @@ def test_a_driven_arm_is_recorded_with_its_input(recorder, simulated) -> None:
 
 def test_rods_at_rest_are_reported_twice_a_second_without_their_noise(paper) -> None:
     device = SimpleNamespace(status=SimpleNamespace(latched=False), heard_at=0.0)
-    told: list = []
-    watch = _IdleWatch(device, paper, SimpleNamespace(add_if_read=told.append))  # pyright: ignore[reportArgumentType]
+    result: list = []
+    watch = _IdleWatch(device, paper, SimpleNamespace(add_if_read=result.append))  # pyright: ignore[reportArgumentType]
 
     def hear(at: float, *counts: int) -> None:
         device.heard_at = at
@@ -149,14 +149,14 @@ def test_rods_at_rest_are_reported_twice_a_second_without_their_noise(paper) -> 
 
     for number in range(10):
         hear(0.1 * number, 0, number % 3, -(number % 2))
-    assert [report.at for report in told] == [0.0, 0.5]
-    assert told[0].theta == told[1].theta
+    assert [report.at for report in result] == [0.0, 0.5]
+    assert result[0].theta == result[1].theta
     hear(0.95, 0, 40, 0)
-    assert told[-1].at == 0.95
-    assert told[-1].theta[1] > told[0].theta[1]
+    assert result[-1].at == 0.95
+    assert result[-1].theta[1] > result[0].theta[1]
     device.status.latched = True
     hear(0.99, 0, 40, 0)
-    assert (told[-1].at, told[-1].latched) == (0.99, True)
+    assert (result[-1].at, result[-1].latched) == (0.99, True)
 
 
 @pytest.mark.slow

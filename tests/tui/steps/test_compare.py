@@ -30,7 +30,7 @@ def figures(app: App[None]) -> str:
 
 
 def series(app: App[None], chart: str) -> dict[str, np.ndarray]:
-    return {item.label: item.y for item in app.query_one(chart, Chart)._content.series}
+    return {series.label: series.y for series in app.query_one(chart, Chart)._content.series}
 
 
 def swing(name: str, horizon_s: float, held_out: bool = False) -> Comparison:
@@ -316,11 +316,11 @@ async def test_two_cursors_read_off_values_and_differences(lab, settled) -> None
         moved_a, moved_b = chart._cursors.at
         assert moved_a > a
         assert moved_b < b
-        said = str(chart.query_one(".readings", Static).render())
+        result = str(chart.query_one(".readings", Static).render())
         expected = np.interp([moved_a, moved_b], shown.t, np.degrees(shown.measured[:, 1]))
-        assert f"measured: A {expected[0]:.4g}  B {expected[1]:.4g}  B−A {expected[1] - expected[0]:+.4g}" in said
-        assert f"B−A {moved_b - moved_a:+.4g}   time (s)" in said
-        assert "free run − measured: A " in said
+        assert f"measured: A {expected[0]:.4g}  B {expected[1]:.4g}  B−A {expected[1] - expected[0]:+.4g}" in result
+        assert f"B−A {moved_b - moved_a:+.4g}   time (s)" in result
+        assert "free run − measured: A " in result
         await pilot.press("M")
         await settled(pilot)
         assert chart._cursors is None

@@ -34,11 +34,11 @@ async def test_links_are_listed_and_the_one_under_the_cursor_is_connected(app: D
         await until(pilot, lambda: app.device.connected)
         assert app.focused is links  # the arrows choose another
         await until(pilot, lambda: "angles" in shown(app, "#device"))
-        said = " ".join(shown(app, "#device").split())  # its rows are wrapped
+        result = " ".join(shown(app, "#device").split())  # its rows are wrapped
         assert app.steps[0].outcome() == "simulated"
-    assert "000051d000000001, firmware 1.0.0, protocol 1.2" in said
-    assert "1000 Hz needs 140,000 bit/s, 15 % of 921600 baud (at most 80 % may be used)" in said
-    assert "open, the rods are free" in said
+    assert "000051d000000001, firmware 1.0.0, protocol 1.2" in result
+    assert "1000 Hz needs 140,000 bit/s, 15 % of 921600 baud (at most 80 % may be used)" in result
+    assert "open, the rods are free" in result
     assert app.workspace.link.startswith("sim://")
 
 
@@ -49,10 +49,10 @@ async def test_link_test_counts_samples_and_fits_the_clock(app: DprApp, until, r
         await until(pilot, lambda: app.device.connected)
         await pilot.press("l")
         await until(pilot, lambda: "clock " in shown(app, "#device"))
-        said = shown(app, "#device")
-    assert "samples, none lost" in said
-    assert "ppm" in said
-    assert "shortest" in said
+        result = shown(app, "#device")
+    assert "samples, none lost" in result
+    assert "ppm" in result
+    assert "shortest" in result
 
 
 @pytest.mark.slow

@@ -69,8 +69,8 @@ async def test_from_runs_to_a_saved_diagnosis(lab, until, recorded: list[Path], 
         assert (folder / "where.png").read_bytes().startswith(b"\x89PNG")
         assert load_diagnosis(pilot.app.workspace.diagnosis).verdict == saved["verdict"]
         assert step(pilot.app).outcome() in (saved["verdict"].replace("_", " "), "1 effect named")
-        told = load_diagnosis(pilot.app.workspace.diagnosis)
-        assert " ".join(text(pilot.app, "#state").split()) == sentence(told)
+        diagnosis = load_diagnosis(pilot.app.workspace.diagnosis)
+        assert " ".join(text(pilot.app, "#state").split()) == sentence(diagnosis)
 
 
 @pytest.mark.slow
@@ -88,20 +88,20 @@ async def test_cancelling_leaves_nothing_half_written(lab, until, recorded: list
 
 
 async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis: Path) -> None:
-    found = load_diagnosis(fixed_diagnosis)
+    diagnosis = load_diagnosis(fixed_diagnosis)
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
-        assert " ".join(text(pilot.app, "#state").split()) == sentence(found)
+        assert " ".join(text(pilot.app, "#state").split()) == sentence(diagnosis)
         which = " ".join(text(pilot.app, "#which-text").split())
         assert "latency, joint 2 [latency_joint2]" in which
         assert "delay 0.500 ms (0.498 to 0.502)" in which
-        for effect in found.effects:
+        for effect in diagnosis.effects:
             assert f"{named(effect.name)}: probability {percent(effect.probability)}" in which
             assert f"+ {named(effect.name)}" in text(pilot.app, "#far-text")
-        low, high = found.gap.closed_held_out.interval90
-        said = " ".join(text(pilot.app, "#far-text").split())
-        assert f"90 % interval {percent(low, 1)} to {percent(high, 1)}" in said
-        assert "The gap is the residual above the noise floor of" in said
-        for number, advice in enumerate(next_steps(found), 1):
+        low, high = diagnosis.gap.closed_held_out.interval90
+        result = " ".join(text(pilot.app, "#far-text").split())
+        assert f"90 % interval {percent(low, 1)} to {percent(high, 1)}" in result
+        assert "The gap is the residual above the noise floor of" in result
+        for number, advice in enumerate(next_steps(diagnosis), 1):
             assert f"{number}. {advice}" in " ".join(text(pilot.app, "#next-text").split())
         assert step(pilot.app).outcome() == "2 effects named"
 
@@ -154,9 +154,9 @@ def test_every_stage_of_a_diagnosis_has_a_typical_time() -> None:
 
 
 async def test_without_a_gap_there_is_no_empty_picture_of_where(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
-    told = json.loads(fixed_diagnosis.read_text())
+    result = json.loads(fixed_diagnosis.read_text())
     none = {"verdict": "no_gap", "effects": [], "where": [], "where_sentence": where_sentence(())}
-    (tmp_path / "diagnosis.json").write_text(json.dumps(told | none | {"gap": told["gap"] | {"waterfall": []}}))
+    (tmp_path / "diagnosis.json").write_text(json.dumps(result | none | {"gap": result["gap"] | {"waterfall": []}}))
     async with lab(DiagnoseStep) as pilot:
         shown = step(pilot.app)
         for record, drawn in ((fixed_diagnosis, True), (tmp_path / "diagnosis.json", False)):
@@ -170,10 +170,10 @@ async def test_without_a_gap_there_is_no_empty_picture_of_where(lab, fixed_diagn
 
 
 async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
-    told = json.loads(fixed_diagnosis.read_text())
-    shares = told["gap"]["closed_held_out"]
+    result = json.loads(fixed_diagnosis.read_text())
+    shares = result["gap"]["closed_held_out"]
     shares["per_run"] = {"20261121T101500Z_X1_00000001": shares["per_run"]["X1"]}
-    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    (tmp_path / "diagnosis.json").write_text(json.dumps(result))
     async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
         far, which = (text(pilot.app, name) for name in ("#far-text", "#which-text"))
         assert "X1 (2026-11-21 " in far
@@ -185,27 +185,27 @@ async def test_runs_stand_by_pose_and_time_and_no_list_is_empty(lab, fixed_diagn
 
 
 async def test_every_alternative_states_how_to_distinguish_it(lab, fixed_diagnosis: Path, tmp_path: Path) -> None:
-    told = json.loads(fixed_diagnosis.read_text())
-    told["verdict"] = "partly_explained"
-    told["advice"] = ["Raise the rods higher: it tells coulomb_joint1 from stribeck_joint1."]
-    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    outcome = json.loads(fixed_diagnosis.read_text())
+    outcome["verdict"] = "partly_explained"
+    outcome["advice"] = ["Raise the rods higher: it tells coulomb_joint1 from stribeck_joint1."]
+    (tmp_path / "diagnosis.json").write_text(json.dumps(outcome))
     async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
         lines = [line.split() for line in text(pilot.app, "#which-text").splitlines()]
         rival = named("stribeck_joint1").split()
         assert any(line[:2] == rival[:2] and line[-6:] == ["0.7", "%", "1.0000", "next", "step", "1"] for line in lines)
         assert sum(line[:2] == ["a", "cause"] for line in lines) == 2
-        said = " ".join(text(pilot.app, "#next-text").split())
-        assert "1. Raise the rods higher" in said
-        assert "2. The remainder is smaller than the noise" in said
+        result = " ".join(text(pilot.app, "#next-text").split())
+        assert "1. Raise the rods higher" in result
+        assert "2. The remainder is smaller than the noise" in result
 
 
 @pytest.mark.slow
 async def test_a_map_ends_where_the_recordings_end(lab, settled, fixed_diagnosis: Path, tmp_path: Path) -> None:
-    told = json.loads(fixed_diagnosis.read_text())
-    told["where"][0]["std"][-1] = 1.7e305
-    (tmp_path / "diagnosis.json").write_text(json.dumps(told))
+    result = json.loads(fixed_diagnosis.read_text())
+    result["where"][0]["std"][-1] = 1.7e305
+    (tmp_path / "diagnosis.json").write_text(json.dumps(result))
     async with lab(DiagnoseStep, diagnosis=tmp_path / "diagnosis.json") as pilot:
-        await pilot.press("o", *"o" * (len(told["where"]) - 1))
+        await pilot.press("o", *"o" * (len(result["where"]) - 1))
         await settled(pilot)
         chart = pilot.app.query_one("#place-map", Chart)
         _, *lines = chart._content.series
@@ -239,9 +239,9 @@ async def test_a_result_that_no_longer_fits_is_marked_stale_and_stays_readable(
 async def test_cancelled_work_keeps_the_verdict_from_before(lab, fixed_diagnosis: Path) -> None:
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
         step(pilot.app).ended("cancelled")
-        said = " ".join(text(pilot.app, "#state").split())
-        assert "Ended without a new diagnosis: cancelled; the previous one is shown." in said
-        assert sentence(load_diagnosis(fixed_diagnosis)) in said
+        result = " ".join(text(pilot.app, "#state").split())
+        assert "Ended without a new diagnosis: cancelled; the previous one is shown." in result
+        assert sentence(load_diagnosis(fixed_diagnosis)) in result
 
 
 def test_an_interval_that_opens_at_the_edges_does_not_flatten_the_curve() -> None:
@@ -268,9 +268,9 @@ def test_without_a_remainder_no_bar_is_drawn() -> None:
 
 @pytest.mark.slow
 async def test_the_map_of_every_place_is_one_key_away(lab, settled, fixed_diagnosis: Path) -> None:
-    found = load_diagnosis(fixed_diagnosis)
+    diagnosis = load_diagnosis(fixed_diagnosis)
     async with lab(DiagnoseStep, diagnosis=fixed_diagnosis) as pilot:
-        for place in [*found.where[1:], found.where[0]]:
+        for place in [*diagnosis.where[1:], diagnosis.where[0]]:
             await pilot.press("o")
             await settled(pilot)
             assert pilot.app.query_one(TabbedContent).active == "where"

@@ -94,8 +94,8 @@ def test_a_browser_releases_where_that_was_allowed(tmp_path: Path, page: Callabl
 
 
 def children(pid: int) -> list[str]:
-    found = subprocess.run(["ps", "-o", "args=", "--ppid", str(pid)], capture_output=True, text=True).stdout
-    return [line for line in found.splitlines() if "resource_tracker" not in line]
+    stdout = subprocess.run(["ps", "-o", "args=", "--ppid", str(pid)], capture_output=True, text=True).stdout
+    return [line for line in stdout.splitlines() if "resource_tracker" not in line]
 
 
 @pytest.mark.slow
@@ -164,15 +164,15 @@ def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable
         process = subprocess.Popen([sys.executable, "-m", "dpr_lab", *line], stdout=subprocess.PIPE, text=True)
         started.append(process)
         assert process.stdout is not None
-        said = process.stdout.readline().split()
-        if not said and len(started) < ATTEMPTS:  # another program took the port meanwhile
+        result = process.stdout.readline().split()
+        if not result and len(started) < ATTEMPTS:  # another program took the port meanwhile
             return start(*words)
-        assert said[0] == "open"
+        assert result[0] == "open"
         deadline = time.monotonic() + PATIENCE_S
         while not answers(port):
             assert time.monotonic() < deadline
             time.sleep(0.1)
-        return Served(process, port, line, said[1])
+        return Served(process, port, line, result[1])
 
     yield start
     for process in started:
@@ -225,8 +225,8 @@ def test_without_the_token_there_is_neither_page_nor_screen(served: Callable[...
 
 def session_of(leader: int) -> list[str]:
     """Processes of a session that still run."""
-    found = subprocess.run(["ps", "-o", "pid=,args=", "-s", str(leader)], capture_output=True, text=True).stdout
-    return [line for line in found.splitlines() if "<defunct>" not in line]
+    stdout = subprocess.run(["ps", "-o", "pid=,args=", "-s", str(leader)], capture_output=True, text=True).stdout
+    return [line for line in stdout.splitlines() if "<defunct>" not in line]
 
 
 @pytest.mark.long
@@ -266,9 +266,9 @@ async def screen(url: str) -> AsyncIterator[tuple[Any, VirtualScreen]]:
 async def until(websocket: Any, shown: VirtualScreen, text: str) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while text not in shown.text():
-            said = await websocket.receive()
-            if isinstance(said.data, bytes):
-                shown.take(said.data)
+            result = await websocket.receive()
+            if isinstance(result.data, bytes):
+                shown.take(result.data)
 
 
 async def screen_of(url: str, text: str, *then: str) -> str:

@@ -77,7 +77,7 @@ def test_a_stopped_recorder_marks_all_values_as_old(on_terminal) -> None:
 
 def children(parent: int) -> list[int]:
     """Processes that any thread of a process started."""
-    return [int(pid) for told in Path(f"/proc/{parent}/task").glob("*/children") for pid in told.read_text().split()]
+    return [int(pid) for entry in Path(f"/proc/{parent}/task").glob("*/children") for pid in entry.read_text().split()]
 
 
 def command(pid: int) -> bytes:
