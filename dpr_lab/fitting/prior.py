@@ -137,7 +137,8 @@ class Prior:
 @lru_cache(maxsize=8)  # cached, because every step of a fit uses it
 def _root(prior: Prior, places: tuple[int, ...]) -> Array:
     """Return a root W of the inverse covariance of some unknowns, (n, n): W^T W is the inverse covariance."""
-    return np.linalg.inv(np.linalg.cholesky(prior.covariance[np.ix_(places, places)]))
+    root = np.linalg.inv(np.linalg.cholesky(prior.covariance[np.ix_(places, places)]))
+    return np.asarray(root, dtype=np.float64)
 
 
 def prior_of(rig: Rig) -> Prior:

@@ -71,10 +71,10 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
 
 
 def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
-    """Compose a sentence on the most probable cause of an energy increase on this rig, and on its remedy.
+    """Compose sentences on the probable causes of an energy increase on this rig, and on their remedies.
 
     A known torque, a motor in the rig file and a moving encoder 0 are evidence for their own cause. Without such
-    evidence, the readings are the most probable cause.
+    evidence, an undescribed drive and wrong readings are both possible.
     """
     runs = [run for run in runs if run.arm is None]
     if any(run.torques is not None for run in runs):
@@ -84,13 +84,21 @@ def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
         return f"The rig file describes a motor at {joints}: record or import its torque (without --torque none)."
     if any(map(arm_turned, runs)):
         return "Encoder 0 shows that the arm moves: record or import with --arm prescribed, or clamp the arm."
+    drive = "If a drive acts on the rods, record or import its torque (without --torque none)."
     if all(run.counts is not None for run in runs):
         return (
-            "No motor is described and the arm is at rest: check counts_per_rev in [encoders] of the rig file, or an"
-            " encoder has a delay or backlash."
+            f"{drive} Otherwise check counts_per_rev in [encoders] of the rig file; an encoder may also have a delay or"
+            " backlash."
         )
-    arm = "" if all(run.arm_read for run in runs) else " If the arm moves, import theta0 with --arm prescribed."
-    return f"No motor is described: check the unit and scale of the angles, or an encoder has a delay or backlash.{arm}"
+    arm = "" if all(map(_arm_measured, runs)) else " If the arm moves, import theta0 with --arm prescribed."
+    return (
+        f"{drive}{arm} Otherwise check the unit and scale of the angles; an encoder may also have a delay or backlash."
+    )
+
+
+def _arm_measured(run: Run) -> bool:
+    """Return whether the readings of the arm come from an encoder; a constant column contains no reading."""
+    return run.arm_read is not False and float(np.ptp(run.theta[:, 0])) > 0.0
 
 
 def relative_rise(
