@@ -121,7 +121,7 @@ class ChildProgram:
         return self._last_words
 
     def line(self, timeout: float) -> str:
-        """Next line from the program's stdout.
+        """Return the next line from the program's stdout.
 
         The result is empty if the program has ended or writes no line within `timeout` s.
         """

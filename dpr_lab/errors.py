@@ -91,7 +91,7 @@ def unknown_name(
 
 
 def _similarity(given: str, known: str, words: str) -> float:
-    """Similarity of a text to a name or its description, from 0 to 1.
+    """Return the similarity of a text to a name or its description, from 0 to 1.
 
     The similarity is 1 if the name or its description starts with the text.
     """

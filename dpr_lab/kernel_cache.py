@@ -139,7 +139,7 @@ _SIMULATOR = "plant"
 
 
 def simulator_compiled() -> bool:
-    """Whether the kernels of the simulated device are compiled."""
+    """Return whether the kernels of the simulated device are compiled."""
     return CACHE is not None and (CACHE / _SIMULATOR).exists()
 
 

@@ -298,5 +298,5 @@ class RigGeometry(RigTable):
 
     @staticmethod
     def on_earth(g: float) -> bool:
-        """Whether a gravitational acceleration, m/s^2, occurs at the surface of the earth."""
+        """Return whether a gravitational acceleration, m/s^2, occurs at the surface of the earth."""
         return 9.76 <= g <= 9.84

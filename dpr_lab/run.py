@@ -245,7 +245,7 @@ def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
 
 
 def moves(runs: Iterable[Run]) -> bool:
-    """Whether the arm was free or driven in any of the runs."""
+    """Return whether the arm was free or driven in any of the runs."""
     return any(run.arm_mode in ("free", "driven") for run in runs)
 
 
@@ -266,12 +266,12 @@ def refuse_moving_arms(runs: Iterable[Run]) -> None:
 
 
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
-    """Kinds of known torques in these runs."""
+    """Return the kinds of known torques in these runs."""
     return tuple(sorted({run.torque_kind for run in runs if run.torques is not None} - {""}))
 
 
 def _flat(value: Any) -> Iterator[Any]:
-    """Numbers, texts and arrays within a value, including those in dataclasses, tuples and mappings."""
+    """Yield the numbers, texts and arrays within a value, including those in dataclasses, tuples and mappings."""
     if is_dataclass(value) and not isinstance(value, type):
         value = {member.name: getattr(value, member.name) for member in fields(value)}
     if isinstance(value, Mapping):
@@ -330,11 +330,7 @@ def elbow_turn(theta: Array, mounting: Mounting) -> float:
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
-    """Clock rate error of a device and its uncertainty, ppm, for each available method.
-
-    The methods are PING and PONG messages (`pong`) and the arrival times of samples (`arrival`). The uncertainty is
-    `sigmas` standard deviations for `pong`, and a bound for `arrival`.
-    """
+    """Return the clock rate error of a device and its uncertainty, ppm, for each available method."""
     rates = {"pong": ("rate_ppm", "rate_ppm_std", sigmas), "arrival": ("arrival_ppm", "arrival_margin_ppm", 1.0)}
     return {
         name: (clock[rate], factor * clock[margin])

@@ -222,8 +222,5 @@ BOTH = Setup()
 
 
 def only_inner(setups: Iterable[Setup]) -> bool:
-    """Whether the inner rod swings alone in every run.
-
-    Results are then ratios to its own inertia a.
-    """
+    """Return whether the inner rod swings alone in every run."""
     return all(setup.mounting == "inner" for setup in setups)

@@ -81,7 +81,7 @@ class ClockFit:
     """Duration of one tick in host time, s."""
 
     def host_time(self, tick: float) -> float:
-        """Host time of a device tick, s."""
+        """Return the host time of a device tick, s."""
         return self.offset + tick * self.period
 
 

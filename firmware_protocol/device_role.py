@@ -163,7 +163,7 @@ class DeviceSession:
         return self._frame(Status(self.state, self.fault_code, self.latched, *counters))
 
     def report(self, tick: int, positions: Sequence[int], overruns: int, dropped: int, sent: int) -> tuple[Frame, ...]:
-        """Frames of the report that is sent ten times per second.
+        """Return the frames of the report that is sent ten times per second.
 
         The report repeats the EVENT of a release, so that the loss of one frame has no effect.
         """

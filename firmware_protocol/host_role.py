@@ -131,7 +131,7 @@ class HostSession:
         return message
 
     def due(self, now: float) -> list[Frame]:
-        """Frames to send now: the repetition of an unanswered command, and a KEEPALIVE."""
+        """Return the frames to send now: the repetition of an unanswered command, and a KEEPALIVE."""
         frames = self._retry(self._pending, now) if self._pending else []
         if self.info and now - self._keepalive_at >= KEEPALIVE_S:
             self._keepalive_at = now

@@ -117,12 +117,12 @@ def _quantity(number: int) -> ArmQuantity:
 
 
 def same_major(major: int) -> bool:
-    """Whether both sides have the same major version."""
+    """Return whether both sides have the same major version."""
     return major == PROTOCOL_VERSION[0]
 
 
 def same_schema(minor: int, schema_hash: int) -> bool:
-    """Whether two sides with the same minor version were built from the same dpr.dbc.
+    """Return whether two sides with the same minor version were built from the same dpr.dbc.
 
     True for another minor version.
     """
@@ -130,7 +130,7 @@ def same_schema(minor: int, schema_hash: int) -> bool:
 
 
 def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
-    """Reason why this host cannot communicate with a device, from INFO page 0; None if it can.
+    """Return the reason why this host cannot communicate with a device, from INFO page 0; None if it can.
 
     In another major version, messages have other meanings. Another minor version only adds or lacks messages; both
     sides then use the common messages.

@@ -297,7 +297,7 @@ NAMES: dict[int, str] = {NUMBERS[kind]: name for name, kind in MESSAGES.items()}
 
 
 def frame_id(node: int, number: int) -> int:
-    """The 11-bit identifier of a message to or from a node.
+    """Return the 11-bit identifier of a message to or from a node.
 
     Raises:
         ValueError: node beyond 5 bits or number beyond 6.
@@ -365,14 +365,14 @@ _EXPLAINED: dict[type[NakCode | Fault | EventKind], tuple[str, str]] = {
 
 
 def explain_fault(number: int) -> str:
-    """Meaning of the fault in an EVENT, and its remedy; also for a fault that is not in dpr.dbc."""
+    """Return the meaning of the fault in an EVENT, and its remedy; also for a fault that is not in dpr.dbc."""
     if number in tuple(Fault):
         return " ".join(explain(Fault(number)))
     return f"The device reports fault {number}, which is not in dpr.dbc. Read its documentation, then clear it."
 
 
 def explain(code: NakCode | Fault | EventKind) -> tuple[str, str]:
-    """Meaning of a code and its remedy: two sentences from dpr.dbc."""
+    """Return the meaning of a code and its remedy: two sentences from dpr.dbc."""
     message, signal = _EXPLAINED[type(code)]
     comment = DATABASE.get_message_by_name(message).get_signal_by_name(signal).comment or ""
     lines = dict(line.split(": ", 1) for line in comment.splitlines())

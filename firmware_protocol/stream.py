@@ -25,13 +25,13 @@ class Row(NamedTuple):
 
 
 def unwrap(low: int, near: int, bits: int) -> int:
-    """Integer nearest to `near` whose low bits are `low`."""
+    """Return the integer nearest to `near` whose low bits are `low`."""
     half = 1 << bits - 1
     return near + (low - near + half) % (1 << bits) - half
 
 
 def blind_ticks(rate_hz: int, counts_per_rev: Iterable[int]) -> int:
-    """Maximum gap, ticks, across which the low 16 bits of SAMPLE still determine the position of every joint."""
+    """Return the maximum gap, ticks, after which the low 16 bits of SAMPLE still determine every position."""
     return max(1, min(HALF_RANGE, int(HALF_RANGE * rate_hz / (FASTEST_TURNS_S * max(counts_per_rev)))))
 
 
@@ -118,7 +118,7 @@ class SampleStream:
         return Row(self._tick, counts)
 
     def contradicts(self, row: Row, sample: Sample) -> bool:
-        """Whether a sample has the tick of a row but different counts."""
+        """Return whether a sample has the tick of a row but different counts."""
         low = tuple(count & 0xFFFF for count in row.counts)
         return sample.tick == row.tick & 0xFFFF and low != (sample.position0, sample.position1, sample.position2)
 
@@ -131,7 +131,7 @@ class SampleStream:
         self.went_back |= self._late >= LATE_IN_A_ROW
 
     def _after_gap(self, low: int, tick: int) -> bool:
-        """Whether a jump of the tick is accepted.
+        """Return whether a jump of the tick is accepted.
 
         After an accepted jump, counters that no POSITION has confirmed are discarded.
         """

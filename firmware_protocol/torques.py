@@ -66,7 +66,7 @@ class TorquePairs:
         return self._let_go(LATE)
 
     def rest(self) -> list[DrivenRow]:
-        """Remaining samples with their torques, at the end of the stream."""
+        """Return the remaining samples with their torques, at the end of the stream."""
         return self._let_go(0)
 
     def _let_go(self, count: int) -> list[DrivenRow]:

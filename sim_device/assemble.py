@@ -79,7 +79,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
 
 def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | None:
-    """Drives of a device; None for free swings.
+    """Return the drives of a device; None for free swings.
 
     Joint drives replay the given, sealed or drawn table of torques. The drive of the arm runs the given table, or the
     program of the plant file.
@@ -95,7 +95,7 @@ def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | No
 
 
 def with_drives(info: DeviceInfo, drives: JointDrives | ArmDrive | None) -> DeviceInfo:
-    """Identity of a board, extended by its drives."""
+    """Return the identity of a board, extended by its drives."""
     if drives is None:
         return info
     if isinstance(drives, ArmDrive):

@@ -73,18 +73,18 @@ class Faults:
         self._events_to_lose = self._values.get("lose_events", 0.0)
 
     def value(self, name: str) -> float | None:
-        """Value of a fault; None if it is not requested."""
+        """Return the value of a fault; None if it is not requested."""
         return self._values.get(name)
 
     def strikes_bytes(self) -> bool:
-        """Whether any fault changes bytes.
+        """Return whether any fault changes bytes.
 
         On a CAN bus, frames with changed bytes would not be transmitted.
         """
         return any(FAULTS[name].site == "byte" for name in self._values)
 
     def frames(self, frames: list[Frame]) -> list[Frame]:
-        """Frames that arrive when these frames are sent."""
+        """Return the frames that arrive when these frames are sent."""
         drop, twice, swap = (self._values.get(name, 0.0) for name in ("drop", "duplicate", "reorder"))
         frames = self._without_events(frames) if self._events_to_lose else frames
         for drive in (Torque, ArmInput):
@@ -128,30 +128,30 @@ class Faults:
         return frame
 
     def framed(self, data: bytes) -> bytes:
-        """Bytes of a frame after the fault."""
+        """Return the bytes of a frame after the fault."""
         share = self._values.get("truncate", 0.0)
         if not share or len(data) < 2 or self._rng.random() >= share:
             return data
         return data[: self._rng.integers(1, len(data))]
 
     def taken(self, count: int) -> NDArray[np.bool_]:
-        """Flags (count,) of the samples that the board takes in time."""
+        """Return the flags (count,) of the samples that the board takes in time."""
         late = self._values.get("overrun", 0.0)
         return self._rng.random(count) >= late if late else np.ones(count, dtype=np.bool_)
 
     def identity(self, info: DeviceInfo) -> DeviceInfo:
-        """Identity that the device reports."""
+        """Return the identity that the device reports."""
         major, schema = self._values.get("major", info.major), self._values.get("schema", info.schema_hash)
         return replace(info, major=int(major), schema_hash=int(schema))
 
     def to_host(self, data: bytes) -> bytes:
-        """Bytes that arrive at the host when these bytes are sent."""
+        """Return the bytes that arrive at the host when these bytes are sent."""
         garbage = self._values.get("garbage", 0.0)
         stray = self._rng.bytes(STRAY_BYTES) if data and garbage and self._rng.random() < garbage else b""
         return stray + self.flipped(data)
 
     def flipped(self, data: bytes) -> bytes:
-        """Bytes after transmission over a noisy cable."""
+        """Return the bytes after transmission over a noisy cable."""
         flip = self._values.get("flip", 0.0)
         if not data or not flip:
             return data
@@ -161,7 +161,7 @@ class Faults:
         return struck.tobytes()
 
     def connected(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Counts (n, 3) of the encoders.
+        """Return the counts (n, 3) of the encoders.
 
         The count of joint 2 is constant if its encoder is not connected to a rod.
         """
@@ -171,7 +171,7 @@ class Faults:
     def counts(
         self, counts: NDArray[np.int64], released_at: NDArray[np.int64], since: NDArray[np.float64]
     ) -> NDArray[np.int64]:
-        """Counts (n, 3) of a swing with the requested encoder faults.
+        """Return the counts (n, 3) of a swing with the requested encoder faults.
 
         Args:
             counts: (n, 3) counts without faults

@@ -26,5 +26,5 @@ class RandomStream(IntEnum):
 
 
 def generator(seed: int, stream: RandomStream, *numbers: int) -> np.random.Generator:
-    """Random generator for one purpose; identical arguments give identical generators."""
+    """Return the random generator for one purpose; identical arguments give identical generators."""
     return np.random.default_rng([seed, stream, *numbers])

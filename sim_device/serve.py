@@ -76,7 +76,7 @@ class _Line:
         self._held: list[Frame] = []
 
     def receive(self, device: Board, now: float) -> list[Frame]:
-        """Frames that have arrived; none while the link is stalled or silent."""
+        """Return the frames that have arrived; none while the link is stalled or silent."""
         if self._on_bus and _reached(device, self._bus_off_after):
             log.info("the link transmits nothing from now on, as requested")
             self._link.bus_off()

@@ -21,7 +21,7 @@ class Board(Protocol):
         ...
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """Messages to send by the wall time `wall`, s.
+        """Return the messages to send by the wall time `wall`, s.
 
         `blocked` states that the link accepts no more frames.
         """

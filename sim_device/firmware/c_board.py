@@ -44,7 +44,7 @@ class CBoard:
         return self._firmware.state in STREAMS
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """Messages to send by the wall time `wall`, s.
+        """Return the messages to send by the wall time `wall`, s.
 
         `blocked` states that the link accepts no more frames.
         """
@@ -84,7 +84,7 @@ class CBoard:
             self._ticks, self._next_tick = TickBase(now, actions.rate_hz), 0
 
     def _idle_reading(self, now: float) -> NDArray[np.int64]:
-        """Newest reading (1, 4).
+        """Return the newest reading (1, 4).
 
         While nothing is streamed, earlier readings are discarded.
         """
@@ -104,7 +104,7 @@ class CBoard:
 
 
 def _arrived(frames: Iterable[Frame], missing: Iterable[bool]) -> list[Frame]:
-    """Frames that remain when the board loses some samples together with the torques at their ticks."""
+    """Return the frames that remain when the board loses some samples together with the torques at their ticks."""
     arrived: list[Frame] = []
     following, gone = iter(missing), False
     for frame in frames:

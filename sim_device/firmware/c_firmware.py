@@ -182,7 +182,7 @@ class Firmware:
         torques: NDArray[np.int64] | None,
         inputs: NDArray[np.int64] | None,
     ) -> NDArray[np.void]:
-        """Readings as an array (n,) of `dpr_reading_t`."""
+        """Return the readings as an array (n,) of `dpr_reading_t`."""
         rows = np.zeros(0 if readings is None else len(readings), _READING)
         if readings is not None:
             rows["tick"], rows["counts"] = readings[:, 0].astype(np.int32), readings[:, 1:].astype(np.int32)
@@ -193,7 +193,7 @@ class Firmware:
         return rows
 
     def hardware_actions(self) -> HardwareActions:
-        """Actions on latch and timer since the last call."""
+        """Return the actions on latch and timer since the last call."""
         return self._library.dpr_host_actions(self._host)
 
     def set_fault(self, fault: int) -> None:
@@ -217,12 +217,12 @@ class CFraming:
         self._line = ctypes.create_string_buffer(64)
 
     def encode(self, frame: Frame) -> bytes:
-        """Bytes of a frame: COBS with delimiter."""
+        """Return the bytes of a frame: COBS with delimiter."""
         length = self._library.dpr_frame_encode(byref(_packed(frame)), self._line)
         return self._line.raw[:length]
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Undamaged frames in received bytes, and an empty answer."""
+        """Return the undamaged frames in received bytes, and an empty answer."""
         frames = ctypes.create_string_buffer((len(data) // SHORTEST_LINE + 2) * _FRAME.size)
         return _unpacked(frames, self._library.dpr_host_decode(self._decoder, data, len(data), frames)), b""
 

@@ -24,7 +24,7 @@ COMPILERS = ("cc", "gcc", "clang")
 
 
 def library_path() -> Path:
-    """Path of the library for the current sources.
+    """Return the path of the library for the current sources.
 
     Raises:
         ConfigError: the library must be compiled, but there is no C compiler or the compiler failed.

@@ -51,11 +51,11 @@ class Clock:
         return 1.0 + self.drift_ppm * 1e-6
 
     def watch(self, wall: float) -> float:
-        """Time by which the lease of the host is measured, at the wall time `wall`, s."""
+        """Return the time by which the lease of the host is measured, at the wall time `wall`, s."""
         return wall / PATIENCE if self.simulated else wall
 
     def advance(self, wall: float, state: State, rate_hz: float, blocked: bool = False) -> float:
-        """Device time at the wall time `wall`, s, for a device with `rate_hz` ticks per second.
+        """Return the device time at the wall time `wall`, s, for a device with `rate_hz` ticks per second.
 
         A fast clock stops while the link is `blocked`; a real clock continues.
         """

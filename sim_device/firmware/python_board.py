@@ -34,7 +34,7 @@ REPORTS_HZ = 10
 
 
 def identity(rig: Rig, uid: int, rate_max_hz: int, simulated_time: bool) -> DeviceInfo:
-    """Identity that the simulated board reports."""
+    """Return the identity that the simulated board reports."""
     return DeviceInfo(
         firmware=FIRMWARE,
         uid=f"{uid:016x}",
@@ -58,7 +58,7 @@ class TickBase:
         return self.first + (now - self.origin) * self.rate_hz
 
     def times(self, first: int, count: int) -> NDArray[np.float64]:
-        """Device times (count,) of the ticks `first`, `first` + 1, ..., s."""
+        """Return the device times (count,) of the ticks `first`, `first` + 1, ..., s."""
         return self.origin + (np.arange(first, first + count) - self.first) / self.rate_hz
 
 
@@ -80,7 +80,7 @@ def streamed(
 
 
 def is_sample(frame: Frame) -> bool:
-    """Whether a frame contains a sample."""
+    """Return whether a frame contains a sample."""
     return frame.number == NUMBERS[Sample]
 
 
@@ -127,7 +127,7 @@ class PythonBoard:
         return self._session.streams
 
     def service(self, wall: float, blocked: bool = False) -> list[Frame]:
-        """Messages to send by the wall time `wall`, s.
+        """Return the messages to send by the wall time `wall`, s.
 
         `blocked` states that the link accepts no more frames.
         """

@@ -38,11 +38,11 @@ class FrameCodec(Protocol):
     """Conversion of frames to bytes and back."""
 
     def encode(self, frame: Frame) -> bytes:
-        """Bytes of one frame."""
+        """Return the bytes of one frame."""
         ...
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Frames in the bytes from the host, and bytes to answer immediately."""
+        """Return the frames in the bytes from the host, and bytes to answer immediately."""
         ...
 
 
@@ -57,11 +57,11 @@ class SerialCodec:
         self._decoder = FrameDecoder()
 
     def encode(self, frame: Frame) -> bytes:
-        """Bytes of a frame: COBS with delimiter."""
+        """Return the bytes of a frame: COBS with delimiter."""
         return encode_frame(frame)
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Undamaged frames in received bytes, and an empty answer."""
+        """Return the undamaged frames in received bytes, and an empty answer."""
         return self._decoder.feed(data), b""
 
 
@@ -87,7 +87,7 @@ class ByteLink:
         return len(self._queue) > LIMITS.blocked_bytes
 
     def receive(self) -> list[Frame]:
-        """Frames that have arrived.
+        """Return the frames that have arrived.
 
         A new host starts with an empty queue.
         """

@@ -20,7 +20,7 @@ class CanLink:
         self._arrived: deque[can.Message] = deque()
 
     def receive(self) -> list[Frame]:
-        """The frames that have arrived."""
+        """Return the frames that have arrived."""
         while (message := self._bus.recv(0.0)) is not None:
             self._arrived.append(message)
         plain = [m for m in self._arrived if not (m.is_extended_id or m.is_remote_frame or m.is_error_frame)]

@@ -29,7 +29,7 @@ class LinkLimits:
     """Number of waiting bytes above which the fast clock stops."""
 
     def carried_hz(self, bits_per_s: int, sample_bits: int) -> int:
-        """Maximum sample rate of a link with a given bit rate."""
+        """Return the maximum sample rate of a link with a given bit rate."""
         return max(1, min(self.rate_max_hz, int(self.used_share * bits_per_s / sample_bits)))
 
 

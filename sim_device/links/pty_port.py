@@ -48,7 +48,7 @@ class PtyPort:
         return self.baud is not None and _baud(self._master) != self.baud
 
     def read(self) -> bytes:
-        """Bytes that the host has written; noise at the wrong baud rate."""
+        """Return the bytes that the host has written; noise at the wrong baud rate."""
         try:
             data = os.read(self._master, 65536)
         except OSError as error:

@@ -36,11 +36,11 @@ class SlcanCodec:
         return self._open and self._bitrate == self._bus_bitrate
 
     def encode(self, frame: Frame) -> bytes:
-        """Line that the host receives for a frame on the bus; empty while the channel is closed."""
+        """Return the line that the host receives for a frame on the bus; empty while the channel is closed."""
         return b"t%03X%d%s\r" % (frame.id, len(frame.data), frame.data.hex().encode()) if self._on_bus else b""
 
     def decode(self, data: bytes) -> tuple[list[Frame], bytes]:
-        """Frames for the bus in the bytes from the host, and answers of the adapter to the host."""
+        """Return the frames for the bus in the bytes from the host, and answers of the adapter to the host."""
         frames, answers = list[Frame](), bytearray()
         *lines, rest = (bytes(self._line) + data).split(b"\r")
         self._line[:] = rest if len(rest) <= LONGEST_LINE else b""

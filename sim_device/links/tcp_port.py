@@ -38,7 +38,7 @@ class TcpServerPort:
         return self._host is not None
 
     def read(self) -> bytes:
-        """Bytes that the host has sent."""
+        """Return the bytes that the host has sent."""
         if not self.connected:
             return b""
         assert self._host is not None

@@ -46,7 +46,7 @@ class InputTable:
     """(m,) inputs in units of the drive."""
 
     def at(self, t: Array) -> Array:
-        """Inputs at times t (n,) since the release, s."""
+        """Return the inputs at times t (n,) since the release, s."""
         row = np.searchsorted(self.t, t + SLACK_S, side="right")
         last = self.t[-1] + (self.t[-1] - self.t[-2] if len(self.t) > 1 else 0.0)
         return np.where(t + SLACK_S < last, np.append(0.0, self.values)[row], 0.0)
@@ -113,7 +113,7 @@ class ArmDrive:
         return np.concatenate(states), asked
 
     def reported(self, release: int, first: int, asked: Array) -> NDArray[np.int64]:
-        """Values (n, kinds) of the message ARM_INPUT, in its units.
+        """Return the values (n, kinds) of the message ARM_INPUT, in its units.
 
         Args:
             release: number of the release
@@ -128,15 +128,18 @@ class ArmDrive:
         return np.stack([by_kind[kind].astype(np.int64) for kind in self.kinds], axis=1)
 
     def logged(self, asked: Array) -> Array:
-        """Inputs (n,) of the kind that the board reports first, without noise."""
+        """Return the inputs (n,) of the kind that the board reports first, without noise."""
         return self._given(asked) * self.unit if TorqueKind.MEASURED in self.kinds else asked
 
     def _given(self, asked: Array) -> Array:
-        """Inputs limited by the driver, in units."""
+        """Return the inputs limited by the driver, in units."""
         return np.rint(np.clip(asked, -self.config.limit, self.config.limit) / self.unit)
 
     def _acting(self, asked: Array, count: int, rate_hz: float) -> Array:
-        """Acting torque (count,) of the last ticks, N m: that of the delayed input, averaged over each tick."""
+        """Return the acting torque (count,) of the last ticks, N m.
+
+        It is the torque of the delayed input, averaged over each tick.
+        """
         whole, part = divmod(self.delay_s * rate_hz, 1.0)
         given = np.append(np.zeros(int(whole) + 1), self._given(asked[-count - int(whole) - 1 :]))
         late = len(given) - count - int(whole)
@@ -144,11 +147,11 @@ class ArmDrive:
         return self.config.torque_per_input * self.unit * ((1.0 - part) * now + part * before)
 
     def _controlled(self, state: AnyState, t: float) -> float:
-        """Input requested by the controller, which turns the arm towards the angle of the program."""
+        """Return the input requested by the controller, which turns the arm towards the angle of the program."""
         return float(self.config.kp * (self._program(t) - state.theta0) - self.config.kd * state.omega0)
 
     def _program(self, t: Array | float) -> Array:
-        """Input, or angle of the arm, that the program requests at times since the release, s."""
+        """Return the input, or angle of the arm, that the program requests at times since the release, s."""
         t = np.asarray(t, dtype=np.float64)
         if self.table is not None:
             return self.table.at(t)
@@ -191,7 +194,7 @@ def replaying(drive: ArmDrive, file: str | Path) -> ArmDrive:
 
 
 def pseudo_random_bits(order: int) -> Array:
-    """Maximum-length sequence (2^order - 1,) of -1 and 1, by the polynomial x^9 + x^4 + 1 for order 9."""
+    """Return the maximum-length sequence (2^order - 1,) of -1 and 1, by the polynomial x^9 + x^4 + 1 for order 9."""
     register, bits = [1] * order, []
     for _ in range(2**order - 1):
         bits.append(2.0 * register[-1] - 1.0)

@@ -200,7 +200,7 @@ class PlantConfig(_Table):
 
 
 def find_plant(name: str | Path) -> Path:
-    """Path of a plant file, from a path or the bare name of a built-in one.
+    """Return the path of a plant file, from a path or the bare name of a built-in one.
 
     Raises:
         ConfigError: there is neither such a file nor such a built-in name.

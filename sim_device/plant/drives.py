@@ -53,12 +53,12 @@ class JointDrives:
         return self.config.unit_uNm * 1e-6
 
     def exerted(self, first: int, count: int, rate_hz: float) -> NDArray[np.float64]:
-        """Acting torques (count, 2) at the ticks `first`, `first` + 1, ... since the release, N m."""
+        """Return the acting torques (count, 2) at the ticks `first`, `first` + 1, ... since the release, N m."""
         asked = self._asked(first, count, rate_hz, self.config.delay_s) * np.float64(self.unit)
         return asked * np.array(self.config.gain) + np.array(self.config.offset_Nm)
 
     def reported(self, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.int64]:
-        """Torques (count, kinds, 2) that TORQUE reports for these ticks, in units.
+        """Return the torques (count, kinds, 2) that TORQUE reports for these ticks, in units.
 
         `release` is the number of the release.
         """
@@ -69,7 +69,7 @@ class JointDrives:
         return np.stack([by_kind[kind] for kind in self.kinds], axis=1)
 
     def _asked(self, first: int, count: int, rate_hz: float, later_s: float) -> NDArray[np.int64]:
-        """Torques (count, 2) of the table at the ticks, in units, if the table is delayed by `later_s`."""
+        """Return the torques (count, 2) of the table at the ticks, in units, if the table is delayed by `later_s`."""
         t = np.arange(first, first + count) / rate_hz - later_s
         row = np.searchsorted(self.t, t + SLACK_S, side="right")
         units = np.rint(np.concatenate([np.zeros((1, 2)), self.joints]) / self.unit).astype(np.int64)
@@ -83,7 +83,7 @@ def write_table(drives: JointDrives, file: Path) -> None:
 
 
 def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives:
-    """Drives that replay a table (CSV): time since the release, s, and torques of both joints, N m.
+    """Return the drives that replay a table (CSV): time since the release, s, and torques of both joints, N m.
 
     Raises:
         ConfigError: the table does not exist, is a pipe, or contains a torque that exceeds the range of the plant's
@@ -101,7 +101,7 @@ def load_drives(file: str | Path, config: DriveConfig, seed: int) -> JointDrives
 
 
 def read_table(path: Path, names: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Increasing times (m,), and values (m, n) of the other columns, from a table (CSV).
+    """Return the increasing times (m,), and values (m, n) of the other columns, from a table (CSV).
 
     Raises:
         ConfigError: the table does not exist, or has other columns or numbers that are not finite.

@@ -29,7 +29,7 @@ class NoisyEncoders:
     step_counts: int = 1
 
     def read(self, theta: NDArray[np.float64], stream: RandomStream, release: int, first: int) -> NDArray[np.int64]:
-        """Counts at consecutive ticks.
+        """Return the counts at consecutive ticks.
 
         Args:
             theta: (n, 3) true absolute angles, rad
@@ -45,7 +45,7 @@ class NoisyEncoders:
 
 
 def standard_noise(seed: int, stream: RandomStream, release: int, first: int, count: int) -> NDArray[np.float64]:
-    """Standard normal noise (count, 3) for the ticks `first`, `first + 1`, ..."""
+    """Return the standard normal noise (count, 3) for the ticks `first`, `first + 1`, ..."""
     start, stop = first // BLOCK, (first + max(count, 1) - 1) // BLOCK
     blocks = [_noise_block(seed, stream, release, number) for number in range(start, stop + 1)]
     joined = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)

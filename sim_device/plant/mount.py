@@ -28,7 +28,7 @@ class Yielding(NamedTuple):
     moments: tuple[float, float]
 
     def torques(self, t: Array, states: Array, start: Array) -> tuple[Array, Array]:
-        """Torques of joints 1 and 2 that the motion of the mount exerts.
+        """Return the torques of joints 1 and 2 that the motion of the mount exerts.
 
         Args:
             t: (n,) evenly spaced instants, s

@@ -42,7 +42,7 @@ class HeldRods:
     takes: float = 0.0
 
     def theta(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Angles (n, 3) at the device times `t` (n,), rad."""
+        """Return the angles (n, 3) at the device times `t` (n,), rad."""
         if self.takes == 0.0 or t[0] >= self.begins + self.takes:
             return np.broadcast_to(self.target, (len(t), JOINTS))
         x = np.clip((t - self.begins) / self.takes, 0.0, 1.0)
@@ -51,17 +51,17 @@ class HeldRods:
 
 
 def placement(operator: OperatorConfig, pose: Pose, seed: int, release: int, error: float = 0.0) -> NDArray[np.float64]:
-    """Angles (3,) at which the operator holds the rods for a pose, rad, with random errors and `error`."""
+    """Return the angles (3,) at which the operator holds the rods for a pose, rad, with random errors and `error`."""
     theta = pose.theta + np.array([0.0, error, error]) + operator.placement_std * _draw(seed, release)[0]
     return theta if operator.elbow is None else np.array([theta[0], theta[1], theta[1] + operator.elbow])
 
 
 def release_speed(operator: OperatorConfig, seed: int, release: int) -> NDArray[np.float64]:
-    """Angular velocities (3,) when the latch opens, rad/s."""
+    """Return the angular velocities (3,) when the latch opens, rad/s."""
     return operator.release_speed_std * _draw(seed, release)[1]
 
 
 def _draw(seed: int, release: int) -> NDArray[np.float64]:
-    """Standard normal numbers (2, 3) for the errors of angle and speed; zero for the clamped arm."""
+    """Return the standard normal numbers (2, 3) for the errors of angle and speed; zero for the clamped arm."""
     rods = generator(seed, RandomStream.OPERATOR, release).standard_normal((2, JOINTS - 1))
     return np.concatenate([np.zeros((2, 1)), rods], axis=1)

@@ -78,7 +78,7 @@ class Block(NamedTuple):
 
 
 def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
-    """Parameters (9,) of the rods that are mounted."""
+    """Return the parameters (9,) of the rods that are mounted."""
     l1, l2, m1, m2, mb, c1, c2, J1, J2 = Z
     if setup.mounting == "inner":
         return np.array([l1, l2, m1, NO_ROD, mb, c1, c2, J1, NO_ROD])
@@ -130,7 +130,7 @@ class Plant:
             self._look_for_effects_on_reading()
 
     def _can_act(self, name: str) -> bool:
-        """Whether an effect is possible in the mode of the arm."""
+        """Return whether an effect is possible in the mode of the arm."""
         if name not in EFFECTS or not EFFECTS[name].of_arm:
             return True  # unknown names are refused when the parameters are read
         return self._setup.torques is not None if EFFECTS[name].driven else self._setup.arm_moves
@@ -191,7 +191,7 @@ class Plant:
         return Swing(self, theta, omega, rate_hz, driven)
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Readings (n, 3) of the counters; this kind of plant has no errors of counting."""
+        """Return the readings (n, 3) of the counters; this kind of plant has no errors of counting."""
         return counts
 
     def start(self, theta: Theta, omega: Theta) -> AnyState:
@@ -203,15 +203,21 @@ class Plant:
         return at_release([*theta, at_rest, omega[1], omega[1 if self._setup.held else 2]])
 
     def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
-        """Angles and speeds (n, 6) at the instants `t` (n,) of a swing that starts with theta, omega (3,) at t[0]."""
+        """Return the angles and speeds (n, 6) of a swing at the instants `t` (n,).
+
+        The swing starts with theta, omega (3,) at t[0].
+        """
         return self.goes_on(self.start(theta, omega), t)[:, : 2 * JOINTS]
 
     def goes_on(self, state: AnyState, t: Theta) -> NDArray[np.float64]:
-        """States (n, 6 + internal), as in `RigState`, at true times `t` (n,) since the release."""
+        """Return the states (n, 6 + internal), as in `RigState`, at true times `t` (n,) since the release."""
         return integrate(*self._moving, state, t, MAX_STEP)
 
     def driven_on(self, state: AnyState, t: Theta, torques: Theta) -> NDArray[np.float64]:
-        """States as in `goes_on`, under torques (n - 1, ...) that are constant from each instant to the next, N m."""
+        """Return the states at true times, as `goes_on` does, under known torques (n - 1, ...), N m.
+
+        The torques are constant from each instant to the next.
+        """
         if self.config.arm_drive is not None:  # torques (n - 1, 1) of the arm
             return integrate(*self._moving, state, t, MAX_STEP, np.append(torques[:, 0], 0.0))
         changes = 1 + np.flatnonzero((np.diff(torques, axis=0) != 0).any(axis=1))
@@ -240,7 +246,7 @@ class Plant:
         return model_with(model.base, model.constants, model.arm, pushed)._replace(params=still), mode
 
     def at_encoders(self, states: Theta) -> Theta:
-        """States (n, ...) at the encoders.
+        """Return the states (n, ...) at the encoders.
 
         The arm's encoder is on its motor. If backlash separates motor and arm, angle and speed are those of the motor.
         """
@@ -250,26 +256,29 @@ class Plant:
         return np.column_stack([angle, states[:, 1:JOINTS], speed, states[:, JOINTS + 1 :]])
 
     def joint2(self, theta1: Theta, theta2: Theta) -> Theta:
-        """Angle of joint 2 as read by its encoder, rad."""
+        """Return the angle of joint 2 as read by its encoder, rad."""
         return theta2 - self._constants.relative2 * theta1
 
     def with_joint2(self, theta: Theta, angle2: Theta) -> Theta:
-        """Absolute angles (n, 3) whose joint 2 has the angles `angle2` (n,) as read by its encoder, rad."""
+        """Return the absolute angles (n, 3) whose joint 2 has the angles `angle2` (n,) as read by its encoder, rad."""
         return np.column_stack([theta[:, :2], angle2 + self._constants.relative2 * theta[:, 1]])
 
     def held(self, angles: Theta, hold: Theta) -> Theta:
-        """Angles (n, 2) of encoders with play while joints 1 and 2 move through `angles`, rad."""
+        """Return the angles (n, 2) of encoders with play while joints 1 and 2 move through `angles`, rad."""
         return held_along(angles, hold, self._moving[0])
 
     def misread(self, theta: Theta, t: Theta, run: int) -> Theta:
-        """Angles (n, 3) with encoder errors, at the device times `t` (n,) since the release with the number `run`."""
+        """Return the angles (n, 3) with encoder errors, at the device times `t` (n,) since a release.
+
+        `run` is the number of the release.
+        """
         angles = np.column_stack([theta[:, 1], self.joint2(theta[:, 1], theta[:, 2]), theta[:, 0]])
         if self.config.effects:
             apply_encoder_errors(angles, t, run, self._moving[0])
         return self.with_joint2(angles[:, [2, 0]], angles[:, 1])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """The truth about the plant, for comparison with an identification."""
+        """Return the truth about the plant, for comparison with an identification."""
         _, L1, g = self._frame
         true_ratios = ratios(base_parameters(self.config.Z, L1, g))
         return {
@@ -296,7 +305,7 @@ class Swing:
         self._rows = next(self._blocks)
 
     def theta(self, first: int, count: int) -> Theta:
-        """Angles (count, 3) at the ticks `first`, `first` + 1, ... since the release, rad.
+        """Return the angles (count, 3) at the ticks `first`, `first` + 1, ... since the release, rad.
 
         Raises:
             ValueError: `first` is before the last read tick; a swing can only be read forwards.
@@ -304,7 +313,7 @@ class Swing:
         return self._read(first, count)[:, :JOINTS]
 
     def asked(self, first: int, count: int) -> Theta:
-        """Inputs (count,) that the program of the arm requested at these ticks; zeros without a drive."""
+        """Return the inputs (count,) that the program of the arm requested at these ticks; zeros without a drive."""
         return self._read(first, count)[:, JOINTS]
 
     def _read(self, first: int, count: int) -> Theta:
@@ -318,7 +327,10 @@ class Swing:
 
 
 def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Driven | None) -> Iterator[Theta]:
-    """Blocks (ticks, 4): three angles and the requested input, after the delays and the backlash of the encoders."""
+    """Yield blocks (ticks, 4) with three angles and the requested input.
+
+    The angles contain the delays and the backlash of the encoders.
+    """
     rate_hz /= plant.pace
     if plant.delay == 0.0 and plant.arm_delay == 0.0 and not plant.has_play:
         looks = 1 if plant.mount is None else _fine(rate_hz)
@@ -346,7 +358,7 @@ def _fine(rate_hz: float) -> int:
 
 
 def _joint2_at(plant: Plant, blocks: list[Block], t: Theta) -> Theta:
-    """Angle (n,) of joint 2 at the true times `t`; it is constant before the release."""
+    """Return the angle (n,) of joint 2 at the true times `t`; it is constant before the release."""
     return _seen_at(blocks, lambda of: plant.joint2(of[:, 1], of[:, 2]), t)
 
 
@@ -366,7 +378,7 @@ def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> 
 def _blocks(
     plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int, driven: Driven | None
 ) -> Iterator[Block]:
-    """Blocks of a swing with `looks` instants per tick.
+    """Yield the blocks of a swing with `looks` instants per tick.
 
     Each block starts from the end of the previous one.
     """

@@ -94,7 +94,7 @@ class SimulatedRods:
         self._at_release = self._read(theta[None], RandomStream.SWING, self._release, 0)[0]
 
     def held_counts(self, t: NDArray[np.float64], first: int) -> Counts:
-        """Counts (n, 3) before a release at the device times `t`.
+        """Return the counts (n, 3) before a release at the device times `t`.
 
         `first` is the tick of the first time.
         """
@@ -102,7 +102,7 @@ class SimulatedRods:
         return self._read(self._held.theta(t), RandomStream.REST, self._release + 1, first)
 
     def swing_counts(self, first: int, count: int) -> Counts:
-        """Counts (count, 3) of the swing.
+        """Return the counts (count, 3) of the swing.
 
         `first` is the first tick since the release.
         """
@@ -114,7 +114,7 @@ class SimulatedRods:
         return self._faults.counts(counts, self._at_release, since)
 
     def torques(self, first: int | None, count: int) -> NDArray[np.int64]:
-        """Values (count, kinds, ...) that the drives report at each tick from `first` since the release on.
+        """Return the values (count, kinds, ...) that the drives report at each tick from `first` since the release on.
 
         The last axis is that of joints 1 and 2; the drive of the arm has no such axis. `first` is None while the drives
         are at rest.
@@ -130,11 +130,11 @@ class SimulatedRods:
         return self._drives.reported(self._release, first, count, self._rate_hz)
 
     def missing(self, first: int, count: int) -> NDArray[np.bool_]:
-        """Flags (count,) of the samples of the swing that are never sent."""
+        """Return the flags (count,) of the samples of the swing that are never sent."""
         return sampling_faults.missing(self._config, self._release, first, count, self._rate_hz)
 
     def idle_counts(self, now: float, tick: int) -> Counts:
-        """Counts (3,) at the device time `now` while nothing is streamed."""
+        """Return the counts (3,) at the device time `now` while nothing is streamed."""
         self._begin_placing(now)
         return self._read(self._theta(now)[None], RandomStream.IDLE, 0, tick)[0]
 
@@ -144,7 +144,7 @@ class SimulatedRods:
             self._held = replace(self._held, begins=now)
 
     def _guided(self, target: NDArray[np.float64], near: float) -> NDArray[np.float64]:
-        """Angles (3,) at which the encoders read `target`, if their error exceeds `near`, rad.
+        """Return the angles (3,) at which the encoders read `target`, if their error exceeds `near`, rad.
 
         The operator follows the screen. If no angle gives the correct reading, for example because of a stuck bit, the
         result is the target itself.
@@ -159,7 +159,7 @@ class SimulatedRods:
         return target
 
     def _swung(self, first: int, count: int) -> Counts:
-        """Counts (count, 3) of the swing, each at the instant at which it is sampled."""
+        """Return the counts (count, 3) of the swing, each at the instant at which it is sampled."""
         assert self._swing is not None
         later = sampling_faults.instants(self._config, self._release, first, count)
         since = np.arange(first, first + count) / self._rate_hz
@@ -173,7 +173,7 @@ class SimulatedRods:
     def _read(
         self, theta: NDArray[np.float64], stream: RandomStream, release: int, first: int, since: ArrayLike = -np.inf
     ) -> Counts:
-        """Counts (n, 3) for the angles at the encoders, at the device times `since` the release."""
+        """Return the counts (n, 3) for the angles at the encoders, at the device times `since` the release."""
         misread = self._plant.misread(theta, np.full(len(theta), since), release - 1)
         return self._faults.connected(self._plant.counted(self._encoders.read(misread, stream, release, first)))
 

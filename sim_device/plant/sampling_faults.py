@@ -20,7 +20,7 @@ def instants(config: PlantConfig, release: int, first: int, count: int) -> NDArr
 
 
 def repeated(config: PlantConfig, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
-    """Flags (count,) of the samples of a swing that repeat the previous sample."""
+    """Return the flags (count,) of the samples of a swing that repeat the previous sample."""
     encoders = config.encoders
     by_chance = _noise(config, release, first, count)[:, _REPEATED] < _threshold(encoders.repeated_share)
     stretch = _within(encoders.stale_from_s, encoders.stale_for_s, first, count, rate_hz)
@@ -28,7 +28,7 @@ def repeated(config: PlantConfig, release: int, first: int, count: int, rate_hz:
 
 
 def missing(config: PlantConfig, release: int, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
-    """Flags (count,) of the samples of a swing that are never sent."""
+    """Return the flags (count,) of the samples of a swing that are never sent."""
     encoders = config.encoders
     by_chance = _noise(config, release, first, count)[:, _MISSING] < _threshold(encoders.missing_share)
     return by_chance | _within(encoders.lost_from_s, encoders.lost_for_s, first, count, rate_hz)
@@ -52,7 +52,7 @@ def between_ticks(theta: NDArray[np.float64], later: NDArray[np.float64]) -> NDA
 
 
 def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_hz: float) -> NDArray[np.bool_]:
-    """Flags (count,) of the samples in an interval of the swing.
+    """Return the flags (count,) of the samples in an interval of the swing.
 
     Without a duration, the interval extends to the end.
     """
@@ -61,7 +61,7 @@ def _within(begin_s: float, lasts_s: float | None, first: int, count: int, rate_
 
 
 def _in_cycle(every: int, first: int, count: int) -> NDArray[np.bool_]:
-    """Flags (count,) of the samples that are the last in a cycle of `every` samples.
+    """Return the flags (count,) of the samples that are the last in a cycle of `every` samples.
 
     All values are False if `every` is 0.
     """

@@ -47,7 +47,7 @@ class _Compiling:
         self._loading: threading.Thread | None = None
 
     def __call__(self) -> bool:
-        """Whether the compilation is complete."""
+        """Return whether the compilation is complete."""
         if self._loading is None:
             child = ChildFunction(_fill_cache, self._plant.config, self._rig)
             self._loading = threading.Thread(target=_load_after, args=(child, self._plant), daemon=True)

@@ -56,12 +56,7 @@ class ArmRelease:
 
 
 def arm_gap(config: PlantConfig, rig: Rig) -> float:
-    """Root mean square residual of noiseless readings after the best fit without effects, in units of the noise.
-
-    The fitted quantities are the base parameters, inertia and friction of the arm, and an initial state for each
-    segment of length `MEASURE.window`. The fit starts at the true values. The result is infinite if the swing or the
-    fit diverges.
-    """
+    """Return the rms residual of noiseless readings after the best fit without effects, in units of the noise."""
     releases = [noiseless_arm(config, rig, number) for number in range(1, len(rig.poses) + 1)]
     if not all(np.isfinite(release.readings).all() for release in releases):
         return float("inf")
@@ -122,7 +117,7 @@ class MovingParts:
 
 
 def _moving(rig: Rig, *, scaled: bool) -> MovingParts:
-    """Indices of the fitted quantities.
+    """Return the indices of the fitted quantities.
 
     Without a known torque only ratios to the first inertia are fitted.
     """
@@ -179,14 +174,14 @@ def _linearised(
 
 
 def _read(candidates: Array, initial: Array, laid_out: Segments, constants: RigConstants) -> Array:
-    """Readings (n, N, 3) of candidates (n, 9) from the initial states (n, segments, 6)."""
+    """Return the readings (n, N, 3) of candidates (n, 9) from the initial states (n, segments, 6)."""
     params = np.tile(effect_params({}), (len(candidates), 1))
     params[:, ARM] = candidates[:, 7:]
     return predict_batch(candidates[:, :7], params, constants, laid_out, initial, arm=True)
 
 
 def _noise(config: PlantConfig, rig: Rig) -> Array:
-    """Standard deviation (3,) of encoders 1, 2 and 0, from noise and rounding, rad."""
+    """Return the standard deviation (3,) of encoders 1, 2 and 0, from noise and rounding, rad."""
     noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
     sigma = np.abs(rig.radians_per_count) * np.sqrt(noise**2 + config.encoders.step_counts**2 / 12)
     return sigma[[1, 2, 0]]

@@ -79,7 +79,7 @@ def draw_plant(wanted: EffectRequest, base: PlantConfig, rig: Rig) -> PlantConfi
 
 
 def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """Plant with effects at joint 0 or of its drive that are visible in its recordings."""
+    """Return the plant with effects at joint 0 or of its drive that are visible in its recordings."""
     if wanted.kind not in ON_ARM:
         raise ConfigError(f"draw {wanted.kind}: not available with a moving arm; available: {', '.join(ON_ARM)}")
     if wanted.kind == "dirty":
@@ -104,7 +104,10 @@ def _on_arm(wanted: EffectRequest, plant: PlantConfig, rig: Rig, rng: np.random.
 
 
 def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> PlantConfig:
-    """Plant with small effects, a zero offset, a vibrating mount, changed values, and sometimes logger faults."""
+    """Add the background to a plant: small effects, a zero offset, a vibrating mount and changed values.
+
+    Some plants also get faults of the logger.
+    """
     least, most = BACKGROUND.effects
     wanted = len(plant.effects) + int(rng.integers(least, most, endpoint=True))
     for name in rng.permutation(visible_effects()).tolist():
@@ -129,7 +132,7 @@ def _with_background(plant: PlantConfig, rig: Rig, rng: np.random.Generator) -> 
 
 
 def described(wanted: EffectRequest, rig: Rig) -> Rig:
-    """Rig file of a drawn plant, for dpr-lab.
+    """Return the rig file of a drawn plant, for dpr-lab.
 
     For plants with background effects, the rig file contains masses with an uncertainty of 1 %.
     """
@@ -167,7 +170,7 @@ def logger_fault(rng: np.random.Generator) -> EncoderConfig:
 
 
 def dirty(rng: np.random.Generator) -> EncoderConfig:
-    """Encoders with one or more of the faults of a real recording."""
+    """Return the encoders with one or more of the faults of a real recording."""
     faults = np.zeros(5, dtype=np.bool_)
     while not faults.any():
         faults = rng.random(5) < 0.4
@@ -183,7 +186,7 @@ def dirty(rng: np.random.Generator) -> EncoderConfig:
 
 
 def _chosen(wanted: EffectRequest, rng: np.random.Generator) -> tuple[str, ...]:
-    """Names of the effects, the largest first."""
+    """Return the names of the effects, the largest first."""
     if wanted.kind == "clean" or (wanted.kind == "dirty" and rng.random() < 0.5):
         return ()
     if wanted.kind in ("form", "outside"):
@@ -201,12 +204,12 @@ def _takes_part(name: str, held_back: bool | None) -> bool:
 
 
 def visible_effects() -> list[str]:
-    """Library effects that are identifiable in a free swing, without those in `NOT_DRAWN`."""
+    """Return the library effects that are identifiable in a free swing, without those in `NOT_DRAWN`."""
     return [name for name, effect in OF_FREE_SWINGS.items() if not effect.absorbed_by and name not in NOT_DRAWN]
 
 
 def alike(name: str, other: str) -> bool:
-    """Whether two effects are special cases of one another or of a third effect.
+    """Return whether two effects are special cases of one another or of a third effect.
 
     Together they would not count as two effects.
     """
@@ -235,7 +238,10 @@ def _foreign_unit(name: str, rng: np.random.Generator) -> Coefficients:
 
 
 def _library_unit(name: str, rng: np.random.Generator) -> Coefficients:
-    """Coefficients of an effect near its typical size: random signed amplitudes, and shapes within their ranges."""
+    """Draw the coefficients of an effect near its typical size.
+
+    The amplitudes have random signs, and the shapes lie within their ranges.
+    """
     return {p.name: (_shape if p.role == "shape" else _amplitude)(p, rng) for p in EFFECTS[name].parameters}
 
 

@@ -115,13 +115,13 @@ def drawn_fault(seed: int, wanted: EffectRequest = ANY_FAULT) -> DriveFault | No
 
 
 def driven(plant: PlantConfig, fault: DriveFault | None, settings: Driving = DRIVING) -> PlantConfig:
-    """Plant with drives that have the given fault, or no fault."""
+    """Return the plant with drives that have the given fault, or no fault."""
     drives = DriveConfig(noise_Nm=settings.noise_Nm, **(fault.drives if fault else {}))
     return plant.model_copy(update={"drives": drives})
 
 
 def drawn_drives(plant: PlantConfig, settings: Driving = DRIVING) -> JointDrives:
-    """Drives of the plant, with a table of torques that is drawn from its seed."""
+    """Return the drives of the plant, with a table of torques that is drawn from its seed."""
     rng, t = generator(plant.seed, RandomStream.DRIVES), np.arange(0.0, settings.length_s, settings.row_s)
     size, phase = (
         rng.uniform(0, settings.largest_Nm, (settings.tones, 2)),
@@ -141,7 +141,7 @@ def driven_runs(
 
 
 def done_by_drives(config: DriveConfig) -> dict[str, dict[str, float]]:
-    """Library effects that the drives cause, with their sizes.
+    """Return the library effects that the drives cause, with their sizes.
 
     A board that reports measured torques has no delay.
     """

@@ -37,22 +37,7 @@ Array = NDArray[np.float64]
 def gap_size(
     ratios: Array, frame: tuple[float, float], period: float, readings: Sequence[Array], noise: Array, relative: bool
 ) -> float:
-    """Root mean square residual of noiseless readings after the best fit without effects, in units of the noise.
-
-    The fitted quantities are the five ratios, and an initial state for each segment of length `MEASURE.window`. The fit
-    starts at the true values.
-
-    Args:
-        ratios: (5,) true ratios of the base parameters
-        frame: L1 (m), g (m/s^2)
-        period: time between readings, s
-        readings: for each release, (n, 2) readings of joint encoders 1 and 2, rad; hanging is 0
-        noise: (2,) standard deviation of the encoders' readings, rad
-        relative: whether encoder 2 measures theta2 - theta1
-
-    Returns:
-        Gap in units of the noise; inf if the fit diverges.
-    """
+    """Return the rms residual of noiseless readings after the best fit without effects, in units of the noise."""
     length = round(MEASURE.window / period)
     pieces = [release[k : k + length] for release in readings for k in range(0, len(release) - length + 1, length)]
     values, starts = np.array(ratios), np.array([_start(piece, period, relative) for piece in pieces])
@@ -79,7 +64,7 @@ def _start(readings: Array, period: float, relative: bool) -> Array:
 
 
 def _as_read(columns: Array, relative: bool) -> Array:
-    """Rows of theta1, theta2 (axis 1), converted to the angles that the joint encoders read."""
+    """Return the rows of theta1, theta2 (axis 1), converted to the angles that the joint encoders read."""
     read = columns[:, :2].copy()
     if relative:
         read[:, 1] -= read[:, 0]

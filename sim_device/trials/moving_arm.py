@@ -69,7 +69,7 @@ def with_arm(rig: Rig, plant: PlantConfig, mode: str | None) -> tuple[Rig, Plant
 
 
 def drawn_arm(plant: PlantConfig, rng: np.random.Generator) -> PlantConfig:
-    """Plant with another arm and, if it has a drive, another program."""
+    """Return the plant with another arm and, if it has a drive, another program."""
     arm, factor = plant.arm, 1.0 + DRAW.spread * rng.uniform(-1.0, 1.0, 2)
     changed = {"arm": arm.model_copy(update={"J0": arm.J0 * float(factor[0]), "c0": arm.c0 * float(factor[1])})}
     if plant.arm_drive is not None:
@@ -80,7 +80,7 @@ def drawn_arm(plant: PlantConfig, rng: np.random.Generator) -> PlantConfig:
 
 
 def visible_on_arm(plant: PlantConfig) -> list[str]:
-    """Effects at joint 0 and of its drive that recordings of this plant may show.
+    """Return the effects at joint 0 and of its drive that recordings of this plant may show.
 
     Two effects are never visible. An error of the torque constant is compensated by the fitted scale of all torques or
     gain of the drive. A zero error of the arm has no influence.
@@ -92,13 +92,13 @@ def visible_on_arm(plant: PlantConfig) -> list[str]:
 
 
 def is_plausible(plant: PlantConfig, rig: Rig) -> bool:
-    """Whether the sizes of the plant's effects are within the limits of the library for such a rig."""
+    """Return whether the sizes of the plant's effects are within the limits of the library for such a rig."""
     limits = amplitude_limits(with_gravity(base_parameters(plant.Z, rig.L1, rig.g), rig.L1, rig.g), rig_constants(rig))
     return not oversized(effect_params(plant.effects), limits)
 
 
 def within_reach(plant: PlantConfig, rig: Rig, unit: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
-    """Coefficients of an effect.
+    """Return the coefficients of an effect.
 
     If the effect is a stop or a saturation, it is placed where the arm or its drive reaches it. A delay is positive.
     The output of a drive never exceeds its limit, so the amplitude of a saturation is one.

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def plant_gap(config: PlantConfig, rig: Rig) -> float:
-    """Gap that the effects of a plant cause over a release of 10 s from each pose, in units of the noise.
+    """Return the gap that the effects of a plant cause over a release of 10 s from each pose, in units of the noise.
 
     It is infinite for a plant whose swing diverges.
 
@@ -35,7 +35,7 @@ def plant_gap(config: PlantConfig, rig: Rig) -> float:
 
 
 def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
-    """Readings (n, 2) of joint encoders 1 and 2 during a release from a pose, counted from 1, rad."""
+    """Return the readings (n, 2) of joint encoders 1 and 2 during a release from a pose, counted from 1, rad."""
     plant, pose = plant_of(config, rig), list(rig.poses.values())[release - 1]
     ticks = np.arange(round(MEASURE.duration * MEASURE.rate_hz))
     theta = plant.let_go(pose.theta, np.zeros(3), MEASURE.rate_hz, release).theta(0, len(ticks))
@@ -47,7 +47,7 @@ def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
 
 
 def _noise(config: PlantConfig, rig: Rig) -> Array:
-    """Standard deviation (2,) of encoders 1 and 2, from noise and rounding, rad."""
+    """Return the standard deviation (2,) of encoders 1 and 2, from noise and rounding, rad."""
     noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
     variance = noise**2 + config.encoders.step_counts**2 / 12
     return np.abs(rig.radians_per_count[1:]) * np.sqrt(variance[1:])

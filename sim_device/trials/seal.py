@@ -47,7 +47,7 @@ def truth(plant: "HiddenPlant") -> dict[str, Any]:
 
 
 def salted(plant: "HiddenPlant", drawn: dict[str, Any]) -> dict[str, Any]:
-    """Truth of a plant (key `truth`), including the request, and the `salt` of its hash."""
+    """Return the truth of a plant (key `truth`), including the request, and the `salt` of its hash."""
     return {"salt": secrets.token_hex(16), "truth": truth(plant) | {"drawn": drawn}}
 
 
@@ -81,7 +81,7 @@ def keep(plant: "PlantConfig", truth: dict[str, Any], folder: Path, drives: "Joi
 
 
 def opened(folder: Path) -> dict[str, Any]:
-    """Truth stored in a folder, with the salt that is needed to verify its seal.
+    """Return the truth stored in a folder, with the salt that is needed to verify its seal.
 
     Raises:
         ConfigError: the folder contains no sealed plant.

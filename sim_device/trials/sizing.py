@@ -56,7 +56,7 @@ def sized(plant: PlantConfig, rig: Rig, name: str, unit: Coefficients, gap: floa
 
 
 def _next_scale(proposed: float, scale: float, bounds: list[float]) -> float:
-    """Next scale: the proposed one, limited to the range between scales that were too small and too large."""
+    """Return the next scale: the proposed one, limited by scales that were too small and too large."""
     if bounds[0] < proposed < bounds[1]:
         return min(max(proposed, scale / SEARCH.stride), scale * SEARCH.stride)
     return math.sqrt(bounds[0] * bounds[1]) if bounds[0] > 0.0 else scale / SEARCH.retreat

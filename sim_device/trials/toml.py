@@ -32,7 +32,7 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
-    """Value in TOML.
+    """Return the value in TOML.
 
     The JSON notation of these types is also TOML, except for one control character that JSON does not escape.
     """

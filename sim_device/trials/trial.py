@@ -44,7 +44,7 @@ class DrawnTrial:
     """Drives of the joints or of the arm; None for free swings."""
 
     def report(self, direct: bool) -> dict[str, Any]:
-        """Public report of a drawn trial.
+        """Return the public report of a drawn trial.
 
         It contains `seal`; `rig`, the rig file as TOML text; for a driven arm `largest_input`, the largest input of its
         program; and `runs`, if `direct`.

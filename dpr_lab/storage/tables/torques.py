@@ -108,7 +108,10 @@ def _stated(names: Sequence[str], source: str | None, stated: Mapping[str, str],
 
 
 def _named(name: str) -> re.Match[str] | None:
-    """Kind, joint and unit of a torque in the name of its column; `elbow_meas_tau` is another form of `tau_meas_2`."""
+    """Match kind, joint and unit of a torque in the name of its column.
+
+    The name `elbow_meas_tau` is another form of `tau_meas_2`.
+    """
     short = bare(name)
     for pattern, numbered in _OF_JOINT:
         short = pattern.sub(numbered, short)
