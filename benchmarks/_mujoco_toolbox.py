@@ -57,7 +57,7 @@ def write(spec: Any, name: str, value: float) -> None:
 
 
 def parameters_of(rig: Rig) -> sysid.ParameterDict:
-    """The nine parameters with the bounds of the box, each at the middle of its range."""
+    """Return the nine parameters with the bounds of the box, each at the middle of its range."""
     declared = sysid.ParameterDict()
     for name, lower, upper in zip(PARAMETERS, *rig.bounds, strict=True):
         declared.add(

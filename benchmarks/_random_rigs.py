@@ -56,7 +56,7 @@ def draw(seed: int, rate_hz: int = RATE_HZ) -> Trial:
 
 
 def boxed(box: str) -> Rig:
-    """The rig `paper` with the bounds of a box."""
+    """Return the rig `paper` with the bounds of a box."""
     below, above = BOXES[box]
     described = load_rig("paper").model_dump()
     for parameter in described["parameters"].values():

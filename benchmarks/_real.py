@@ -71,19 +71,19 @@ def _claims(found: Diagnosis) -> bool:
 
 
 def unphysical(found: Diagnosis) -> float:
-    """Number of friction coefficients and positive amplitudes that a diagnosis estimates below zero."""
+    """Return the number of friction coefficients and positive amplitudes that a diagnosis estimates below zero."""
     signs = {(e.name, p.name) for e in EFFECTS.values() for p in e.amplitudes if p.sign == "positive"}
     effects = [v.value for e in found.effects for name, v in e.parameters.items() if (e.name, name) in signs]
     return float(sum(value < 0 for value in [*effects, *(found.all_ratios[name].value for name in ("c1/b", "c2/b"))]))
 
 
 def geared(rig: Rig) -> Rig:
-    """A rig with geared motors on both joints."""
+    """Return a rig with geared motors on both joints."""
     return rig.model_copy(update={"joints": Joints(geared=(1, 2))})
 
 
 def rezeroed(rig: Rig) -> Rig:
-    """A rig whose encoders are zeroed before each recording."""
+    """Return a rig whose encoders are zeroed before each recording."""
     return rig.model_copy(update={"encoders": rig.encoders.model_copy(update={"rezeroed": True})})
 
 

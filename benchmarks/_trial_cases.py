@@ -54,7 +54,7 @@ def hidden(case: Case) -> tuple[PlantConfig, Rig]:
 
 
 def opened(plant: PlantConfig, rig: Rig) -> Truth:
-    """True parameters and effects of a plant."""
+    """Return the true parameters and effects of a plant."""
     return read_truth(truth(plant_of(plant, rig)))
 
 

@@ -81,12 +81,12 @@ Rate = Callable[[TrialOutcome], bool]
 
 
 def often(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
-    """Result for a share that should be high; empty without trials."""
+    """Return the result for a share that should be high; empty without trials."""
     return [at_least(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 
 def seldom(name: str, outcomes: Sequence[TrialOutcome], holds: Rate, target: float) -> list[Bar]:
-    """Result for a share that should be low; empty without trials."""
+    """Return the result for a share that should be low; empty without trials."""
     return [at_most(f"{name} (of {len(outcomes)})", share(outcomes, holds), target)] if outcomes else []
 
 

@@ -89,7 +89,7 @@ def whole_bars(scatter: float, trials: int) -> Iterator[Bar]:
 
 
 def run_of(plant: PlantConfig, rig: Rig, pose: str, seed: int, factor: float) -> Run:
-    """A release from one pose, with the friction of joint 1 changed by a factor."""
+    """Return a release from one pose, with the friction of joint 1 changed by a factor."""
     parameters = plant.parameters | {"c1": plant.parameters["c1"] * float(factor)}
     alone = rig.model_copy(update={"poses": {pose: rig.poses[pose]}})
     (run,) = record(plant.model_copy(update={"seed": seed, "parameters": parameters}), alone, 3.0, 500)

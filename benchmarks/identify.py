@@ -73,7 +73,7 @@ class Row:
 
 
 def settings_of(search: str) -> SearchSettings:
-    """Settings of `dpr-lab identify --search`, without a limit on generations."""
+    """Return the settings of `dpr-lab identify --search`, without a limit on generations."""
     suited = load_search("segments")
     settings = suited if suited.algorithm == search else ALGORITHMS[search].settings()
     return settings.model_copy(update={"generations": sys.maxsize, "stagnation_generations": None})

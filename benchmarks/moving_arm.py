@@ -57,7 +57,7 @@ class Answer:
 
 
 def rig_of(mode: str, rods: str) -> Rig:
-    """The rig `paper` with a free or driven arm."""
+    """Return the rig `paper` with a free or driven arm."""
     table = load_rig("paper").model_dump(exclude_none=True)
     table["rig"]["L0"] = L0
     table["rods"]["mounted"] = rods
@@ -121,7 +121,7 @@ def answer(seed: int) -> Answer:
 def true_ratios(
     rig: Rig, Z: Array, arm: ArmParameters, runs: list[Run], starts: Array
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """True value and Cramer-Rao bound of each ratio.
+    """Return the true value and Cramer-Rao bound of each ratio.
 
     The bound is the smallest possible standard deviation from whole swings with unknown initial states.
     """

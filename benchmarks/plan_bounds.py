@@ -151,7 +151,7 @@ def powers(known: Knowledge, H: Array) -> dict[str, Array]:
 
 
 def needed(powers_after: Sequence[Array], size: float) -> int:
-    """Number of releases until an amplitude of this size is decided.
+    """Return the number of releases until an amplitude of this size is decided.
 
     If it stays undecided, one more than the number of given releases.
     """
@@ -197,7 +197,7 @@ def planned_poses(rig: Rig, duration_s: float) -> tuple[list[tuple[float, float]
 
 
 def ratio_bars(rig: Rig, planned_std: Mapping[float, Array], quick: bool) -> list[Bar]:
-    """Standard deviations of the ratios after three releases, relative to those after the menu."""
+    """Return the standard deviations of the ratios after three releases, relative to those after the menu."""
     known, times = only_ratios(rig), BOUNDS.duration_s
     menu = information(known, [(pose.theta1, pose.theta2) for pose in rig.poses.values()], times)
     menu_std = ratio_std(known, known.prior + menu.sum(axis=0))

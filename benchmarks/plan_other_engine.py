@@ -218,7 +218,7 @@ def _judged(right: bool, true: bool) -> str:
 
 
 def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> list[Bar]:
-    """Number of releases until decided, and shares of correct and of true diagnoses."""
+    """Return the number of releases until decided, and shares of correct and of true diagnoses."""
     counts = {name: [_count(looks) for looks, *_ in each] for name, each in results.items()}
     mean = {name: float(np.mean(each)) for name, each in counts.items()}
     made = []
@@ -240,7 +240,7 @@ def bars(results: dict[str, list[tuple[list[SequentialLook], bool, bool]]]) -> l
 
 
 def _count(looks: Sequence[SequentialLook]) -> int:
-    """Number of releases until decided; one more than the maximum if undecided."""
+    """Return the number of releases until decided; one more than the maximum if undecided."""
     return len(looks) if looks[-1].is_last else SEQUENTIAL.most + 1
 
 

@@ -45,7 +45,7 @@ def pendule_pi(folder: Path) -> tuple[Rig, list[Run]]:
 
 
 def dfki_driven(design: str) -> Callable[[Path], tuple[Rig, list[Run]]]:
-    """Function that reads the driven records of one design, with known joint torques."""
+    """Return the function that reads the driven records of one design, with known joint torques."""
     return lambda folder: _titled(folder, f"design {design}, driven")
 
 

@@ -29,7 +29,7 @@ not named, because the true cause is a different effect.
 
 
 def page() -> str:
-    """The whole page, as Markdown."""
+    """Return the whole page, as Markdown."""
     families = ["## Effects of one component\n", *map(together, FAMILIES)]
     sites: dict[str, list[str]] = {}
     for effect in EFFECTS.values():

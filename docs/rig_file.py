@@ -51,7 +51,7 @@ TAILS = {
 
 
 def page() -> str:
-    """The whole page, as Markdown."""
+    """Return the whole page, as Markdown."""
     return "\n".join([HEAD, *(section(name, field) for name, field in Rig.model_fields.items())])
 
 
@@ -78,13 +78,13 @@ def section(name: str, field: FieldInfo) -> str:
 
 
 def as_prose(text: str | None) -> str:
-    """A docstring as Markdown, its formulas as code; what it says of Python is left out."""
+    """Return a docstring as Markdown, its formulas as code; what it says of Python is left out."""
     kept = cleandoc(text or "").split("\n\nArgs")[0]
     return kept
 
 
 def docstrings(model: type[BaseModel]) -> dict[str, str]:
-    """What the source says below each key of a table."""
+    """Return what the source says below each key of a table."""
     (table,) = ast.parse(dedent(getsource(model))).body
     assert isinstance(table, ast.ClassDef)
     return {
@@ -105,7 +105,7 @@ def row(name: str, field: FieldInfo, meaning: str) -> str:
 
 
 def shown(value: Any) -> str:
-    """A value as TOML writes it."""
+    """Return a value as TOML writes it."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(shown, value))}]"
     if isinstance(value, bool):
@@ -114,7 +114,7 @@ def shown(value: Any) -> str:
 
 
 def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
-    """What a value may be, in words."""
+    """Return what a value may be, in words."""
     if get_origin(kind) is Annotated:
         inner, *result = get_args(kind)
         yield from ranges(inner, [part for one in result for part in getattr(one, "metadata", [one])])
@@ -140,7 +140,7 @@ def ranges(kind: Any, metadata: list[Any]) -> Iterator[str]:
 
 
 def models_in(kind: Any) -> Iterator[type[BaseModel]]:
-    """The models inside an annotation."""
+    """Return the models inside an annotation."""
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         yield kind
     for other in get_args(kind):

@@ -26,7 +26,7 @@ def record(out: Path, seconds: float = DURATION_S) -> None:
 
 
 def csv(run: Run) -> str:
-    """The table as a logger of joint encoders writes it: degrees, 0 = hanging, the outer angle to the inner rod."""
+    """Return the table of a logger of joint encoders: degrees, 0 = hanging, outer angle relative to the inner rod."""
     swing = run.t >= 0
     relative = np.column_stack([run.theta[:, 1] - np.pi, run.theta[:, 2] - run.theta[:, 1]])[swing]
     rows = zip(run.t[swing].tolist(), *np.degrees(relative).T.tolist(), strict=True)

@@ -82,7 +82,7 @@ class Pictures:
 
 
 def compact(picture: str) -> str:
-    """The same picture in half the bytes, with a font of the reader's computer, never from the network."""
+    """Return the same picture in half the bytes, with a font of the reader's computer, never from the network."""
     picture = re.sub(r"@font-face \{.*?\}", "", picture, flags=re.DOTALL)
     picture = re.sub(r'<clipPath id="[^"]*-line-\d+">.*?</clipPath>', "", picture, flags=re.DOTALL)
     picture = re.sub(r' clip-path="url\(#[^"]*-line-\d+\)"| shape-rendering="crispEdges"', "", picture)

@@ -235,7 +235,7 @@ def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
 
 
 def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
-    """Number the names that occur more than once, because results are listed by the name of the run."""
+    """Add numbers to names that occur more than once, because results are listed by the name of the run."""
     named: dict[str, Run] = {}
     for run in runs:
         numbered = (f"{run.name} ({i})" for i in count(2))

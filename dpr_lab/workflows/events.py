@@ -182,5 +182,5 @@ def ignore(event: Event) -> None:
 
 
 def always() -> bool:
-    """Always return True: the job neither pauses nor stops."""
+    """Return True: the job neither pauses nor stops."""
     return True

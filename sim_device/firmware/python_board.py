@@ -54,7 +54,7 @@ class TickBase:
     first: int = 0
 
     def at(self, now: float) -> float:
-        """Number of ticks, with fraction, at the device time `now`, s."""
+        """Return the number of ticks, with fraction, at the device time `now`, s."""
         return self.first + (now - self.origin) * self.rate_hz
 
     def times(self, first: int, count: int) -> NDArray[np.float64]:

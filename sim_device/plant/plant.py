@@ -353,7 +353,7 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
 
 
 def _fine(rate_hz: float) -> int:
-    """Number of instants per tick for which neighbouring instants are at most `LOOK` apart."""
+    """Return the number of instants per tick for which neighbouring instants are at most `LOOK` apart."""
     return max(1, math.ceil(1.0 / (rate_hz * LOOK)))
 
 

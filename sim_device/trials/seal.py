@@ -29,7 +29,7 @@ def seal(truth: dict[str, Any], salt: str) -> str:
 
 
 def truth(plant: "HiddenPlant") -> dict[str, Any]:
-    """True parameters, ratios and effects of a plant.
+    """Return the true parameters, ratios and effects of a plant.
 
     For an out-of-library effect, the library effects that count as correct answers are included.
     """

@@ -125,7 +125,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self._rig = load_rig(self.workspace.rig)
 
     def outcome(self) -> str:
-        """Number of recorded runs, as text."""
+        """Return the number of recorded runs as text."""
         count = len(self.workspace.runs)
         return counted_runs(count) if count else ""
 

@@ -108,7 +108,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         return super().missing() or ("" if known else no_model)
 
     def outcome(self) -> str:
-        """Number of compared runs, as text."""
+        """Return the number of compared runs as text."""
         return counted_runs(self._compared) if self._compared and self._compared_subject is not None else ""
 
     @property

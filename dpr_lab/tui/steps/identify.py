@@ -105,7 +105,7 @@ in the folder of the workspace.
                     yield Static(id=f"{name}-text")
 
     def outcome(self) -> str:
-        """Number of fitted runs, as text."""
+        """Return the number of fitted runs as text."""
         if self.workspace.model is None:
             return ""
         return f"model of {counted_runs(len(self.model.runs))}" if self.model is not None else "model"

@@ -56,7 +56,7 @@ def bending_rod(body: Body, values: Values) -> EquationOfMotion:
 
 
 def wobbling_rod(body: Body, values: Values) -> EquationOfMotion:
-    """The outer rod leans out of the plane by phi, held by a spring; it leans at the release.
+    """Let the outer rod lean out of the plane by phi, held by a spring; it leans at the release.
 
     T = a w1^2/2 + b (phi'^2 + cos(phi)^2 w2^2)/2 + d w1 [cos(phi) cos(t1-t2) w2 + sin(phi) sin(t1-t2) phi']
     V = e1 cos t1 + e2 cos t2 cos phi + k phi^2/2,    k = b (2 pi f)^2

@@ -212,7 +212,7 @@ def _sliding_slope(body: Body, dry: DryJoint, side: float) -> Slope:
 
 
 def _change(body: Body, dry: DryJoint, side: float) -> Any:
-    """Function that decreases through zero when the joint stops or must start to slide."""
+    """Return a value that decreases through zero when the joint stops or must start to slide."""
 
     def left(t: float, x: NDArray[np.float64]) -> float:
         return side * dry.speed(x) if side else dry.size(x) - abs(dry.holding(body, x))

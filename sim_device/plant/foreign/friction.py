@@ -92,7 +92,7 @@ def joint_force(
 
 
 def hertzian_joint1(body: Body, values: Values) -> EquationOfMotion:
-    """Rolling friction with Hertzian contact: tau1 = -K (|F| / 1 N)^(4/3) sgn(omega1), F the force on joint 1."""
+    """Add rolling friction with Hertzian contact: tau1 = -K (|F| / 1 N)^(4/3) sgn(omega1), F the force on joint 1."""
     size, moment = values["torque_at_1N_Nm"], body.e1 / body.g
 
     return sticking(body, 1, lambda x: size * joint_force(body, moment, body.mass, *x.tolist()) ** (4 / 3))

@@ -73,11 +73,11 @@ class ForeignPlant:
         return np.column_stack([theta[:, 0], read[:, 0], read[:, 1] + self._relative * read[:, 0]])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """True parameters and library effects; the out-of-library effect is not included."""
+        """Return the true parameters and library effects; the out-of-library effect is not included."""
         return self._rods.reveal()
 
     def counted(self, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Readings (n, 3) of the counters, with errors of counting."""
+        """Return the readings (n, 3) of the counters, with errors of counting."""
         return counts if self.effect.counter is None else self.effect.counter(counts, self.values)
 
 
@@ -92,7 +92,7 @@ class ForeignSwing:
         """Earliest tick that can still be read."""
 
     def theta(self, first: int, count: int) -> Array:
-        """Readings (count, 3) at the ticks `first`, `first` + 1, ... since the release, rad.
+        """Return the readings (count, 3) at the ticks `first`, `first` + 1, ... since the release, rad.
 
         Raises:
             ValueError: `first` is before the last read tick; a swing can only be read forwards.
@@ -104,7 +104,7 @@ class ForeignSwing:
         return self._plant.as_read(theta, Moment(t, states, noise))
 
     def states(self, first: int, count: int) -> Array:
-        """True states (count, 4 + memory) at the ticks `first`, `first` + 1, ... since the release."""
+        """Return the true states (count, 4 + memory) at the ticks `first`, `first` + 1, ... since the release."""
         if first < self.first:
             raise ValueError(f"the readings before tick {self.first} are no longer available (requested: {first})")
         while self.first + len(self._states) < first + count:

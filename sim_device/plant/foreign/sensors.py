@@ -113,7 +113,7 @@ def counting_too_fast(body: Body, values: Values) -> EquationOfMotion:
 
 
 def overspeed_loss(joints: Array, moment: Moment, values: Values) -> Array:
-    """Readings with the angle that encoder 2 has lost at high speeds."""
+    """Change the readings by the angle that encoder 2 has lost at high speeds."""
     return _with_joint(2, joints, moment.states[:, 4])
 
 
