@@ -5,7 +5,6 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run side by side
 
 import gc
-import pickle
 import shutil
 import signal
 import sys
@@ -189,14 +188,11 @@ def two_runs(recorded: Callable[..., list[Any]], two_effects: Mapping[str, Mappi
 
 
 @pytest.fixture(scope="session")
-def two_found(two_runs: list[Any], paper: Rig, made_once: Callable[[str, Callable[[Path], None]], Path]) -> Any:
-    """Diagnosis of a rig with two effects, computed once for all test processes."""
+def two_found(two_runs: list[Any], paper: Rig) -> Any:
+    """Diagnosis of a rig with two effects, computed once per process."""
     from dpr_lab.gap.diagnose import diagnose
 
-    def diagnosed(folder: Path) -> None:
-        (folder / "diagnosis").write_bytes(pickle.dumps(diagnose(two_runs, paper)))
-
-    return pickle.loads((made_once("two_found", diagnosed) / "diagnosis").read_bytes())
+    return diagnose(two_runs, paper)
 
 
 @pytest.fixture(scope="session")
