@@ -7,11 +7,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: tests run si
 import gc
 import shutil
 import signal
-import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
@@ -48,6 +46,13 @@ def pytest_configure() -> None:
     import_module("tests.warm_process").start_server()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Let one process compile tests and libraries to bytecode in a fresh clone."""
+    with import_module("tests.compiled_once").compiled_once():
+        return (yield)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark live and slow tests, compile kernels for all processes, validate written results, and sort the files.
@@ -71,14 +76,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_setupnodes(config: pytest.Config, specs: list[Any]) -> None:
-    """Fork the workers from one process that has imported the tests."""
-    command = import_module("tests.warm_process").start_server_of_workers(config.args)
-    for spec in specs:
-        spec.python = command
-
-
-@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Distribute the tests of a file to one worker, its slow ones later."""
     return import_module("tests.fast_first").FastFirst(config, log) if config.option.dist == "loadfile" else None
@@ -97,20 +94,6 @@ def warm_devices() -> Iterator[None]:
         for module in map(import_module, modules):
             patch.setattr(module, "subprocess", warm.starts_device(partial(warm.started, "sim_device")))
         yield
-
-
-@pytest.fixture
-def loaded_processes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fork processes for functions from a process with the libraries loaded: only their start is another."""
-    child_process, warm = import_module("dpr_lab.child_process"), import_module("tests.warm_process")
-    spawned = child_process.spawn_context
-
-    def loaded() -> Any:
-        spawned()  # starts the tracker that both ways of starting need
-        with redirect_stderr(sys.__stderr__):
-            return warm.job_context()
-
-    monkeypatch.setattr(child_process, "spawn_context", loaded)
 
 
 @pytest.fixture(autouse=True)

@@ -1,15 +1,13 @@
 """A process that is forked from one with the libraries loaded behaves like a new process."""
 
 import os
-import shlex
 import signal
 import subprocess
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 
-from tests.warm_process import WORKERS, WarmProcess, start_server_of_workers, started
+from tests.warm_process import WarmProcess, started
 
 PATIENCE_S = 60.0
 
@@ -52,12 +50,3 @@ def test_variables_that_the_libraries_read_start_a_fresh_process(monkeypatch: py
         pass
     assert not isinstance(process, WarmProcess)
     assert process.returncode == 0
-
-
-@pytest.mark.slow
-def test_a_worker_of_pytest_has_the_tests_imported_and_draws_its_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(WORKERS, "")  # restored afterwards
-    command = start_server_of_workers([str(Path(__file__).with_name("test_joint_angles.py"))])
-    line = "import sys; print('tests.test_joint_angles' in sys.modules, 'tests.loaded' in sys.modules)"
-    done = subprocess.run(shlex.split(command), input=f"{line!r}\n", capture_output=True, text=True, check=True)
-    assert done.stdout == "True False\n"

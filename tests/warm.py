@@ -1,8 +1,8 @@
-"""Server that forks processes from a process with a module loaded, shared by all test processes.
+"""Server that forks processes from a process with the libraries loaded, shared by all test processes.
 
-    python tests/warm.py SOCKET MODULE [WORD ...]
+    python tests/warm.py SOCKET
 
-Each connection asks for one process: a program (a module such as `dpr_lab`), its words, folder, environment and session
+Each connection asks for one process: a program (`dpr_lab` or `sim_device`), its words, folder, environment and session
 as a line of JSON, with the descriptors of its three streams. The answers are the number of the process, and its status
 when it has ended. The server ends with its stdin. `tests/warm_process.py` is the other end.
 """
@@ -25,14 +25,14 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Answer every connection by a separate process. The module is loaded for the first connection."""
+    """Answer every connection by a separate process. The libraries are loaded for the first connection."""
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     listener.bind(sys.argv[1])
     listener.listen(64)
     print("listening", flush=True)
     while listener in select.select([sys.stdin, listener], [], [])[0]:
         line, _ = listener.accept()
-        import_module(sys.argv[2])
+        import_module("tests.loaded")
         if os.fork() == 0:
             answer(line)
         line.close()

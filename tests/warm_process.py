@@ -4,7 +4,6 @@ import atexit
 import json
 import os
 import select
-import shlex
 import socket
 import subprocess
 import sys
@@ -17,62 +16,21 @@ from typing import Any
 DEVICE = [sys.executable, "-m", "sim_device"]
 SERVER = "DPR_LAB_TESTS_SERVER"
 """Variable with the socket of the server and the variables with which it was started."""
-WORKER = "tests.worker"
-WORKERS = "DPR_LAB_TESTS_WORKERS"
-"""Variable with the socket of the server that forks the workers of pytest-xdist."""
 SET_BY_DPR_LAB = ("OMP_WAIT_POLICY", "PYTHONPYCACHEPREFIX")
 """Variables that dpr-lab sets for itself and what it starts, when it is imported or a command runs."""
 
 
 def start_server() -> None:
     """Start the server for this process and its children. The libraries are loaded at the first request."""
-    if SERVER not in os.environ:
-        os.environ[SERVER] = json.dumps([_socket_of_server("tests.loaded"), _of_loading()])
-
-
-def start_server_of_workers(paths: Sequence[str]) -> str:
-    """Start the server that forks the workers of pytest-xdist.
-
-    Args:
-        paths: tests that it imports
-
-    Returns:
-        command that takes the place of Python at the start of a worker
-    """
-    os.environ[WORKERS] = _socket_of_server("tests.collected", *paths)
-    return shlex.join([sys.executable, "-S", __file__, WORKER])
-
-
-def job_context() -> Any:
-    """Context of `multiprocessing` whose processes are forked from the one with the libraries loaded."""
-    from multiprocessing import forkserver, get_context, util
-
-    spawn = util.spawnv_passfds
-    util.spawnv_passfds = _job_server
-    try:
-        forkserver.ensure_running()
-    finally:
-        util.spawnv_passfds = spawn
-    return get_context("forkserver")
-
-
-def _job_server(executable: bytes, _: object, streams: Sequence[int]) -> int:
-    """Start `tests/job_server.py` with its listening socket and the pipe that ends it; its number."""
-    listener, alive = streams
-    words = [executable, "-S", __file__, "tests.job_server"]
-    placed = [(os.POSIX_SPAWN_DUP2, alive, 0), (os.POSIX_SPAWN_DUP2, listener, 1)]
-    return os.posix_spawn(executable, words, os.environ, file_actions=placed)
-
-
-def _socket_of_server(*words: str) -> str:
-    """Start a server that loads a module."""
+    if SERVER in os.environ:
+        return
     place = Path(tempfile.mkdtemp(prefix="dpr-lab-tests-")) / "server"
-    command = [sys.executable, str(Path(__file__).with_name("warm.py")), str(place), *words]
+    command = [sys.executable, str(Path(__file__).with_name("warm.py")), str(place)]
     server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert server.stdout is not None
     assert server.stdout.readline() == b"listening\n"
     atexit.register(server.communicate)  # it ends with its stdin
-    return str(place)
+    os.environ[SERVER] = json.dumps([str(place), _of_loading()])
 
 
 def _of_loading(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
@@ -163,7 +121,4 @@ def starts_device(start: "Callable[..., subprocess.Popen[Any]]") -> SimpleNamesp
 
 
 if __name__ == "__main__":
-    started_program, *started_words = sys.argv[1:]
-    if started_program == WORKER:
-        sys.exit(WarmProcess(os.environ[WORKERS], WORKER, started_words).wait())
-    sys.exit(started(started_program, started_words).wait())
+    sys.exit(started(sys.argv[1], sys.argv[2:]).wait())

@@ -117,7 +117,6 @@ def test_kinds_come_in_turn_and_seeds_one_after_the_other() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("loaded_processes")
 def test_processes_give_results_and_errors() -> None:
     cases = [{"number": number} for number in range(4)]
     assert sorted(case["number"] for case, result in on_this_machine(dict, cases, 2) if result == case) == [0, 1, 2, 3]
@@ -127,7 +126,6 @@ def test_processes_give_results_and_errors() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("loaded_processes")
 def test_a_process_that_dies_ends_the_campaign_with_a_sentence() -> None:
     with pytest.raises(DprError, match="run the command again to continue"):
         list(on_this_machine(_die, [{}], 1))

@@ -20,7 +20,6 @@ LIBRARY = {name: EFFECTS[name] for name in ("coulomb_joint1", "coulomb_joint2")}
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("loaded_processes")
 def test_a_diagnosis_is_tried_on_plants_like_its_own_rig(recorded: Callable[..., Any], paper: Rig):
     runs = recorded({"coulomb_joint1": {"torque_Nm": 3e-3}}, duration=3.0)[:2]
     diagnosis = diagnose(runs, paper, library=LIBRARY)

@@ -6,9 +6,11 @@ import json
 import os
 import re
 import subprocess
+import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, redirect_stderr
+from multiprocessing import forkserver, get_context
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ import pytest
 from textual.app import App
 from textual.pilot import Pilot
 
+from dpr_lab import child_process
 from dpr_lab.identification.identify import identify
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -63,9 +66,21 @@ def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DPR_LAB_CONFIG", str(tmp_path / "config"))
 
 
-@pytest.fixture(autouse=True)
-def forked_jobs(loaded_processes: None) -> None:
-    """Fork recorders and jobs from a process with the libraries loaded: only their start is another."""
+@pytest.fixture(scope="session", autouse=True)
+def loaded_processes() -> Iterator[None]:
+    """Recorders and jobs are forked from a process with the libraries loaded: only their start is another."""
+    context, spawned = get_context("forkserver"), child_process.spawn_context
+    context.set_forkserver_preload(["tests.loaded", "dpr_lab.tui.recorder.process", "dpr_lab.tui.jobs.jobs"])
+
+    def loaded() -> Any:
+        spawned()  # starts the tracker that both ways of starting need
+        with redirect_stderr(sys.__stderr__):
+            forkserver.ensure_running()
+        return context
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(child_process, "spawn_context", loaded)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
