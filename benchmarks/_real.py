@@ -87,9 +87,9 @@ def rezeroed(rig: Rig) -> Rig:
     return rig.model_copy(update={"encoders": rig.encoders.model_copy(update={"rezeroed": True})})
 
 
-def dfki_rig(told: dict[str, Any]) -> Rig:
+def dfki_rig(metadata: dict[str, Any]) -> Rig:
     """Rig with the parameters that its authors identified. Only the lengths count as measured values."""
-    known = told["known_parameters"]
+    known = metadata["known_parameters"]
     model = known["model_1_0"]
     L1, L2 = known["l1_m"], known["l2_m"]
     nominal = {
@@ -107,7 +107,7 @@ def dfki_rig(told: dict[str, Any]) -> Rig:
         name: Parameter(nominal=nominal[name], lower=nominal[name] / FIXED, upper=nominal[name] * FIXED)
         for name in PARAMETERS
     }
-    counts = round(2 * np.pi / told["quantisation_step_rad"])
+    counts = round(2 * np.pi / metadata["quantisation_step_rad"])
     return Rig(
         rig=RigGeometry(name="dfki_design_a", L1=L1, L2=L2),
         parameters=parameters,

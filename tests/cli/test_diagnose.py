@@ -48,7 +48,7 @@ def worn(tmp_path_factory: pytest.TempPathFactory, cli) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def told(worn: list[Path], tmp_path_factory: pytest.TempPathFactory, cli) -> dict[str, Any]:
+def printed(worn: list[Path], tmp_path_factory: pytest.TempPathFactory, cli) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("page")
     library = "coulomb_joint1,coulomb_joint2,stribeck_joint1,spring_joint1,encoder_offset_joint1,latency_joint2"
     done = cli("diagnose", *worn, "--rig", "paper", "--library", library, "--out", out, "--json")
@@ -60,54 +60,56 @@ def is_interval(value: object) -> bool:
     return isinstance(value, list) and len(value) == 2 and value[0] <= value[1]
 
 
-def test_the_keys_that_other_tools_rely_on(told: dict[str, Any], worn: list[Path]) -> None:
-    assert set(told) >= KEYS
-    assert told["verdict"] in VERDICTS
-    assert set(told["gap"]) >= GAP_KEYS
+def test_the_keys_that_other_tools_rely_on(printed: dict[str, Any], worn: list[Path]) -> None:
+    assert set(printed) >= KEYS
+    assert printed["verdict"] in VERDICTS
+    assert set(printed["gap"]) >= GAP_KEYS
     for name in ("floor_rad", "before_rad", "after_rad", "before_Nm"):
-        assert set(told["gap"][name]) == {"joint1", "joint2"}
-    closed = told["gap"]["closed_held_out"]
+        assert set(printed["gap"][name]) == {"joint1", "joint2"}
+    closed = printed["gap"]["closed_held_out"]
     assert set(closed) >= {"estimate", "interval90", "per_run"}
     assert closed["interval90"][0] <= closed["estimate"] <= closed["interval90"][1]
     assert set(closed["per_run"]) == {run.stem for run in worn}
-    for place in told["where"]:
+    for place in printed["where"]:
         assert set(place) >= {"site", "coordinate", "share", "sentence"}
-    for effect in told["effects"]:
+    for effect in printed["effects"]:
         assert set(effect) >= {"name", "class", "probability", "parameters", "share"}
         assert effect["name"] in effect["class"]
         assert set(effect["class"]) <= set(EFFECTS)
         assert all(is_interval(entry["interval90"]) and "value" in entry for entry in effect["parameters"].values())
-    for rival in told["rivals"]:
+    for rival in printed["rivals"]:
         assert set(rival) >= {"name", "class", "probability", "cosine"}
-    assert {"no_gap", "unexplained"} <= set(told["probabilities"])
-    assert all(0 <= p <= 1 for p in told["probabilities"].values())
-    assert set(told["detectable"]) <= set(EFFECTS)
-    assert list(told["ratios"]) == list(RATIOS)
-    assert all(is_interval(ratio["interval90"]) for ratio in told["ratios"].values())
-    assert told["seconds"] > 0
+    assert {"no_gap", "unexplained"} <= set(printed["probabilities"])
+    assert all(0 <= p <= 1 for p in printed["probabilities"].values())
+    assert set(printed["detectable"]) <= set(EFFECTS)
+    assert list(printed["ratios"]) == list(RATIOS)
+    assert all(is_interval(ratio["interval90"]) for ratio in printed["ratios"].values())
+    assert printed["seconds"] > 0
 
 
-def test_dry_friction_is_named_with_its_size(told: dict[str, Any]) -> None:
+def test_dry_friction_is_named_with_its_size(printed: dict[str, Any]) -> None:
     """Torques assume the b of the rig file, which differs slightly from that of the plant."""
-    assert told["verdict"] == "named"
-    result = {effect["name"]: effect for effect in told["effects"]}
+    assert printed["verdict"] == "named"
+    result = {effect["name"]: effect for effect in printed["effects"]}
     assert set(result) == {"coulomb_joint1", "coulomb_joint2"}
     assert result["coulomb_joint1"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0023, rel=0.2)
     assert result["coulomb_joint2"]["parameters"]["torque_Nm"]["value"] == pytest.approx(0.0008, rel=0.2)
-    assert told["gap"]["closed_held_out"]["estimate"] > 0.9
+    assert printed["gap"]["closed_held_out"]["estimate"] > 0.9
 
 
-def test_the_page_and_the_exports_are_written(told: dict[str, Any]) -> None:
-    assert set(told["files"]) >= {"report", "model", "module", "mjcf"}
-    assert all(Path(file).is_file() for file in told["files"].values())
-    page = Path(told["files"]["report"]).read_text(encoding="utf-8")
+def test_the_page_and_the_exports_are_written(printed: dict[str, Any]) -> None:
+    assert set(printed["files"]) >= {"report", "model", "module", "mjcf"}
+    assert all(Path(file).is_file() for file in printed["files"].values())
+    page = Path(printed["files"]["report"]).read_text(encoding="utf-8")
     HTMLParser().feed(page)
-    assert escape(sentence(Diagnosis.model_validate(without_files(told)))) in page.replace("\N{NO-BREAK SPACE}%", " %")
+    assert escape(sentence(Diagnosis.model_validate(without_files(printed)))) in page.replace(
+        "\N{NO-BREAK SPACE}%", " %"
+    )
     assert not re.search(r"\d %", page.partition("</style>")[2])
     assert 'id="acceptance"' not in page  # limits were not given
     assert "http://" not in page
     assert "https://" not in page
-    assert json.loads(Path(told["files"]["model"]).read_text())
+    assert json.loads(Path(printed["files"]["model"]).read_text())
 
 
 @pytest.mark.long
@@ -117,8 +119,8 @@ def test_same_seed_same_answer(worn: list[Path], cli) -> None:
     assert without_times(once) == without_times(again)
 
 
-def without_files(told: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in told.items() if name != "files"}
+def without_files(printed: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in printed.items() if name != "files"}
 
 
 def without_times(diagnosis: dict[str, Any]) -> dict[str, Any]:

@@ -92,12 +92,12 @@ def test_the_ratios_are_found_with_the_arm_s_encoder_alone(model, rng):
     arm = arm_motion(logged, moved(logged, np.cos) + noise * rng.standard_normal(len(logged)), "a run")
     seen = swung() + noise * rng.standard_normal((len(T), 2))
     truth = unknown_ratios(WHOLE)
-    begun = Estimate.of(truth * [1.05, 1, 1.03, 0.97, 1.2, 1, 1], effect_params({}), START[None])
+    perturbed = Estimate.of(truth * [1.05, 1, 1.03, 0.97, 1.2, 1, 1], effect_params({}), START[None])
     left = {}
     for known in (arm, None):
         laid_out = segments([T], setups=[Setup(arm=known)])
         problem = Problem(laid_out, seen, np.full(seen.shape, 1 / noise), model(CONSTANTS))
-        fitted = fit(problem, begun, ratio_parameters(begun), iterations=30)
+        fitted = fit(problem, perturbed, ratio_parameters(perturbed), iterations=30)
         left[known] = fitted.chi2 / problem.evidence
         if known is not None:
             A, _ = fitted.linear.flat

@@ -27,7 +27,7 @@ def rows(ticks: Iterable[int] = TICKS) -> list[Row]:
     return [Row(tick, (tick, 0, 0)) for tick in ticks]
 
 
-def told(tick: int, kind: TorqueKind = MEASURED) -> Torque:
+def torque_at(tick: int, kind: TorqueKind = MEASURED) -> Torque:
     return Torque(kind, tick & 0xFFFF, tick - 65530, -kind)
 
 
@@ -44,7 +44,7 @@ def paired(kinds, happenings) -> tuple[list[DrivenRow], int]:
 
 
 def test_every_sample_gets_the_torques_of_its_own_tick_in_any_order_nearby():
-    usual = [entry for row in rows() for entry in (row, told(row.tick), told(row.tick, COMMANDED))]
+    usual = [entry for row in rows() for entry in (row, torque_at(row.tick), torque_at(row.tick, COMMANDED))]
     swapped = [usual[i ^ 1] if i ^ 1 < len(usual) else usual[i] for i in range(len(usual))]
     expected = [DrivenRow(t, (t, 0, 0), ((t - 65530, -1), (t - 65530, -2))) for t in TICKS]
     for happenings in (usual, swapped):
@@ -54,7 +54,7 @@ def test_every_sample_gets_the_torques_of_its_own_tick_in_any_order_nearby():
 
 def test_a_sample_without_its_torque_is_left_out_and_counted():
     lost, contradicted = 65534, 65540
-    happenings = [entry for row in rows() for entry in (row, *([] if row.tick == lost else [told(row.tick)]))]
+    happenings = [entry for row in rows() for entry in (row, *([] if row.tick == lost else [torque_at(row.tick)]))]
     happenings.insert(-8, Torque(MEASURED, contradicted & 0xFFFF, 999, 0))
     result, missing = paired([MEASURED], happenings)
     assert [row.tick for row in result] == [t for t in TICKS if t not in (lost, contradicted)]
