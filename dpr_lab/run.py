@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from itertools import chain, count
 from pathlib import Path
@@ -86,7 +86,7 @@ class Run(Shown):
     """(n,) commanded input of the arm, if it is known in addition to the measured one in `arm_input`; otherwise
     None."""
     complete: bool = True
-    """Whether the file has its end; False for a recording that was cut or stopped. A recovered file has a note."""
+    """Whether the file has its end; False for a recording that was cut or stopped, and for its recovered file."""
     lost: Mapping[str, int] = field(default_factory=dict)
     """Number of samples lost, by cause (`LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
@@ -206,6 +206,11 @@ class Run(Shown):
                     digest.update(_bytes(part))
         return digest.hexdigest()
 
+    @property
+    def angles_sha256(self) -> str:
+        """Hash of times and angles; two runs of the same recording have the same hash."""
+        return hashlib.sha256(_bytes(self.t) + _bytes(self.theta)).hexdigest()
+
     def only(self, keep: Flags) -> Run:
         """Return a copy of the run with only the samples for which `keep` (n,) is true."""
         counts = None if self.counts is None else self.counts[keep]
@@ -247,22 +252,6 @@ def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
 def moves(runs: Iterable[Run]) -> bool:
     """Return whether the arm was free or driven in any of the runs."""
     return any(run.arm_mode in ("free", "driven") for run in runs)
-
-
-def refuse_moving_arms(runs: Iterable[Run]) -> None:
-    """Check that the arm was neither free nor driven in any run.
-
-    Raises:
-        RunError: the arm of a run was free or driven.
-    """
-    for run in runs:
-        if run.arm_mode in ("free", "driven"):
-            raise RunError(
-                f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare`, `diagnose`, `accept`,"
-                " `plan`, `check`, `certify`, `drift` and `identifiability` support such a run;"
-                " import the table with --arm prescribed to"
-                " use the arm's encoder instead"
-            )
 
 
 def torque_kinds(runs: Iterable[Run]) -> tuple[str, ...]:
@@ -360,35 +349,3 @@ def _clock_words(rate_ppm: float, margin_ppm: float) -> str:
         f"{size:.{digits}f} {unit} {'fast' if rate_ppm > 0 else 'slow'}"
         f" ({size - margin:.{digits}f} to {size + margin:.{digits}f})"
     )
-
-
-def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
-    """Check the clock rate of every recording.
-
-    Raises:
-        RunError: the clock rates of device and host differ by more than `limit_ppm`, more than crystals can differ.
-    """
-    for run in runs:
-        error, words = clock_error(run.clock)
-        if error > limit_ppm:
-            raise RunError(
-                f"{run.file}: the device's clock runs {words} relative to the computer that recorded it (limit"
-                f" {limit_ppm:g} ppm; the error of a crystal is about 100 ppm): all times and all results in"
-                " seconds have this error. Repair the device's sample timer and record again, or use the run"
-                " as it is with --any-clock"
-            )
-
-
-def refuse_repeated(runs: Sequence[Run]) -> None:
-    """Check that no recording is given twice, or is both fitted and held out.
-
-    Raises:
-        RunError: two runs contain the same times and angles, also if a table was imported twice.
-    """
-    by_digest: dict[str, Run] = {}
-    for run in runs:
-        digest = hashlib.sha256(_bytes(run.t) + _bytes(run.theta)).hexdigest()
-        if same := by_digest.get(digest):
-            names = [str(repeated.file or repeated.name) for repeated in (run, same)]
-            raise RunError(f"{names[0]}: is the same recording as {names[1]}: give each run once")
-        by_digest[digest] = run

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,7 +16,12 @@ from matplotlib.figure import Figure
 
 import dpr_lab as dpr
 from dpr_lab.effects import EFFECTS
+from dpr_lab.gap.advice import recording
+from dpr_lab.gap.advice.check_kind import CheckAnswer
+from dpr_lab.gap.result.checks import AdvisedCheck
 from dpr_lab.run import Run
+from dpr_lab.workflows.accept import judged
+from tests.a_diagnosis import CLOCK, made, measurement
 
 FRICTION = "coulomb_joint2"
 
@@ -180,6 +185,29 @@ def test_the_name_of_a_file_is_not_a_run(runs: Any) -> None:
     for function in (dpr.identify, dpr.diagnose):
         with pytest.raises(dpr.DprError, match=r"x1.mcap: is the name of a file, not a run: read .* with load_run"):
             function(runs, dpr.load_rig("paper"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["diagnose", "identify", "identifiability", "plan", "compare", "corrected_model", "accept", "check", "held_out"],
+)
+def test_a_run_of_another_rig_is_refused_by_every_function(name: str, runs: list[Run]) -> None:
+    rig, unused = dpr.load_rig("furuta"), cast(Any, None)
+    foreign = replace(runs[0], file=Path("monday/x.mcap"))
+    of_recording = AdvisedCheck.model_validate(measurement(CLOCK, CLOCK, 1) | {"kind": "recording"})
+    calls: dict[str, Callable[[], object]] = {
+        "diagnose": lambda: dpr.diagnose(foreign, rig),
+        "held_out": lambda: dpr.diagnose(replace(runs[1], rig_name=rig.name), rig, held_out=foreign),
+        "identify": lambda: dpr.identify(foreign, rig),
+        "identifiability": lambda: dpr.identifiability(foreign, rig),
+        "plan": lambda: dpr.plan(rig, foreign),
+        "compare": lambda: dpr.compare(foreign, rig, unused),
+        "corrected_model": lambda: dpr.corrected_model(unused, [foreign], rig),
+        "accept": lambda: judged(unused, unused, [foreign], rig),
+        "check": lambda: recording.result(made(), of_recording, CheckAnswer((foreign,), rig), {}),
+    }
+    with pytest.raises(dpr.DprError, match=r"^monday/x.mcap: is a run of another rig: paper, not furuta\."):
+        calls[name]()
 
 
 def test_a_table_that_was_imported_twice_is_one_recording() -> None:

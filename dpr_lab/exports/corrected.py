@@ -36,6 +36,7 @@ from dpr_lab.identification.prior_update import update_prior
 from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
+from dpr_lab.run_checks import refuse_other_rigs
 from dpr_lab.version import __version__
 
 AXES = {"joint1": "theta1", "joint2": "theta2"}
@@ -51,7 +52,11 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
 
     Returns:
         `MovingArmModel` if the arm of the runs was free or driven, otherwise `Model`; `effects` contains the effects
+
+    Raises:
+        RunError: a run belongs to another rig.
     """
+    refuse_other_rigs(runs, rig.name)
     if has_moving_arm(diagnosis):
         return corrected_arm_model(diagnosis, *significant_values(diagnosis), runs, rig)
     return corrected_rods(diagnosis, runs, rig)

@@ -43,7 +43,8 @@ from dpr_lab.identification.misread.refuse import refuse_impossible_scale
 from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import StageBegan
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run, as_runs, refuse_repeated, with_distinct_names
+from dpr_lab.run import Run, as_runs, with_distinct_names
+from dpr_lab.run_checks import refuse_other_rigs, refuse_repeated
 
 STAGES = ("screen", "bare model", "where", "which", "classes", "transfer", "advice", "evidence")
 """Names of the stages, in order."""
@@ -74,13 +75,14 @@ def diagnose(
         on_progress: function that is called at the start of each stage, fit and score test
 
     Raises:
-        RunError: there are no runs, a run is given twice, is too short, or contains no motion.
+        RunError: there are no runs, a run is given twice, belongs to another rig, is too short, or contains no motion.
         IdentificationError: the known torques or masses fit only with a negative inertia.
     """
     started = time.perf_counter()
     to_fit = as_runs(runs)
     named = with_distinct_names([*to_fit, *as_runs(held_out)])
     refuse_repeated(named)
+    refuse_other_rigs(named, rig.name)
     request = Request(
         runs=named[: len(to_fit)],
         held_out=named[len(to_fit) :],

@@ -21,6 +21,7 @@ from dpr_lab.planning.summary import summed_up
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs
+from dpr_lab.run_checks import refuse_other_rigs
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +68,12 @@ def plan(
 
     Raises:
         ConfigError: the budget is too small for one release, or no pose can be reached.
-        RunError: a run cannot be used.
+        RunError: a run cannot be used, or belongs to another rig.
 
     Source: docs/theory.md, section 15.
     """
     limits, runs = limits or PlanLimits(), as_runs(runs)
+    refuse_other_rigs(runs, rig.name)
     if budget_min is not None:
         _refuse_small(budget_min, limits, rig)
     if runs and diagnosis is None:

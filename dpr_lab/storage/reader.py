@@ -13,6 +13,7 @@ from dpr_lab.estimation.held_rods import free_part_of
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import ArmMode, InnerMode
 from dpr_lab.run import FilmNoise, Run, as_mounted
+from dpr_lab.run_checks import refuse_other_rig
 from dpr_lab.storage.metadata import RunMetadata, numbers
 from dpr_lab.storage.samples import STRANGE, Samples, json_object
 from dpr_lab.storage.scan import Scan, scan
@@ -20,7 +21,7 @@ from dpr_lab.storage.sidecar import read_sidecar
 
 # Encoder zeros and noise may differ between runs of the same rig, so they are not compared.
 _SAME_ENCODERS = ("counts_per_rev", "joint2", "direction")
-_SAME_FRAME = ("name", "L1", "g")
+_SAME_FRAME = ("L1", "g")
 
 
 def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> Run:
@@ -280,6 +281,7 @@ def _check_hash(stored: Scan) -> None:
 
 def _check_rig(stored: Scan, rig: Rig) -> None:
     recorded_rig = stored.metadata.rig
+    refuse_other_rig(stored.path, recorded_rig.name, rig.name)
     pairs = [(f"rig.{key}", getattr(recorded_rig.rig, key), getattr(rig.rig, key)) for key in _SAME_FRAME]
     pairs += [
         (f"encoders.{key}", getattr(recorded_rig.encoders, key), getattr(rig.encoders, key)) for key in _SAME_ENCODERS
@@ -295,7 +297,7 @@ def _check_rig(stored: Scan, rig: Rig) -> None:
 
 
 def _what_happened(stored: Scan) -> list[str]:
-    reasons = [f"recording stopped early: {stored.stopped}"] if stored.stopped else []
+    reasons = [f"recording stopped early: {stored.interrupted}"] if stored.interrupted else []
     return reasons + ([f"file {stored.damage}"] if stored.damage else [])
 
 

@@ -87,10 +87,16 @@ def _refuse_other_rig(file: Path, diagnosis: "Diagnosis", rig: "Rig") -> None:
 
 
 def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig: "Rig") -> "Acceptance":
-    """Test every limit with a diagnosis of the given runs."""
+    """Test every limit with a diagnosis of the given runs.
+
+    Raises:
+        RunError: a run belongs to another rig.
+    """
     from dpr_lab.acceptance.free_run import free_run_errors
     from dpr_lab.acceptance.judge import judge
+    from dpr_lab.run_checks import refuse_other_rigs
 
+    refuse_other_rigs(runs, rig.name)
     horizon = limits.free_run.horizon_s if limits.free_run else None
     return judge(diagnosis, limits, free_run_errors(runs, rig, diagnosis, horizon) if horizon else {})
 

@@ -68,7 +68,7 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
     from dpr_lab.identification.compare import compare_followed
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.saving import save_comparison, write_json
-    from dpr_lab.run import refuse_repeated
+    from dpr_lab.run_checks import refuse_repeated
 
     if request.out is not None:
         refuse_file(request.out)

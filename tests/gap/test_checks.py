@@ -125,7 +125,7 @@ def test_runs_that_decide_nothing_are_refused(
 def test_a_recording_of_another_rig_is_no_check() -> None:
     before = open_between(made(), "com_offset_link1")
     before = before.model_copy(update={"evidence": Evidence.model_construct(rig="bench")})
-    run = Mock(spec=Run, file=Path("x.mcap"))
+    run = Mock(spec=Run, file=Path("x.mcap"), rig_name="paper")
     with pytest.raises(RunError, match=r"x.mcap: is a run of rig paper, but the diagnosis is of rig bench: record"):
         update(before, before.checks[0], CheckAnswer((run,), load_rig("paper")))
 

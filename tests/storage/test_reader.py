@@ -63,7 +63,7 @@ def test_a_run_without_release_or_samples_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("tables", "said"),
     [
-        ({"rig": {"name": "other"}}, "rig.name is paper in the run, other in the rig file"),
+        ({"rig": {"name": "other"}}, "another rig: paper, not other. Give the rig file"),
         ({"rig": {"L1": 0.39}}, "rig.L1 is 0.4 in the run, 0.39 in the rig file"),
         ({"rig": {"g": 9.8}}, "rig.g"),
         ({"encoders": {"counts_per_rev": [16384, 4096, 16384]}}, "encoders.counts_per_rev"),

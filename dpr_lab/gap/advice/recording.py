@@ -19,6 +19,7 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, AdvisedRelease
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.repeated import recordings_as_in
 from dpr_lab.run import torque_kinds
+from dpr_lab.run_checks import refuse_other_rigs
 
 DISTINGUISHED = 5.0
 """Minimum difference of two causes on a recommended recording, in standard deviations."""
@@ -90,6 +91,7 @@ def _fitted(diagnosis: Diagnosis, about: str, names: Sequence[str], answer: Chec
     if answer.rig is None:
         raise RunError("give the rig of the runs")
     rig = answer.rig
+    refuse_other_rigs(answer.runs, rig.name)
     if diagnosis.evidence is not None and rig.name != diagnosis.evidence.rig:
         raise RunError(
             f"{answer.runs[0].file or answer.runs[0].name}: is a run of rig {rig.name}, but the diagnosis is of rig"

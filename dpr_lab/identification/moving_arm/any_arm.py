@@ -16,7 +16,8 @@ from dpr_lab.identification.moving_arm.identifiability import ArmIdentifiability
 from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel, load_moving_arm_model
 from dpr_lab.rig import Rig
-from dpr_lab.run import Run, as_runs, moves, refuse_repeated
+from dpr_lab.run import Run, as_runs, moves
+from dpr_lab.run_checks import refuse_other_rigs, refuse_repeated
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
 
@@ -64,7 +65,7 @@ def identify(
 
     Raises:
         ConfigError: the objective or the search is unknown.
-        RunError: there are no runs, a run is given twice, or a run cannot be used.
+        RunError: there are no runs, a run is given twice, or a run cannot be used or belongs to another rig.
         IdentificationError: no candidate inside the bounds could be simulated, the recordings determine no parameter,
             or they do not match the rig because zero, unit, sign or order of the readings is specified incorrectly.
 
@@ -72,6 +73,7 @@ def identify(
     """
     runs = as_runs(runs)
     refuse_repeated(runs)
+    refuse_other_rigs(runs, rig.name)
     if has_arm_model(runs, rig):
         if on_polish:
             on_polish()
@@ -121,12 +123,13 @@ def identifiability(
     Raises:
         ConfigError: there are neither runs nor poses; or a joint of the rig is prescribed, and there are no runs that
             contain its motion.
-        RunError: a run cannot be used.
+        RunError: a run cannot be used, or belongs to another rig.
         IdentificationError: the fitted values are physically impossible, or cannot be simulated.
 
     Source: docs/theory.md, sections 3 and 16.
     """
     runs = as_runs(runs)
+    refuse_other_rigs(runs, rig.name)
     if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
         return identifiability_of_arm(runs, rig)
     if not runs and "prescribed" in (rig.joints.inner, rig.arm.mode):

@@ -1,0 +1,78 @@
+"""Refuse runs that a job cannot use."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from dpr_lab.errors import RunError
+from dpr_lab.run import Run, clock_error
+
+
+def refuse_other_rigs(runs: Iterable[Run], rig_name: str) -> None:
+    """Check that every run belongs to the rig with this name. A run without the name of a rig is accepted.
+
+    Raises:
+        RunError: a run belongs to another rig.
+    """
+    for run in runs:
+        refuse_other_rig(run.file or run.name, run.rig_name, rig_name)
+
+
+def refuse_other_rig(place: Path | str, recorded: str, given: str) -> None:
+    """Check that the name of a recorded rig, if it is known, is the name of the given rig.
+
+    Raises:
+        RunError: the names differ; the message starts with `place`, the file or the name of the run.
+    """
+    if recorded not in ("", given):
+        raise RunError(
+            f"{place}: is a run of another rig: {recorded}, not {given}. Give the rig file that was used for the"
+            " recording, or leave this run out"
+        )
+
+
+def refuse_moving_arms(runs: Iterable[Run]) -> None:
+    """Check that the arm was neither free nor driven in any run.
+
+    Raises:
+        RunError: the arm of a run was free or driven.
+    """
+    for run in runs:
+        if run.arm_mode in ("free", "driven"):
+            raise RunError(
+                f"{run.file or run.name}: its arm was {run.arm_mode}. Only `identify`, `compare`, `diagnose`, `accept`,"
+                " `plan`, `check`, `certify`, `drift` and `identifiability` support such a run;"
+                " import the table with --arm prescribed to"
+                " use the arm's encoder instead"
+            )
+
+
+def refuse_wrong_clocks(runs: Sequence[Run], limit_ppm: float = 600.0) -> None:
+    """Check the clock rate of every recording.
+
+    Raises:
+        RunError: the clock rates of device and host differ by more than `limit_ppm`, more than crystals can differ.
+    """
+    for run in runs:
+        error, words = clock_error(run.clock)
+        if error > limit_ppm:
+            raise RunError(
+                f"{run.file}: the device's clock runs {words} relative to the computer that recorded it (limit"
+                f" {limit_ppm:g} ppm; the error of a crystal is about 100 ppm): all times and all results in"
+                " seconds have this error. Repair the device's sample timer and record again, or use the run"
+                " as it is with --any-clock"
+            )
+
+
+def refuse_repeated(runs: Sequence[Run]) -> None:
+    """Check that no recording is given twice, or is both fitted and held out.
+
+    Raises:
+        RunError: two runs contain the same times and angles, also if a table was imported twice.
+    """
+    by_digest: dict[str, Run] = {}
+    for run in runs:
+        digest = run.angles_sha256
+        if same := by_digest.get(digest):
+            names = [str(repeated.file or repeated.name) for repeated in (run, same)]
+            raise RunError(f"{names[0]}: is the same recording as {names[1]}: give each run once")
+        by_digest[digest] = run
