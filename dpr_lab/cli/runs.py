@@ -66,7 +66,8 @@ def verify(files: RunFiles, as_json: JsonEach = False) -> None:
 
     def show(outcome: dict[str, Any]) -> None:
         if outcome["ok"]:
-            line(f"{outcome['file']}: complete and unchanged")
+            interrupted = outcome["interrupted"]
+            line(f"{outcome['file']}: {f'unchanged; {interrupted}' if interrupted else 'complete and unchanged'}")
 
     _each(files, check, show, as_json)
 
@@ -90,6 +91,8 @@ def recover(
         emit({"out": str(out), **summary})
     else:
         line(f"{out}: {summary['samples']} samples, {summary['duration_s']:.3f} s recovered")
+        if summary["stopped"]:
+            line(f"The recording was {summary['stopped']}")
 
 
 @app.command()

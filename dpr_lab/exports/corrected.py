@@ -15,6 +15,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
+from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.exports.bodies import AnyModel
 from dpr_lab.exports.ensemble.sampled import signed
 from dpr_lab.exports.moving_arm.corrected import corrected_arm_model, has_moving_arm
@@ -36,7 +37,6 @@ from dpr_lab.identification.prior_update import update_prior
 from dpr_lab.identification.scaling.prior_spread import scale_of, with_intervals
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-from dpr_lab.run_checks import refuse_other_rigs
 from dpr_lab.version import __version__
 
 AXES = {"joint1": "theta1", "joint2": "theta2"}

@@ -10,6 +10,7 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.families import expected_of
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
+from dpr_lab.estimation.usable_runs import refuse_other_rigs, refuse_repeated
 from dpr_lab.gap.advice.advise import advise
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
@@ -44,7 +45,6 @@ from dpr_lab.identification.misread.solvable import solvable
 from dpr_lab.progress import StageBegan
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs, with_distinct_names
-from dpr_lab.run_checks import refuse_other_rigs, refuse_repeated
 
 STAGES = ("screen", "bare model", "where", "which", "classes", "transfer", "advice", "evidence")
 """Names of the stages, in order."""

@@ -7,10 +7,10 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.estimation.motion import refuse_without_motion
 from dpr_lab.estimation.noise import NoiseFloor, noise_floor
+from dpr_lab.estimation.usable_runs import refuse_moving_arms
 from dpr_lab.estimation.velocity import smooth
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
-from dpr_lab.run_checks import refuse_moving_arms
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.acting import Acting
@@ -21,7 +22,6 @@ from dpr_lab.planning.summary import summed_up
 from dpr_lab.planning.worth.objective import Objective
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs
-from dpr_lab.run_checks import refuse_other_rigs
 
 
 @dataclass(frozen=True, slots=True)

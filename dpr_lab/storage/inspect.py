@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dpr_lab.errors import RunError
-from dpr_lab.storage.layout import SAMPLES, TORQUE_KEYS
+from dpr_lab.storage.layout import INTERRUPTED, SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
 from dpr_lab.storage.reader import arm_mode, inner_mode, lost_by_gaps, release_row
 from dpr_lab.storage.samples import Samples
@@ -81,6 +81,8 @@ class Verification:
 
     ok: bool
     faults: list[str]
+    interrupted: str = ""
+    """Reason why the recording ended early, if the file is the undamaged copy of a damaged file; otherwise empty."""
 
 
 def info(path: Path | str) -> RunInfo:
@@ -102,7 +104,7 @@ def info(path: Path | str) -> RunInfo:
         size_bytes=stored.size_bytes,
         complete=stored.complete,
         damage=stored.damage,
-        stopped=stored.stopped,
+        stopped=stored.interrupted,
         samples=len(samples.ticks),
         duration_s=_duration(stored, samples),
         rate_hz=meta.rate_hz,
@@ -170,16 +172,17 @@ def verify(path: Path | str) -> Verification:
     if not path.exists():
         raise RunError(f"{path}: no such file")
     try:
-        faults = _faults(scan(path))
+        stored = scan(path)
+        faults = _faults(stored)
     except RunError as error:
-        faults = [str(error).removeprefix(f"{path}: ")]
-    return Verification(ok=not faults, faults=faults)
+        return Verification(ok=False, faults=[str(error).removeprefix(f"{path}: ")])
+    return Verification(ok=not faults, faults=faults, interrupted=stored.interrupted)
 
 
 def recover(path: Path | str, out: Path | str) -> int:
-    """Write the valid part of a damaged run to a new, complete run file.
+    """Write the valid part of a damaged run to a new, undamaged run file.
 
-    The damaged file is not changed.
+    The new file states where and why the recording was interrupted. The damaged file is not changed.
 
     Args:
         path: the damaged file
@@ -198,11 +201,28 @@ def recover(path: Path | str, out: Path | str) -> int:
         raise RunError(f"{path}: no sample can be recovered")
     origin = {"recovered_from": stored.path.name, "recovered_from_sha256": stored.sha256}
     summary = _summary(stored, samples)
+    if interruption := _interruption(stored, samples):
+        origin[INTERRUPTED] = interruption
     notes = (*summary.notes, f"recovered from {stored.path.name}, {recovered} samples kept")
     with whole_run(out, replace(stored.metadata, extra={**stored.metadata.extra, **origin})) as writer:
         writer.copy(stored_messages(stored.path))
         writer.finish(replace(summary, notes=notes))
     return recovered
+
+
+def _interruption(stored: Scan, samples: Samples) -> str:
+    """Return where and why a recording ended early; empty if the file contains all samples of the recording."""
+    if earlier := stored.metadata.extra.get(INTERRUPTED):
+        return earlier
+    if stored.stopped or stored.summary is None:
+        reason = stored.stopped or f"the file is {stored.damage or 'without an end record'}"
+    elif stored.samples_announced != len(samples.ticks):
+        reason = f"{stored.samples_announced} samples were recorded"
+    else:
+        return ""
+    untimed = stored.release_tick is None and stored.metadata.time_source == "ticks"
+    origin = "the first sample, before the release" if untimed else "the release"
+    return f"interrupted {_duration(stored, samples):.3f} s after {origin}: {reason}"
 
 
 def _summary(stored: Scan, samples: Samples) -> RunSummary:

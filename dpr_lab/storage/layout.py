@@ -22,6 +22,9 @@ RELEASED = "RELEASED"
 PROVENANCE, UNITS, END = "provenance", "units", "end"
 """Names of the metadata records before the first and after the last sample."""
 
+INTERRUPTED = "interrupted"
+"""Key of the further metadata that states where and why a recovered recording was interrupted."""
+
 SAMPLES, RAW, EVENTS, STATUS, CLOCK = "/samples", "/raw", "/events", "/status", "/clock"
 
 

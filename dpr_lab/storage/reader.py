@@ -10,10 +10,10 @@ from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.arm_motion import prescribed_arm, prescribed_inner
 from dpr_lab.estimation.held_rods import free_part_of
+from dpr_lab.estimation.usable_runs import refuse_other_rig
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import ArmMode, InnerMode
 from dpr_lab.run import FilmNoise, Run, as_mounted
-from dpr_lab.run_checks import refuse_other_rig
 from dpr_lab.storage.metadata import RunMetadata, numbers
 from dpr_lab.storage.samples import STRANGE, Samples, json_object
 from dpr_lab.storage.scan import Scan, scan

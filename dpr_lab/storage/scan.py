@@ -29,6 +29,7 @@ from dpr_lab.storage.layout import (
     CLOCK,
     END,
     EVENTS,
+    INTERRUPTED,
     LIMITS,
     PROVENANCE,
     RIG_ATTACHMENT,
@@ -82,8 +83,13 @@ class Scan:
 
     @property
     def complete(self) -> bool:
-        """Whether the run was finished and is complete."""
-        return not self.damage and self.summary is not None and not self.stopped
+        """Whether the file is complete, and the recording was not interrupted."""
+        return not self.damage and self.summary is not None and not self.interrupted
+
+    @property
+    def interrupted(self) -> str:
+        """Reason why the recording ended early, also of a file that was recovered; empty if it did not end early."""
+        return self.stopped or self.metadata.extra.get(INTERRUPTED, "")
 
     @property
     def release_tick(self) -> int | None:

@@ -94,7 +94,7 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
     """
     from dpr_lab.acceptance.free_run import free_run_errors
     from dpr_lab.acceptance.judge import judge
-    from dpr_lab.run_checks import refuse_other_rigs
+    from dpr_lab.estimation.usable_runs import refuse_other_rigs
 
     refuse_other_rigs(runs, rig.name)
     horizon = limits.free_run.horizon_s if limits.free_run else None

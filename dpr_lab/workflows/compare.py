@@ -65,10 +65,10 @@ def compare(request: CompareRequest, on_event: OnEvent = ignore) -> CompareResul
         RunError: the model cannot be read; two runs contain the same recording; a run cannot be compared or, with
             `leave_out`, no run can be compared.
     """
+    from dpr_lab.estimation.usable_runs import refuse_repeated
     from dpr_lab.identification.compare import compare_followed
     from dpr_lab.identification.model import load_model
     from dpr_lab.report.saving import save_comparison, write_json
-    from dpr_lab.run_checks import refuse_repeated
 
     if request.out is not None:
         refuse_file(request.out)

@@ -40,8 +40,8 @@ def compare_moving_arm(
     loaded = load_moving_arm_model(model)
     if loaded is None:
         return None
+    from dpr_lab.estimation.usable_runs import refuse_repeated
     from dpr_lab.report.pages.moving_arm import write_arm_report
-    from dpr_lab.run_checks import refuse_repeated
     from dpr_lab.storage.reader import stored_rig
     from dpr_lab.whole_file import write_text
     from dpr_lab.workflows.reading import read_runs
@@ -100,9 +100,9 @@ def compare_any_run(
         RunError: the run or the model belongs to another rig, the model belongs to another mode of the arm, or the
             model cannot follow the readings.
     """
+    from dpr_lab.estimation.usable_runs import refuse_other_rigs
     from dpr_lab.identification.compare import compare_run
     from dpr_lab.identification.moving_arm.model import MovingArmModel
-    from dpr_lab.run_checks import refuse_other_rigs
 
     refuse_other_rigs([run], rig.name)
     if isinstance(model, MovingArmModel):

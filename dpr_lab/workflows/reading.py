@@ -38,7 +38,7 @@ def read_runs(
         `any_clock`, the clock rate error of a device is larger than that of a crystal.
     """
     from dpr_lab.estimation.held_rods import refuse_held
-    from dpr_lab.run_checks import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks
+    from dpr_lab.estimation.usable_runs import refuse_moving_arms, refuse_repeated, refuse_wrong_clocks
     from dpr_lab.storage.reader import load_run
 
     runs: list[Run] = []

@@ -116,21 +116,37 @@ def test_a_changed_run_says_what_to_do(tmp_path, whole):
     assert load_run(path, verify=False).complete
 
 
-def test_recover_writes_a_whole_run_and_leaves_the_broken_one(tmp_path, whole):
+def test_recover_writes_an_undamaged_run_that_states_where_the_recording_ended(tmp_path, whole):
     content = whole.read_bytes()
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(content[: int(0.8 * len(content))])
     before = broken.read_bytes()
     kept = recover(broken, tmp_path / "new.mcap")
     assert broken.read_bytes() == before
-    assert verify(tmp_path / "new.mcap").ok
+    checked, about = verify(tmp_path / "new.mcap"), info(tmp_path / "new.mcap")
+    assert checked.ok
     run = load_run(tmp_path / "new.mcap", RIG)
-    assert run.complete
+    assert not run.complete
+    assert not about.complete
+    where = f"interrupted {run.duration:.3f} s after the release: the file is incomplete"
+    assert about.stopped == checked.interrupted
+    assert about.stopped.startswith(where)
+    assert any(where in note for note in run.notes)
     assert len(run.t) == kept == len(load_run(broken).t)
     np.testing.assert_array_equal(run.counts, COUNTS[:kept])
     assert f"recovered from broken.mcap, {kept} samples kept" in run.notes
     with pytest.raises(RunError, match="exists already"):
         recover(broken, tmp_path / "new.mcap")
+    recover(tmp_path / "new.mcap", tmp_path / "again.mcap")
+    assert info(tmp_path / "again.mcap").stopped == about.stopped
+
+
+def test_a_recording_with_all_its_samples_is_complete_after_its_recovery(tmp_path, whole):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[:-8])
+    assert not load_run(cut).complete
+    recover(cut, tmp_path / "new.mcap")
+    assert load_run(tmp_path / "new.mcap").complete
 
 
 WRITER = """

@@ -6,6 +6,7 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.errors import RunError
+from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits, log_mean
 from dpr_lab.gap.advice.measurement import CHECK
@@ -19,7 +20,6 @@ from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, AdvisedRelease
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.screen.repeated import recordings_as_in
 from dpr_lab.run import torque_kinds
-from dpr_lab.run_checks import refuse_other_rigs
 
 DISTINGUISHED = 5.0
 """Minimum difference of two causes on a recommended recording, in standard deviations."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from dpr_lab.errors import ConfigError
+from dpr_lab.estimation.usable_runs import refuse_other_rigs, refuse_repeated
 from dpr_lab.identification.identifiability import Identifiability
 from dpr_lab.identification.identify import identifiability_of
 from dpr_lab.identification.identify import identify as identify_rods
@@ -17,7 +18,6 @@ from dpr_lab.identification.moving_arm.identify import identify_moving_arm
 from dpr_lab.identification.moving_arm.model import MovingArmModel, load_moving_arm_model
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run, as_runs, moves
-from dpr_lab.run_checks import refuse_other_rigs, refuse_repeated
 from dpr_lab.search.problem import Generation
 from dpr_lab.search.settings import SearchSettings
 
