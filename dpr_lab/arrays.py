@@ -1,4 +1,7 @@
-"""Type aliases of NumPy arrays for signatures; the shapes are given in docstrings. Also sums over few columns."""
+"""Type aliases of NumPy arrays, and sums over few columns.
+
+Docstrings state the shapes of arrays.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -122,13 +122,16 @@ def _models_in(annotation: Any) -> set[type[BaseModel]]:
 
 
 def first_fault(error: ValidationError) -> str:
-    """Describe the first key that a pydantic model refused, for example `ratios.a/b: must be greater than 0`."""
+    """Describe the first key that pydantic refused, for example `ratios.a/b: must be greater than 0`."""
     fault = error.errors()[0]
     return f"{key_words(fault['loc']) or 'the file'}: {fault_words(fault)}"
 
 
 def key_words(location: Sequence[int | str]) -> str:
-    """Format a location in a file, for example `masses, entry 2, rod`; the entries of a list are counted from 1."""
+    """Describe a location in a file, for example `masses, entry 2, rod`.
+
+    Entries of a list are counted from 1.
+    """
     location = [part for part in location if part != KEY]
     parts = [f"entry {part + 1}" if isinstance(part, int) else part for part in location]
     separators = [

@@ -27,7 +27,7 @@ character."""
 
 
 def printable(text: str) -> str:
-    """Make text from a file, a device or a file name safe for display: control characters are escaped."""
+    """Escape control characters in text from a file, a device or a file name."""
     return _CONTROL.sub(lambda control: control[0].encode("unicode_escape").decode(), text)
 
 
@@ -126,7 +126,7 @@ class LinkError(DprError):
 
 
 class LinkUrlError(LinkError):
-    """Raised if a link URL is not valid: its kind, option or port is unknown, or a value is out of range."""
+    """Raised if a link URL has an unknown kind, option or port, or a value out of range."""
 
     exit_code = 2
 

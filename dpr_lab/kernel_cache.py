@@ -38,7 +38,10 @@ def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
 
 
 def prune(root: Path, now: float) -> None:
-    """Remove cache folders in `root`, except the newest `KEPT` and those that were used in the last week."""
+    """Remove old cache folders in `root`.
+
+    The newest `KEPT` folders and those used in the last week are kept.
+    """
     aged = sorted(((folder.stat().st_mtime, folder) for folder in root.iterdir() if folder.is_dir()), reverse=True)
     for modified, folder in aged[KEPT:]:
         if now - modified > PRUNE_AFTER_S:
@@ -129,7 +132,7 @@ CACHE, FOREIGN = choose_cache(_ROOTS, cache_name(Path(__file__).parent))
 if the home folder is read-only. Kernels are then compiled in every process."""
 
 COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
-    "compiling numerical kernels for the first time on this computer: up to a minute"
+    "compiling numerical kernels, once on this computer: up to a minute"
     if CACHE is not None
     else "compiling the kernels: about a minute at every start, because no cache folder can be written"
 )

@@ -93,6 +93,9 @@ def watch_compiling(on_compiling: Callable[[], None]) -> Iterator[None]:
 
 
 def compiling() -> None:
-    """Notify all listeners that a kernel is being compiled, in this process or in one for which this process waits."""
+    """Notify all listeners that a kernel is being compiled.
+
+    The compiler runs in this process, or in another one for which this process waits.
+    """
     for on_compiling in tuple(_watching):
         on_compiling()

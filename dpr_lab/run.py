@@ -25,7 +25,7 @@ have the cause `torque`: the torques of the sample never arrived."""
 
 @dataclass(frozen=True, slots=True)
 class FilmNoise:
-    """Noise of angles from a video, estimated from the scatter of the rods' lengths in the picture."""
+    """Noise of video angles, estimated from the scatter of the rod lengths in the picture."""
 
     std: tuple[float, ...]
     """Standard deviation of the absolute angle of each tracked rod, rad."""
@@ -186,7 +186,7 @@ class Run(Shown):
 
     @property
     def readings_sha256(self) -> str:
-        """Hash of all data that a fit uses; repeated imports of the same table have the same hash."""
+        """Hash of all data that a fit uses; it is the same for repeated imports of a table."""
         unread = ("name", "file", "sha256", "recorded_utc", "keep_rest", "arm_read", "notes")
         digest = hashlib.sha256()
         if self.arm_mode not in ("free", "driven"):
@@ -231,7 +231,7 @@ class Run(Shown):
 
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
-    """Return the runs as a tuple; a single run becomes a tuple with one element. Names of files are refused."""
+    """Return the runs as a tuple; also accept a single run, but no file names."""
     given: tuple[Any, ...] = (runs,) if isinstance(runs, Run | str | Path) else tuple(runs)
     for run in given:
         if isinstance(run, str | Path):
@@ -240,7 +240,10 @@ def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
 
 
 def with_distinct_names(runs: Iterable[Run]) -> tuple[Run, ...]:
-    """Add numbers to names that occur more than once, because results are listed by the name of the run."""
+    """Make the names of runs unique by appended numbers.
+
+    Results are listed by the name of the run.
+    """
     named: dict[str, Run] = {}
     for run in runs:
         numbered = (f"{run.name} ({i})" for i in count(2))
@@ -329,7 +332,7 @@ def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tu
 
 
 def clock_error(clock: Mapping[str, float]) -> tuple[float, str]:
-    """Lower bound of the absolute clock rate error of a device, ppm, and a text with the rate and its interval.
+    """Return a lower bound of the absolute clock rate error, ppm, and a text about it.
 
     The bound is the estimated error minus its uncertainty, at least zero. It is computed by both methods of
     `clock_rates`, and the larger value is used.

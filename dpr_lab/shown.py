@@ -1,4 +1,7 @@
-"""Display public objects at a Python prompt: results as a heading and a table, and `help()` with short type names."""
+"""Display of public objects at a Python prompt.
+
+Results are shown as a heading and a table, and `help()` uses short type names.
+"""
 
 import ast
 import inspect

@@ -51,7 +51,7 @@ def read_text(path: Path, error: type[DprError] = DprError, encoding: str = "utf
 
 
 def write_whole(path: Path, write: Callable[[Path], object], error: type[DprError] = DprError) -> None:
-    """Write a file atomically: `write` fills a temporary file in the folder of `path`, which then replaces `path`.
+    """Write a file atomically by renaming a temporary file that `write` fills.
 
     The folder is created if it does not exist.
 

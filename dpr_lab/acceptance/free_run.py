@@ -16,7 +16,9 @@ from dpr_lab.run import Run, with_distinct_names
 
 
 def free_run_errors(runs: Sequence[Run], rig: Rig, diagnosis: Diagnosis, horizon_s: float) -> dict[str, float]:
-    """Compute the rms error of a free run of the corrected model from the start of each recorded swing, rad.
+    """Compute the rms error of the free run for each recorded swing, rad.
+
+    The corrected model is simulated from the start of the swing, without correction by the readings.
 
     The result is a mapping from run names to errors. An error is not finite if the simulation fails before the horizon.
     If the runs are not those of the diagnosis, effects that occurred only once are omitted, because they refer to a run

@@ -86,7 +86,7 @@ class FrictionLimit(RigTable):
 
 
 class FreeRunLimit(RigTable):
-    """Limit on the error of a free run that the corrected model makes from the start of a release."""
+    """Limit on the error of a free run of the corrected model."""
 
     max: Positive
     """Maximum root mean square error of a reading, in `unit`."""

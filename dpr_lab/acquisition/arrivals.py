@@ -1,4 +1,4 @@
-"""Clock rate of the device, estimated from the arrival times of its samples on the host's clock.
+"""Estimate the clock rate of the device from the arrival times of its samples.
 
 A sample cannot arrive before it was taken. Therefore arrival = offset + tick * period + delay with delay >= 0. Buffers
 and a busy host make individual delays long, but the shortest delay within a block of time hardly changes. A line is

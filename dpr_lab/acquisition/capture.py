@@ -160,7 +160,7 @@ def new_path(out_dir: Path, pose_name: str, uid: str) -> Path:
 
 
 def in_file_name(pose_name: str) -> str:
-    """Convert the name of a pose to the form that is used in names of run files."""
+    """Convert the name of a pose to the form used in file names of runs."""
     return re.sub(r"[^A-Za-z0-9.-]", "-", pose_name)
 
 

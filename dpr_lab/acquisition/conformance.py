@@ -83,7 +83,9 @@ mark the end of the command."""
 
 
 def conformity(link: Transport, settings: ConformanceSettings = ConformanceSettings()) -> Iterator[Conformity]:
-    """Test a device against the protocol: run every exchange that its port permits, and measure its timing.
+    """Test a device against the protocol.
+
+    Every exchange that the port of the device permits is run, and the timing is measured.
 
     Args:
         link: open link to the device, on which no rods are mounted

@@ -174,7 +174,7 @@ class Device:
             raise DeviceFault(f"{rate_hz} Hz is too fast for the device: choose at most {self.info.rate_max_hz} Hz")
 
     def hold(self, pose_number: int = 0) -> None:
-        """Engage the latch; a display shows the number of the pose (from 1, in the order of the rig file)."""
+        """Engage the latch, and show the number of the pose, from 1, on the display of the device."""
         self._command(Hold(pose=pose_number))
 
     def stream(self, rate_hz: int) -> None:

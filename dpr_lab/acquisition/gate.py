@@ -117,7 +117,7 @@ def judge(
 
 
 def fastest_possible(rig: Rig) -> Array:
-    """Return the maximum speeds (2,) of the rods after a release at rest from any pose, rad/s.
+    """Return the (2,) maximum speeds of the rods in a swing, rad/s.
 
     If one rod has all the potential energy E = 2 (e1 + e2), its squared speed is omega_i^2 = 2 E (M^-1)_ii, where M is
     the mass matrix. This value is largest if the rods are in line. M^-1 then has the diagonal [b, a] / (a b - d^2).

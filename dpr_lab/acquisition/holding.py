@@ -1,4 +1,4 @@
-"""Steps between the pose and the release: hold the rods, guide them, wait for rest, release only with permission."""
+"""Steps between pose and release: hold the rods, guide the operator, wait for rest, ask for permission."""
 
 import time
 from collections import deque
@@ -79,7 +79,7 @@ class RestWindow:
 
     @property
     def lost_before(self) -> Mapping[str, int]:
-        """Losses of the device before the oldest batch; there are none if the window contains no batch."""
+        """Samples that the device lost before the oldest batch; none if the window contains no batch."""
         return self.batches[0].lost_before if self.batches else {}
 
     def add(self, batches: Iterable[Batch]) -> None:
@@ -97,7 +97,7 @@ class RestWindow:
         return now - max((batch.host_time for batch in self.batches if batch.rows), default=-np.inf)
 
     def motion(self, rig: Rig) -> tuple[Array, Array] | None:
-        """Return the times (n,), s, and angles (n, 3), rad, in the window; return None until the window is full."""
+        """Return the times (n,), s, and angles (n, 3), rad; None until the window is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None
@@ -242,7 +242,9 @@ class HeldPose:
         self._report_at = 0.0
 
     def await_rest(self, timeout: float) -> None:
-        """Wait until the rods have been at rest and at the pose for the duration of `RestLimits`.
+        """Wait until the rods are at rest at the pose.
+
+        They must stay at rest for the duration in `RestLimits`.
 
         Raises:
             SafetyStop: the rods were not at rest at the pose within `timeout` s.

@@ -33,7 +33,7 @@ class PingClock:
         self._streaming = False
 
     def due(self, now: float) -> Ping | None:
-        """Return the PING to send at the host time `now`, s; return None if no PING is due."""
+        """Return the PING that is due at the host time `now`, s, or None."""
         if now < self._due_at:
             return None
         self._due_at = now + (self._timing.quick_ping_s if self._quick else self._timing.ping_s)

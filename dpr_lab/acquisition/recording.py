@@ -1,4 +1,4 @@
-"""Recording in progress: samples are written to the run file, and spooled for the quality checks at the end."""
+"""Write samples to the run file during the recording, and spool them for the final quality checks."""
 
 import time
 from collections.abc import Iterable, Mapping
@@ -84,7 +84,7 @@ class Recording:
         return self._writer.metadata.rate_hz
 
     def expect_release(self) -> None:
-        """Accept a reported instant of release from now on; call this method just before RELEASE is sent."""
+        """Accept the release time that the device reports; call this just before RELEASE is sent."""
         self._earliest_release = max(self._newest_tick, 0)
 
     @property
@@ -135,7 +135,7 @@ class Recording:
         self._end_tick, self._duration = self.samples.last_tick, self.t
 
     def tail(self, seconds: float) -> tuple[Array, Array]:
-        """Return the times (n,), s, and angles (n, 3), rad, of the samples in the last `seconds`."""
+        """Return the times (n,), s, and angles (n, 3), rad, of the last `seconds`."""
         rate_hz = self._writer.metadata.rate_hz
         ticks, counts = self.samples.newest(round(seconds * rate_hz))
         return ticks / rate_hz, self.rig.mounted_theta(counts)
@@ -186,7 +186,7 @@ class Recording:
         return DeviceWord(self._in_real_time, self._no_clock_fit, self._statuses, self._latched)
 
     def since(self, first: int) -> tuple[Array, Array]:
-        """Return the times since the release (n,), s, and angles (n, 3), rad, of the samples from index `first` on."""
+        """Return the times since the release (n,), s, and angles (n, 3), rad, from sample `first` on."""
         ticks, counts = self.samples.newest(len(self.samples) - first)
         return (ticks - (self.release_tick or 0)) / self._writer.metadata.rate_hz, self.rig.mounted_theta(counts)
 

@@ -1,4 +1,4 @@
-"""Recording of a swing: release the rods, record until the end, stop the device, and check the recording."""
+"""Record a swing: release the rods, record, stop the device, and check the recording."""
 
 import time
 from collections.abc import Callable, Mapping

@@ -39,7 +39,10 @@ def certify_limits(path: Path, folder: Path) -> CertifiedLimits:
 
 
 def compare_limits(certificate: Certificate, folder: Path) -> list[Verified]:
-    """Compare the limits file with its hash; the list is empty if the certificate has no limits."""
+    """Compare the limits file with its certified hash.
+
+    The list is empty if the certificate has no limits.
+    """
     if certificate.limits is None:
         return []
     path, certified = folder / certificate.limits.file, certificate.limits.sha256

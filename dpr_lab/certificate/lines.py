@@ -23,7 +23,7 @@ class Verified:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """Statement of a certificate that a repetition cannot verify: a free choice, or a part of its origin."""
+    """Statement of a certificate that a repetition cannot verify, such as a free choice."""
 
     name: str
     """Name of the choice, or of the part of the origin."""

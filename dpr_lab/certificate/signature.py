@@ -68,7 +68,9 @@ def _private(data: bytes, password: bytes | None) -> object:
 
 
 def load_public_key(path: Path) -> str:
-    """Read a public key in PEM or OpenSSH form and return it in OpenSSH form without comment.
+    """Read a public key in PEM or OpenSSH form and return it in OpenSSH form.
+
+    A comment in the key is removed.
 
     Raises:
         ConfigError: the file does not exist or is not an Ed25519 public key, or `cryptography` is not installed.

@@ -64,7 +64,10 @@ def update(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer) -> Di
 
 
 def candidates(diagnosis: Diagnosis, about: str) -> dict[str, float]:
-    """Return the probability of each candidate: members of the class of a named effect, and its alternatives."""
+    """Return the probability of each candidate cause of a named effect.
+
+    The candidates are the members of its class and its alternatives.
+    """
     if done := _done(diagnosis, about):
         return {name: p for name, p in done[-1].after.items() if name != NONE_OF_THEM}
     named = _named(diagnosis, about)
@@ -144,7 +147,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
 
 
 def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
-    """Return the checks that remain to be done, sorted by their expected information under the updated probabilities.
+    """Return the checks that remain to be done, most informative first.
 
     The expected information of an ideal measurement is the remaining entropy. For any other check, its fraction of the
     entropy is assumed to be the same as before the result.

@@ -47,7 +47,10 @@ class Choices:
     """Function that converts a name to its description, which may end with the identifier in brackets."""
 
     def complete(self, incomplete: str) -> list[tuple[str, str]]:
-        """Return the shell completions of the name after the last comma, as pairs of completed text and description."""
+        """Return the completions of the last name: pairs of completed text and description.
+
+        Names are separated by commas.
+        """
         before, comma, prefix = incomplete.rpartition(",")
         matching = (name for name in self.names() if name.startswith(prefix))
         return [(f"{before}{comma}{name}", self.worded(name).removesuffix(f" [{name}]")) for name in matching]
@@ -90,7 +93,7 @@ class Choices:
 
 
 def names_in(given: str | None) -> tuple[str, ...] | None:
-    """Split a text at its commas and return the nonempty names, without surrounding spaces; None for None."""
+    """Return the names in a text that is separated by commas; None for None."""
     return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
 
 
@@ -138,7 +141,7 @@ def built_in_rigs() -> list[str]:
 
 
 def complete_rig(incomplete: str) -> list[str]:
-    """Return the shell completions of a rig option: built-in rigs, and rig files in the current folder."""
+    """Return the completions of a rig option: built-in rigs and rig files in the current folder."""
     files = [str(path) for path in Path().glob(f"{incomplete}*") if path.is_dir() or path.suffix == ".toml"]
     return [name for name in built_in_rigs() if name.startswith(incomplete)] + files
 

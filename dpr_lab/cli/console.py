@@ -1,4 +1,7 @@
-"""Output of the commands: a JSON object or readable tables on stdout, all other output on stderr."""
+"""Output of the commands: results on stdout, everything else on stderr.
+
+Results are a JSON object or readable tables.
+"""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -23,7 +26,7 @@ def text(document: str) -> None:
 
 
 def emit(result: dict[str, Any] | list[dict[str, Any]]) -> None:
-    """Print a JSON object or a list of JSON objects on stdout; non-finite numbers are written as null."""
+    """Print JSON objects on stdout; non-finite numbers become null."""
     print(as_json(result))
 
 
@@ -49,7 +52,10 @@ def folded(message: str, stream: TextIO, before: int = 0) -> str:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, note: str = "") -> None:
-    """Print a table on stdout, at most as wide as the terminal, with an explanatory `note` below it."""
+    """Print a table with a `note` below it on stdout.
+
+    The table is at most as wide as the terminal.
+    """
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -136,7 +142,10 @@ def no_bar(done: float | None, text: str = "") -> None:
 
 @contextmanager
 def progress(title: str, total: float | None) -> Iterator[Bar]:
-    """Yield the progress bar on stderr if this is a terminal; it is indeterminate if `total` is None."""
+    """Show a progress bar on stderr if stderr is a terminal.
+
+    The bar is indeterminate if `total` is None.
+    """
     if not sys.stderr.isatty():
         yield no_bar
         return

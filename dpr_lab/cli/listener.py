@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Listener:
-    """Context manager that displays the events of a job and removes the progress bar at its end."""
+    """Display the events of a job, and remove the progress bar at the end (context manager)."""
 
     def __init__(self) -> None:
         self._bars, self._watch = ExitStack(), watch_compiling(self._compiling)
@@ -143,7 +143,7 @@ class Listener:
         elif event.last is not None:
             last = event.last
             truth, named = effects_listed(last.truth), named_by(last)
-            say(f"{event.done} of {event.of}: truth: {truth}; diagnosis: {named}: {last.grade}")
+            say(f"{event.done} of {event.of}: hidden: {truth}; diagnosis: {named}; grade: {last.grade}")
         elif event.done:
             say(f"{event.done} of {event.of} trials are complete already")
 

@@ -135,7 +135,10 @@ def _pair_rows(made: "Plan") -> list[tuple[str, ...]]:
 
 
 def commands(made: "Plan") -> list[str]:
-    """Return the commands that record all releases of a first plan, or only the next release of a later plan."""
+    """Return the commands that record the planned releases.
+
+    Before any recording these are the commands of all releases, afterwards that of the next release only.
+    """
     if made.state == "bench check":
         return []
     return [

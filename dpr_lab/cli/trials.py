@@ -185,7 +185,7 @@ def show_opened(opened: "Opened", trial: "Trial") -> None:
     if opened.truth.drawn["kind"] == "dirty":
         reported, missed = outcome.sensor_findings, outcome.faults_missed
         line(f"faulty encoders: detected {effects_listed(reported)}, missed {effects_listed(missed)}")
-    line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}: {outcome.grade}")
+    line(f"hidden: {effects_listed(outcome.truth)}; diagnosis: {named_by(outcome)}; grade: {outcome.grade}")
 
 
 STRATEGY_COLUMNS = (

@@ -40,7 +40,7 @@ class ExportFormat:
     """Whether the format requires optional packages; `diagnose --out` does not write such a format."""
 
     def lost(self, model: AnyModel, rig: Rig) -> dict[str, str]:
-        """Return the effects of a model that the format cannot express, with the reason for each effect."""
+        """Return the effects that the format cannot express, with a reason for each."""
         expressed = set(in_words(model, rig, self.words))
         expressed |= {name for name in model.effects if name in EFFECTS and EFFECTS[name].stage in self.calls}
         return left_out(model, expressed, self.program)

@@ -43,7 +43,7 @@ def in_words(model: AnyModel, rig: Rig, known: frozenset[str]) -> dict[str, Word
 
 
 def left_out(model: AnyModel, expressed: Collection[str], program: str) -> dict[str, str]:
-    """Return the effects of a model that a program cannot express, with the reason for each effect."""
+    """Return the effects that a program cannot express, with a reason for each."""
     return {name: _reason(name, model.effects[name], program) for name in model.effects if name not in expressed}
 
 
@@ -99,7 +99,7 @@ def bodies(model: AnyModel, rig: Rig, expressed: Mapping[str, Words]) -> Bodies:
 
 
 def notes(model: AnyModel, made: Bodies, lost: Mapping[str, str]) -> list[str]:
-    """Compose comments on an exported model: its scale, the omitted effects, and the torque of the arm's drive."""
+    """Describe an exported model: its scale, the omitted effects, and the torque of the arm's drive."""
     omitted = [f"omitted effects: {json.dumps(dict(lost), ensure_ascii=False)}"] if lost else []
     arm = made.arm
     drive = [f"joint0: torque = {arm.gain!r} N m per unit of {arm.input}"] if arm is not None and arm.input else []

@@ -108,7 +108,7 @@ class {name}(Fmi3Slave):
 
 @dataclass(frozen=True, slots=True)
 class UnitPorts:
-    """Inputs and states of a unit, and the name of the class that simulates the unit in the Python module."""
+    """Inputs and states of a unit, and the name of its class in the Python module."""
 
     name: str
     kind: str

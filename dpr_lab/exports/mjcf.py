@@ -157,7 +157,7 @@ def arm_torques(data, motion):
 
 @dataclass(frozen=True, slots=True)
 class EngineFile:
-    """File with the joints on which a module of passive forces acts; by default the file of `mjcf`."""
+    """File of joints on which a module of passive forces acts; by default that of `mjcf`."""
 
     name: str = XML
     joints: tuple[str, str] = ("joint1", "joint2")
@@ -233,7 +233,7 @@ def passive(
 
 
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
-    """Return the Coulomb friction (3,) at rest of the arm and of both hanging joints, N m.
+    """Return the (3,) Coulomb friction of arm and hanging joints at rest, N m.
 
     Each value is the smaller friction of both directions of motion.
     """

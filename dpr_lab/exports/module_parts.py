@@ -1,4 +1,4 @@
-"""Assemble exported Python modules from functions of dpr-lab with the chosen effects and a class that simulates.
+"""Assemble Python modules for export from functions of dpr-lab.
 
 Text from a file, for example the name of a rig, enters the source only as a Python literal. Such text is therefore
 never executed.

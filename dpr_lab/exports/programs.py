@@ -66,7 +66,7 @@ class Replay:
         return self.error(self.simulated)
 
     def driven(self, t: float, state: object) -> list[float]:
-        """Return the torques of joints 1 and 2, N m, or the input of the arm, in the step that contains the time t."""
+        """Return the input at time t: torques of joints 1 and 2, N m, or the input of the arm."""
         step = int((t - self.start) / REPLAY.step_s + 1e-6)  # a program may use shorter steps
         return self.torques[min(step, len(self.torques) - 1)].tolist()
 

@@ -63,7 +63,7 @@ def fitted_for(formats: Sequence[str], model: AnyModel, runs: Sequence[Run], rig
 
 
 def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run], rig: Rig) -> AnyModel:
-    """Refit a model with only those effects on the rods that the given simulator elements can express.
+    """Refit a model with only those effects that the given simulator elements can express.
 
     The model is returned unchanged if the elements can express all of its effects.
 
@@ -85,7 +85,7 @@ def fitted_in_words(model: AnyModel, words: frozenset[str], runs: Sequence[Run],
 
 
 def unchanged(model: AnyModel, written: AnyModel) -> set[str]:
-    """Return the effects of a model that the written, simpler model contains with all amplitudes."""
+    """Return the effects that the simpler, written model contains with all their amplitudes."""
     sizes = known_effects(model.effects)
     return {
         name

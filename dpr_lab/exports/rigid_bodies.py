@@ -60,7 +60,10 @@ class Rod:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """An arm that turns about the vertical axis, SI units; the arm is compliant, free or driven."""
+    """Arm that turns about the vertical axis, SI units.
+
+    It is compliant, free or driven.
+    """
 
     length: float
     """Distance of the rods' plane from the axis of the arm, m."""
@@ -105,12 +108,15 @@ class Link:
 
     @property
     def axis(self) -> str:
-        """Axis of the hinge in the frame of the parent: vertical for the arm, horizontal for the rods."""
+        """Axis of the hinge in the parent frame: vertical for the arm, horizontal for the rods."""
         return "0 1 0" if self.joint else "0 0 1"
 
     @property
     def hanging(self) -> float:
-        """Angle of the hinge when the rods hang, rad; 0 = upright, joint 2 relative to the inner rod."""
+        """Hinge angle of hanging rods, rad.
+
+        0 is upright; joint 2 is relative to the inner rod.
+        """
         return math.pi if self.joint == 1 else 0.0
 
 

@@ -21,7 +21,7 @@ Rewrite = Callable[[ast.FunctionDef], ast.FunctionDef]
 
 
 def sources(roots: Mapping[str, Any], rewritten: Mapping[str, Rewrite] | None = None) -> str:
-    """Collect the definitions of the roots and of everything that the roots use, in an executable order.
+    """Collect the definitions that the roots need, in executable order.
 
     Args:
         roots: functions (compiled or not), named tuples or numbers, by their name in the source

@@ -1,4 +1,4 @@
-"""Repeat the published search with several seeds; the true values are on or off the coding grid."""
+"""Repeat the published search with several seeds, with true values on and off the coding grid."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -91,7 +91,7 @@ class Found:
 
 
 def ratio_percent(Z: Array, truth: Array, rig: Rig) -> Array:
-    """Compute the signed relative errors (5,) of the five ratios for one set of nine parameters, %."""
+    """Compute the (5,) signed relative errors of the ratios for nine parameters, %."""
     L1, g = rig.L1, rig.g
     return 100 * (ratios(base_parameters(Z, L1, g)) / ratios(base_parameters(truth, L1, g)) - 1)
 

@@ -17,7 +17,7 @@ from dpr_lab.whole_file import write_whole
 
 
 def response_figure(search: Found, rig: Rig) -> Figure:
-    """Draw figure 2: angles with the true and with the identified parameters, with one row for each pose."""
+    """Draw figure 2: angles with true and identified parameters, one row per pose."""
     true, ours = swings(TRUTHS[search.case.grid], rig), swings(search.best, rig)
 
     def draw(axes: Axes, pose: int, axis: int) -> None:

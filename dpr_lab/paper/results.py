@@ -34,9 +34,10 @@ class Reproduction:
 
     @property
     def best(self) -> Found:
-        """Search that the figures show: true values on the grid, and smallest E of the angles from X1.
+        """Search shown in the figures: the one with the smallest angle error E from X1.
 
-        Values of H in different interpretations are not comparable.
+        Only searches with the true values on the coding grid are considered. Values of the objective H in different
+        interpretations are not comparable.
         """
         return min((f for f in self.results if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
 

@@ -61,7 +61,7 @@ def table1(ours: Recomputed) -> PaperTable:
 
 
 def table2(ours: Recomputed) -> PaperTable:
-    """Build table 2: E of groups 1, 4 and 6 from the three poses, printed and in every interpretation."""
+    """Build table 2: E of groups 1, 4 and 6 from three poses, in every interpretation."""
     rows = [
         (
             str(int(group)),
@@ -76,7 +76,7 @@ def table2(ours: Recomputed) -> PaperTable:
 
 
 def table3(ours: Recomputed, rig: Rig) -> PaperTable:
-    """Build table 3: H of the ten printed rows in several interpretations, and the parameter errors of these rows."""
+    """Build table 3: H and parameter errors of the ten printed rows, in several interpretations."""
     angles, speeds = ours.table3["angles"], ours.table3["angles and speeds"]
     columns = (
         "row",
@@ -103,7 +103,7 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
 
 
 def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
-    """Build the table of the repeated searches: H, and errors of the nine parameters and of the five ratios."""
+    """Build the table of the repeated searches: H, and errors of parameters and ratios."""
     columns = (
         "H",
         "grid",
@@ -143,7 +143,7 @@ def ratios(results: Sequence[Found], rig: Rig) -> PaperTable:
 
 
 def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
-    """Describe the agreement with the publication in one sentence for each interpretation of H and each grid."""
+    """Describe the agreement with the publication, one sentence per interpretation of H and grid."""
     return [
         _verdict(reading, grid, group, rig)
         for reading in READINGS

@@ -1,4 +1,4 @@
-"""Compute a text that identifies the installed plugins, for caches that depend on the code of plugins."""
+"""Identify the installed plugins by a text, for caches that depend on plugin code."""
 
 import hashlib
 import importlib.util
@@ -9,7 +9,10 @@ from dpr_lab.plugins.installed import announced, without_current_folder
 
 
 def fingerprint(*groups: str) -> str:
-    """Name, version and source hash of each plugin in some groups, one plugin per line; may be empty."""
+    """Name, version and source hash of each plugin in some groups, one line each.
+
+    The text is empty without plugins.
+    """
     used = sorted({(p.package, p.version, p.module.partition(".")[0]) for p in announced() if p.group in groups})
     return "".join(f"{package} {version} {module} {_source_hash(module)}\n" for package, version, module in used)
 

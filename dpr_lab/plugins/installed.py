@@ -77,7 +77,10 @@ def _import_folders() -> list[str]:
 
 @contextmanager
 def without_current_folder() -> Iterator[None]:
-    """Context manager that removes the current folder from `sys.path`; `python -m` and `python -c` insert it there."""
+    """Remove the current folder from `sys.path` (context manager).
+
+    `python -m` and `python -c` insert it there.
+    """
     before = list(sys.path)
     first = sys.path[:1] if sys.flags.safe_path else [f for f in sys.path[:1] if f in _import_folders()]
     sys.path[:] = first + [folder for folder in before[1:] if folder]

@@ -33,7 +33,7 @@ def origin(group: str, row: str) -> Plugin | None:
 
 
 def failure(error: BaseException) -> str:
-    """Compose a message for an exception raised by a plugin or by a library that it called; empty for others."""
+    """Describe an exception that a plugin or its libraries raised; empty for other exceptions."""
     by_module = {plugin.module.partition(".")[0]: plugin for plugin in announced()}
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         root = str(frame.f_globals.get("__name__", "")).partition(".")[0]

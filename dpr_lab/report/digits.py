@@ -25,7 +25,7 @@ def plus_minus(value: float, std: float | None) -> str:
 
 
 def interval(low: float, high: float, value: float, std: float) -> str:
-    """Format the interval of a value with the number of decimals that `plus_minus` uses for the value."""
+    """Format an interval with as many decimals as `plus_minus` uses for its value."""
     if std == 0:
         return f"{low:.4g} to {high:.4g}"
     return _scaled("{} to {}", (low, high), value, std)

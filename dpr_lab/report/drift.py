@@ -52,12 +52,15 @@ def sentence(drift: Drift) -> str:
 
 
 def between(parameter: ParameterChange) -> str:
-    """Compose a phrase that names the groups that differ, for example `between 2026-11-16 and 2026-11-17`."""
+    """Name the groups that differ, for example `between 2026-11-16 and 2026-11-17`."""
     return f"between {parameter.between[0]} and {parameter.between[1]}"
 
 
 def relative(parameter: ParameterChange, change: float) -> str:
-    """Format a change in per cent of the mean of the first group, or in SI units if this mean is about zero."""
+    """Format a change in per cent of the mean of the first group.
+
+    The change is in SI units if this mean is about zero.
+    """
     if not _has_size(parameter):
         return f"{change:+.3g} {unit_of(parameter.name)}".strip()
     per_cent = round(100 * change / abs(parameter.first), 6)  # equal data must not change by rounding errors
@@ -102,7 +105,7 @@ def rows(drift: Drift) -> list[list[str]]:
 
 
 def group_rows(drift: Drift) -> list[list[str]]:
-    """Return one row for each pair of a parameter and a later group, in the columns `GROUP_COLUMNS`."""
+    """Return the rows of the table `GROUP_COLUMNS`: one per parameter and later group."""
     return [
         [
             parameter.name,
@@ -116,7 +119,7 @@ def group_rows(drift: Drift) -> list[list[str]]:
 
 
 def basis_sentence(drift: Drift, torques: Sequence[str] = ()) -> str:
-    """Compose sentences on the basis of the intervals.
+    """Describe how the intervals were computed.
 
     If the scale is not identified, the sentences also explain the ratios.
     """
@@ -165,7 +168,10 @@ def save_drift(
 
 
 def chart(drift: Drift, estimates: Estimates, group: Sequence[int]) -> Figure:
-    """Draw a control chart of each parameter, group by group: runs of two groups may alternate in time."""
+    """Draw a control chart of each parameter, group by group.
+
+    Runs of two groups may alternate in time.
+    """
     order = np.argsort(group, kind="stable")
     group = [group[k] for k in order]
     with style.house_style():

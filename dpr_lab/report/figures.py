@@ -88,7 +88,7 @@ def run_figure(run: Run) -> Figure:
 
 
 def response_figure(comparisons: Compared) -> Figure:
-    """Draw measured and simulated angles of both rods with one row per run (figure 2 of the publication).
+    """Draw measured and simulated angles of both rods, one row per run (figure 2 of the publication).
 
     The free run is a strong line up to the predictability horizon and a faint line beyond it. The axis range is that of
     the measured angles, so that a diverging free run leaves the panel. With a moving arm, there is one row for each
@@ -113,7 +113,7 @@ def response_figure(comparisons: Compared) -> Figure:
 
 
 def error_figure(comparisons: Compared) -> Figure:
-    """Draw errors and residuals of each run with the noise floor, mrad (figure 3 of the publication).
+    """Draw errors and residuals of each run, mrad (figure 3 of the publication).
 
     The left panels show the error of the free run up to the horizon. The right panels show the residual of segments
     with fitted initial states. The panels of the inner rod are above those of the outer rod. With a moving arm, the

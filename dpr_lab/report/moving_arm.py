@@ -58,7 +58,7 @@ def absolute_rows(model: "MovingArmModel") -> list[list[str]]:
 
 
 def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
-    """Return one row for each pair of a run and a joint, from the result of `compare_moving_arm`."""
+    """Return one row per run and joint of the result of `compare_moving_arm`."""
     return [
         [
             run_name(Path(f"{run['run']}.mcap")),

@@ -119,7 +119,7 @@ def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Call
 
 
 def check_of(replayed: Replayed, bare_rad: float) -> dict[str, float]:
-    """Return the errors of an export and of the bare model, which are stored with the export."""
+    """Return the stored errors of an export and of the bare model."""
     return {"off_rad": replayed.off_rad, "closed": replayed.closed, "bare_rad": bare_rad}
 
 

@@ -9,7 +9,7 @@ DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 
 
 def text_chart(t: Array, y: Array, unit: str = "rad", width: int = 64, height: int = 6) -> list[str]:
-    """Draw a curve by `text_plot`, with its extreme values on the left and a time axis below.
+    """Draw a curve by `text_plot`, with its extreme values and a time axis.
 
     Args:
         t: (n,) increasing instants, s
@@ -31,7 +31,7 @@ def text_chart(t: Array, y: Array, unit: str = "rad", width: int = 64, height: i
 
 
 def text_plot(t: Array, y: Array, width: int = 64, height: int = 6) -> list[str]:
-    """Draw a curve as lines of braille characters, each of 2 x 4 dots; extremes are kept.
+    """Draw a curve as braille characters of 2 x 4 dots; extremes are kept.
 
     Args:
         t: (n,) increasing instants, s

@@ -1,4 +1,7 @@
-"""Differential evolution of scipy, called for one generation at a time, for comparison with the genetic algorithm."""
+"""Differential evolution of scipy, one generation at a time.
+
+It is used for comparison with the genetic algorithm.
+"""
 
 from collections.abc import Iterator
 from functools import partial

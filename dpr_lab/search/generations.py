@@ -12,7 +12,7 @@ from dpr_lab.search.settings import SearchSettings
 def generations(
     problem: SearchProblem, populations: Iterable[Population], settings: SearchSettings
 ) -> Iterator[Generation]:
-    """Record the populations of a search with their numbers, until its end or until the search stagnates.
+    """Record the populations of a search, numbered, until it ends or stagnates.
 
     Args:
         problem: the search problem; it supplies the number of evaluations and the fixed genes

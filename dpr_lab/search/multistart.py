@@ -1,4 +1,7 @@
-"""Local searches by L-BFGS-B from the best points of a Latin hypercube, for comparison with the genetic algorithm."""
+"""Local searches by L-BFGS-B from the best points of a Latin hypercube.
+
+They are used for comparison with the genetic algorithm.
+"""
 
 from collections.abc import Iterator
 from functools import partial

@@ -1,4 +1,4 @@
-"""Orthogonal experiment, step (6) of the algorithm: a few trials find the best combination of two chromosomes."""
+"""Orthogonal experiment: combine two chromosomes in few trials, step (6) of the algorithm."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Define types for the rods of a model: an inner rod, an outer rod on it, and optionally an arm.
+"""Types for the rods of a model: inner rod, outer rod, and optionally an arm.
 
 The axis of the arm is vertical. The arm may carry only the inner rod. theta_i is the angle of rod i from upright, about
 the axis of joint 1 (docs/theory.md). The inner rod points from joint 1 to joint 2. The last rod points from its joint
@@ -13,7 +13,7 @@ from dpr_lab.simulator_models.tree import ModelJoint, Vector
 
 @dataclass(frozen=True, slots=True)
 class ChainLimits:
-    """Tolerances for parallel axes and for parts that are fixed to the elbow, and the default gravity."""
+    """Default gravity, and tolerances for parallel axes and for parts fixed to the elbow."""
 
     gravity: float = 9.81
     """Gravity of a model that contains none, m/s^2."""

@@ -1,4 +1,4 @@
-"""Combine the parts that move with each joint into the rods and the arm of a double pendulum."""
+"""Combine parts that move with a joint to the rods and arm of a double pendulum."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ def fixed_to(model: SimulatorModel, index: int, chain: set[int]) -> list[Part]:
 
 
 def sum_of(parts: Sequence[Part]) -> tuple[float, Vector, Vector]:
-    """Compute the total mass, the centre of mass, and the inertia (3, 3) about the centre of mass of some parts.
+    """Compute the total mass, centre of mass and inertia (3, 3) of some parts.
 
     Raises:
         ConfigError: the parts have no mass.
@@ -51,7 +51,7 @@ def parts_at_elbow(parts: Sequence[Part], joint: ModelJoint, next_joint: ModelJo
 def inner_rod(
     parts: Sequence[Part], at_elbow: Sequence[Part], joints: tuple[ModelJoint, ModelJoint], plane: Vector, e: Vector
 ) -> tuple[ChainRod, float]:
-    """Build the inner rod, and compute the angle of this rod when its joint is at zero, rad."""
+    """Build the inner rod, and compute its angle at joint angle zero, rad."""
     joint, next_joint = joints
     towards = plane @ (next_joint.anchor - joint.anchor)
     length = float(np.linalg.norm(towards))

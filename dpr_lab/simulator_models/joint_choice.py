@@ -1,4 +1,4 @@
-"""Choose the hinges of a model that are the joints of inner rod, outer rod and arm."""
+"""Choose the hinges of a model for the joints of inner rod, outer rod and arm."""
 
 import math
 from collections.abc import Sequence

@@ -92,7 +92,10 @@ def follows(joint: str, factor: float, offset: float) -> dict[str, str]:
 
 
 def frame(roll: float, pitch: float, yaw: float) -> Vector:
-    """Compute the rotation (3, 3) about the fixed axes x, y, z, in this order; the angles are in rad."""
+    """Compute the (3, 3) rotation from roll, pitch and yaw angles, rad.
+
+    The rotations about the fixed axes x, y, z are applied in this order.
+    """
     (a, b), (c, d), (e, f) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))
     about_x = np.array([[1, 0, 0], [0, a, -b], [0, b, a]])
     about_y = np.array([[c, 0, d], [0, 1, 0], [-d, 0, c]])

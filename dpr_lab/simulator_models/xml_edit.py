@@ -79,7 +79,7 @@ class XmlEdit:
     changes: list[ChangedAttribute]
 
     def find(self, tag: str, **attributes: str) -> int | None:
-        """Return the index of the first element with this tag and these attributes; None if there is none."""
+        """Return the index of the first element with this tag and attributes, or None."""
         wanted = attributes.items()
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
 

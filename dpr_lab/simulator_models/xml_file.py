@@ -1,4 +1,7 @@
-"""Read untrusted XML files; refuse entities, document types, and includes from outside the folder of the model."""
+"""Read untrusted XML files.
+
+Entities, document types, and includes from outside the folder of the model are refused.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Extend `mcap.writer.Writer` by a chunk index on disk and by a call that writes many messages at once."""
+"""Extend `mcap.writer.Writer` by an index on disk and by a call that writes many messages."""
 
 from collections.abc import Iterator
 from pathlib import Path

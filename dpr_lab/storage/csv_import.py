@@ -103,7 +103,7 @@ def _metadata(path: Path, rig: Rig, swing: Understood) -> RunMetadata:
 
 
 def table_name(path: Path) -> str:
-    """Return the name of the run that is imported from a file: the file name without its suffix.
+    """Return the run name of an imported file: the file name without suffix.
 
     `.csv.gz` counts as one suffix.
     """

@@ -119,7 +119,7 @@ def write_parquet(run: Run, path: Path) -> None:
 
 
 def write_hdf5(run: Run, path: Path) -> None:
-    """Write HDF5 with one data set for each column; the data sets are compressed and have checksums.
+    """Write HDF5 with one compressed data set, with checksum, for each column.
 
     The file is created in memory, because the library aborts the whole program if the disk is full.
     """
@@ -155,7 +155,10 @@ def write_netcdf(run: Run, path: Path) -> None:
 
 
 def write_mat(run: Run, path: Path) -> None:
-    """Write a MAT-file of level 5; in MATLAB, `load` returns one column vector per column and the struct `run`."""
+    """Write a MAT-file of level 5.
+
+    In MATLAB, `load` returns one column vector per column and the struct `run`.
+    """
     from scipy.io import savemat
 
     with path.open("wb") as file:

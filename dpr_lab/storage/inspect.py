@@ -163,7 +163,7 @@ def holds_both_torques(path: Path) -> bool:
 
 
 def verify(path: Path | str) -> Verification:
-    """Verify the integrity of a run file: its hash, its CRCs, and the number and order of its samples.
+    """Verify a run file: its hash, its CRCs, and the number and order of its samples.
 
     Raises:
         RunError: there is no such file.

@@ -122,7 +122,7 @@ def sealed(record: Mapping[str, str]) -> dict[str, str]:
 
 
 def unsealed(record: Mapping[str, str]) -> dict[str, str] | None:
-    """Remove the digest from a metadata record; return None if the digest does not match the record."""
+    """Remove the digest from a metadata record; return None if it does not match."""
     content = {key: value for key, value in record.items() if key != "digest"}
     return content if record.get("digest") == _digest(content) else None
 

@@ -189,7 +189,7 @@ def _words(values: Mapping[str, Any]) -> dict[str, str]:
 
 
 def numbers(values: Mapping[str, Any]) -> dict[str, float]:
-    """Select the entries whose values are finite numbers from a mapping that was read from a file."""
+    """Select the entries with finite numbers from a mapping read from a file."""
     known = {name: value for name, value in values.items() if isinstance(value, int | float)}
     return {str(name): value for name, value in known.items() if np.isfinite(value)}
 

@@ -102,7 +102,7 @@ def load_run(path: Path | str, rig: Rig | None = None, verify: bool = True) -> R
 
 
 def of_a_table(metadata: RunMetadata) -> dict[str, Any]:
-    """Return the fields of a `Run` that are set only for imported tables, for example `keep_rest` and `film_noise`."""
+    """Return the fields of a `Run` that only imported tables set, such as `keep_rest` and `film_noise`."""
     if metadata.time_source != "table":
         return {}
     options, columns, film = (_object(metadata.extra.get(key, "")) for key in ("options", "columns", "film_noise"))
@@ -132,7 +132,7 @@ def _object(text: str) -> dict[str, Any]:
 
 
 def released(run: Run) -> Run:
-    """Return the part of an imported run from the start of the motion to the end of the swing.
+    """Return the part of an imported run from the start to the end of the swing.
 
     If this part cannot be determined, the whole run is returned. `refuse_held` then raises an error with the reason.
     """
@@ -165,7 +165,7 @@ def _torques(samples: Samples) -> tuple[Array | None, Array | None]:
 
 
 def arm_mode(stored: Scan) -> ArmMode:
-    """Return the mode of the arm that the run states, or otherwise the mode in its rig.
+    """Return the mode of the arm that the run states, otherwise that of its rig.
 
     If the rig has a driven arm and the run states no mode, the arm counts as prescribed. A device may send only the
     angle of the arm.
@@ -182,7 +182,7 @@ def arm_mode(stored: Scan) -> ArmMode:
 
 
 def inner_mode(stored: Scan) -> str:
-    """Return the mode of the inner rod that the run states, or otherwise the mode in its rig.
+    """Return the mode of the inner rod that the run states, otherwise that of its rig.
 
     Raises:
         RunError: the mode is unknown.

@@ -42,7 +42,10 @@ _HEAD = np.dtype([("kind", "u1"), ("length", "<u8"), ("channel", "<u2"), ("numbe
 
 
 def message_records(channel: int, log_ns: Integers, texts: Bytes) -> Bytes:
-    """Create MCAP message records (n, 31 + w) from log times (n,), ns, and texts (n, w)."""
+    """Create the (n, 31 + w) MCAP records of messages.
+
+    The arguments are log times (n,), ns, and texts (n, w).
+    """
     head = np.zeros(len(texts), dtype=_HEAD)
     head["kind"], head["length"] = Opcode.MESSAGE, _HEAD.itemsize - 9 + texts.shape[1]
     head["channel"], head["log"] = channel, log_ns[:, None]
@@ -74,7 +77,7 @@ def sample_texts(
     counts: Integers | None,
     torques: Array,
 ) -> Bytes | None:
-    """Return the JSON texts (n, w) of samples, or None if a number cannot be written with fixed width.
+    """Return the (n, w) JSON texts of samples, or None if a number has no fixed width.
 
     Args:
         tick: (n,)

@@ -1,4 +1,4 @@
-"""Convert the messages of a run file to arrays, chunk by chunk; their content is not trusted."""
+"""Convert the untrusted messages of a run file to arrays, chunk by chunk."""
 
 import json
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ def json_object(data: bytes) -> dict[str, Any]:
 
 @dataclass(slots=True)
 class Gathered:
-    """Collector of the numbers in the messages of a file; the numbers are stored as arrays to save memory."""
+    """Collector of the numbers in a file's messages; arrays save memory."""
 
     release_tick: int | None = None
     """Tick of the first valid release."""

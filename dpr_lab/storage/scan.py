@@ -1,4 +1,4 @@
-"""Read a run file up to its end or to the first damage; its content is not trusted.
+"""Read an untrusted run file up to its end or to the first damage.
 
 The indexed reader of the MCAP library needs a complete file. This reader reads the records in order and stops at the
 first inconsistent record. Every chunk has a CRC, the two essential records have a digest, and the rig has a hash. Every
@@ -106,7 +106,7 @@ class Scan:
 
     @property
     def newest_clock(self) -> dict[str, Any]:
-        """Last clock fit that was written during the recording; the mapping is empty if no clock fit was written.
+        """Last clock fit written during the recording; empty if there is none.
 
         Raises:
             RunError: the message of the clock fit does not have the layout of a run file.

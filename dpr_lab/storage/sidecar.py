@@ -30,7 +30,7 @@ def write_sidecar(path: Path, content: Path | None = None) -> None:
 
 
 def read_sidecar(path: Path) -> str | None:
-    """Read the hash of a run, in lower-case hexadecimal; it was written when the run was finished.
+    """Read the hash that was written when a run was finished, in lower-case hexadecimal.
 
     The result is None if the hash file is missing or empty. The file is empty if the computer lost power while the hash
     was written.
@@ -59,7 +59,7 @@ def write_note(path: Path, note: str) -> None:
 
 
 def read_note(path: Path, recorded: str) -> str:
-    """Read the note on a run from the note file; without a note file, return the note of the recording."""
+    """Read the note on a run from the note file, otherwise that of the recording."""
     try:
         return printable(regular(note_of(path), RunError).read_text(encoding="utf-8", errors="replace")[:LONGEST_NOTE])
     except OSError:

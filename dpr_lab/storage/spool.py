@@ -1,4 +1,4 @@
-"""Store the samples of the current recording in a temporary file, so that memory does not grow with its length."""
+"""Temporary file for the samples of a recording, so that memory does not grow."""
 
 from pathlib import Path
 from tempfile import TemporaryFile

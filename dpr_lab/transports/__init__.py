@@ -1,4 +1,7 @@
-"""Links to a device: serial port, TCP, CAN bus and simulated device, all with the interface `transport.Transport`."""
+"""Links to a device: serial port, TCP, CAN bus and simulated device.
+
+All of them implement `transport.Transport`.
+"""
 
 from __future__ import annotations
 

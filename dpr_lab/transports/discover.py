@@ -50,9 +50,9 @@ def serial_ports() -> tuple[SerialPortFound, ...]:
 
 
 def matching_ports(pattern: str) -> list[str]:
-    """Return the serial ports that match a name with `*`.
+    """Return the serial ports whose name matches a pattern with the wildcard `*`.
 
-    If the name is empty, return all ports that can be opened.
+    If the pattern is empty, return all ports that can be opened.
     """
     return sorted(glob.glob(pattern)) if pattern else [port.device for port in serial_ports() if not port.problem]
 

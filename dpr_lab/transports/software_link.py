@@ -1,4 +1,4 @@
-"""Detection of links that may lead to a simulated device, whose time may differ from real time."""
+"""Detect links that may lead to a simulated device, whose time may differ from real time."""
 
 import os
 import re
@@ -13,10 +13,10 @@ _PSEUDO_TERMINAL = re.compile(r"/dev/(pts/\d+|ttys\d+)")
 
 
 def leads_to_software(url: str) -> bool:
-    """Return whether the link of a URL is inside this computer: simulated, pseudo-terminal, loopback or virtual bus.
+    """Return whether a URL leads to software on this computer.
 
-    A link over a serial port, over an adapter or to another computer does not count as inside, even if the device
-    declares simulated time.
+    This is the case for a simulated device, a pseudo-terminal, a loopback address or a virtual bus. A link over a
+    serial port, over an adapter or to another computer does not count, even if the device declares simulated time.
     """
     try:
         link = parse_url(url)

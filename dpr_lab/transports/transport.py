@@ -34,7 +34,7 @@ class Capacity:
         return replace(self, bits_per_sample=frames * self.bits_per_sample)
 
     def load(self, rate_hz: int) -> str:
-        """Return a sentence that states the load of a sample rate on the link and its calculation."""
+        """Describe the load of a sample rate on the link, with its calculation."""
         needed = rate_hz * self.bits_per_sample
         return (
             f"{rate_hz} Hz needs {needed:,} bit/s, {100 * needed / self.bits_per_s:.0f} % of {self.name}"

@@ -1,4 +1,4 @@
-"""Choose the next release of a sequential trial: by a plan, from a fixed menu, or at random."""
+"""Choose the next release of a sequential trial by a plan, from a menu, or at random."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Run a blind trial in a folder: draw and record a plant, write the diagnosis, and then reveal the plant.
+"""Run a blind trial in a folder: draw, record, diagnose, and then reveal a plant.
 
 trial.json      the seal, which is published before the recording; written when all runs are complete
 rig.toml        the rig file of the plant

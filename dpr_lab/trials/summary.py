@@ -106,7 +106,7 @@ def wilson90(held: int, of: int) -> tuple[float, float]:
 
 
 def summary(outcomes: Sequence[TrialOutcome]) -> dict[str, Any]:
-    """Compute all scores of the given trials; a share is nan if there are no trials to which it applies.
+    """Compute all scores of the given trials; a share is nan without applicable trials.
 
     Named effects are scored only if the library contains the cause. Otherwise, the correct result is an unexplained
     gap.
@@ -216,7 +216,7 @@ def by_effect(outcomes: Sequence[TrialOutcome]) -> list[dict[str, Any]]:
 def by_size(
     outcomes: Sequence[TrialOutcome], limits: Sequence[float] = (0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 ) -> list[dict[str, Any]]:
-    """Compute the scores by size of the hidden effect, with one row for each range of sizes.
+    """Compute the scores by size of the hidden effect, one row per range of sizes.
 
     Sizes are relative to the minimum detectable size. `limits` are the lower ends of the ranges. The last range has no
     upper end, so that its `to` is None. `named` counts every effect; `first` and `exact` count the trials in which an

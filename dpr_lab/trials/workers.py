@@ -1,4 +1,4 @@
-"""Run the cases of a campaign in parallel, in processes of this machine or on a cluster.
+"""Run the cases of a campaign in parallel on this machine or on a cluster.
 
 A case and its result are JSON values. Each worker runs one case at a time, in one thread.
 """
@@ -34,7 +34,10 @@ and execute any code that they receive.
 
 
 def exposure(scheduler: str) -> str | None:
-    """Return a warning if others can access a scheduler address; None for the local interface, or with TLS."""
+    """Return a warning if others can access a scheduler address.
+
+    The result is None for the local interface, or with TLS.
+    """
     address = ADDRESS.fullmatch(scheduler)
     if address is None or address["scheme"] == "tls" or _loopback(address["host"].strip("[]")):
         return None
@@ -75,7 +78,9 @@ def on_this_machine(run: CaseFunction, cases: Sequence[Case], processes: int) ->
 def on_cluster(
     run: CaseFunction, cases: Sequence[Case], scheduler: str, *, connect_s: float = 10.0, workers_s: float = 60.0
 ) -> Iterator[Done]:
-    """Run the cases on the workers of a dask scheduler; dpr-lab must be installed on these workers.
+    """Run the cases on the workers of a dask scheduler.
+
+    dpr-lab must be installed on these workers.
 
     Args:
         run: a function of this package, which the workers import

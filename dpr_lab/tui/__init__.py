@@ -1,4 +1,4 @@
-"""Terminal user interface (`dpr-lab tui`), also called "the screen": seven steps from the connection to the diagnosis.
+"""Terminal user interface (`dpr-lab tui`), also called "the screen", in seven steps.
 
 The steps run the same workflows as the command line.
 

@@ -348,7 +348,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
         yield from Palette(self, self.steps, self.services.keys, self.action_go).commands()
 
     def save_picture(self, filename: str | None, path: str | None, time_format: str | None) -> str | None:
-        """Save a screenshot in the folder of the results; a message shows its path or the error."""
+        """Save a screenshot in the folder of the results, and show its path or the error."""
         folder = Path(path) if path else self.workspace.out / "screenshots"
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -57,7 +57,10 @@ class KeyNames:
 
 
 def keys_file() -> Path:
-    """Return the path of the operator's key bindings, in the user's folder or in the folder DPR_LAB_CONFIG."""
+    """Return the path of the operator's key bindings.
+
+    The folder is DPR_LAB_CONFIG or, if it is not set, that of the user.
+    """
     return Path(os.environ.get("DPR_LAB_CONFIG") or platformdirs.user_config_dir("dpr-lab")) / "keys.toml"
 
 

@@ -51,7 +51,7 @@ class Hanging(Visual):
         return self.content.get_minimal_width(rules)
 
     def get_height(self, rules: RulesMap, width: int) -> int:
-        """Return the height that the text needs at a width; required by the `Visual` interface of Textual."""
+        """Return the height of the text at a width (Textual interface `Visual`)."""
         return self._broken(width).get_height(rules, width)
 
     def _broken(self, width: int) -> Content:

@@ -24,7 +24,10 @@ class Palette:
     """Function that shows a step, numbered from 1."""
 
     def commands(self) -> Iterator[SystemCommand]:
-        """Yield a command for each step and each action; an action of another step first shows that step."""
+        """Yield a command for each step and each action.
+
+        An action of another step first shows that step.
+        """
         for number, step in enumerate(self.steps, 1):
             yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(self.go, number))
             yield from (self._command(binding, step.NAME, number) for binding in _bindings(step))

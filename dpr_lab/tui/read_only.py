@@ -73,7 +73,7 @@ _CHANGES = frozenset(
 
 
 def forbid_writing() -> None:
-    """Refuse every later call of this process that writes a file, changes a folder or starts a program.
+    """Forbid this process to write files, change folders or start programs.
 
     Actions that are not permitted are already refused with a message. This function is a second protection, in case a
     list of permitted actions contains one that writes. Its effect cannot be undone.

@@ -78,13 +78,13 @@ def counted_runs(count: int) -> str:
 
 
 def shorter(names: Sequence[str], most: int = 6) -> str:
-    """Join the first `most` names of a list with commas, and add the number of the other names."""
+    """Join the first `most` names with commas, and count the others."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def named_runs(runs: Sequence[Path]) -> str:
-    """Return a text with the number of runs, their names, and the period in which they were recorded.
+    """Return a text with the number, names and recording period of runs.
 
     An example is `2 runs: X1, X2 (2026-11-21 11:15 to 11:19 CET)`. If there are no runs, the text is empty.
     """
@@ -100,7 +100,10 @@ def named_runs(runs: Sequence[Path]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Bars:
-    """Horizontal bar chart that adapts to the width; a bar has a label, a value, an optional interval and a text."""
+    """Horizontal bar chart that adapts to the width.
+
+    A bar has a label, a value, an optional interval and a text.
+    """
 
     rows: Sequence[tuple[str, float, tuple[float, float] | None, str]]
     top: float | None = None

@@ -20,7 +20,9 @@ HEADERS = {"Referrer-Policy": "no-referrer", "X-Frame-Options": "DENY", "Cache-C
 
 
 def serve(command: Sequence[str], port: int) -> None:
-    """Serve the screen to browsers on this computer until Ctrl-C; each browser that opens the page runs the command.
+    """Serve the screen to browsers on this computer until Ctrl-C.
+
+    Each browser that opens the page runs the command.
 
     Other computers cannot reach the page. Other users of this computer can reach the port, so every address starts with
     a random token, which is only printed: `http://127.0.0.1:PORT/TOKEN/`. Requests without the token are answered with
@@ -46,7 +48,7 @@ def serve(command: Sequence[str], port: int) -> None:
 
 
 def policy(place: str) -> str:
-    """Return the content security policy, by which the page loads only from this server."""
+    """Return the content security policy: the page loads only from this server."""
     return (
         f"default-src http://{place} 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src http://{place}"
         f" ws://{place};"

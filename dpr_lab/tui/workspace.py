@@ -26,7 +26,10 @@ FRESH = "the screen starts with an empty workspace; choose rig, link and runs ag
 
 
 def state_folder() -> Path:
-    """Return the folder of the saved workspace: DPR_LAB_STATE or, if it is not set, the user's state folder."""
+    """Return the folder of the saved workspace.
+
+    It is DPR_LAB_STATE or, if this is not set, the user's state folder.
+    """
     return Path(os.environ.get("DPR_LAB_STATE") or platformdirs.user_state_dir("dpr-lab"))
 
 

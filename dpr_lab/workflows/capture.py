@@ -1,4 +1,4 @@
-"""Recording of runs from a device: guide the rods to each pose, release them, record and check."""
+"""Record runs from a device: guide, release, record and check."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -23,7 +23,7 @@ def refuse_file(out: Path) -> None:
 
 
 def refuse_own_folder(out: Path, original: Path) -> None:
-    """Check that a changed copy of a file can be written to a folder other than the folder of the original.
+    """Check that a changed copy does not overwrite its original.
 
     Raises:
         ConfigError: the folder is the folder of the original, or an error of `refuse_file`.
@@ -72,7 +72,7 @@ def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
 
 
 def with_modes(rig: "Rig", arm: str | None, inner: str | None) -> "Rig":
-    """Return a copy of the rig with other modes of joints 0 and 1, for the runs of one session.
+    """Return the rig with other modes of joints 0 and 1 for one session.
 
     Raises:
         ConfigError: this rig does not support these modes; the message states what is missing.

@@ -85,7 +85,7 @@ def angles_csv(compared: "Sequence[ArmComparison]") -> str:
 def compare_any_run(
     run: "Run", rig: "Rig", model: "Model | MovingArmModel", segment_s: float = 0.5
 ) -> "Comparison | ArmComparison":
-    """Simulate a run by segment with a model of any arm and its effects; only the initial states are fitted.
+    """Simulate a run by segments with a model of any arm; only initial states are fitted.
 
     If the arm is clamped or prescribed, the result also contains one free run, from the initial state of the first
     segment.

@@ -123,7 +123,10 @@ class TrialDone:
 
 @dataclass(frozen=True, slots=True)
 class TrustTrialDone:
-    """Progress of the blind trials of a diagnosis on its own rig, before the first and after each trial."""
+    """Progress of the blind trials of a diagnosis.
+
+    The event is sent before the first and after each trial.
+    """
 
     done: int
     of: int

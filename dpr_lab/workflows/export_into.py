@@ -48,7 +48,7 @@ def export_into(
     torque: str | None = None,
     on_event: OnEvent = ignore,
 ) -> ExportedInto:
-    """Write a copy of a simulator's file with the numbers of a model; the original file is not changed.
+    """Write a corrected copy of a simulator file; the original is not changed.
 
     Args:
         model: model written by `identify` or `diagnose`, or the folder of a diagnosis

@@ -1,4 +1,4 @@
-"""Plan the next recordings of a rig; runs that were recorded so far are taken into account."""
+"""Plan the next recordings of a rig, given the runs recorded so far."""
 
 import re
 from dataclasses import dataclass
@@ -99,7 +99,7 @@ def plan(request: PlanRequest, on_event: OnEvent = ignore) -> PlanResult:
 
 
 def minutes(text: str) -> float:
-    """Convert a time such as `10min`, `90 s` or `1h` to minutes; a number without a unit is in minutes.
+    """Convert a time such as `10min`, `90 s`, `1h` or a number of minutes to minutes.
 
     Raises:
         ConfigError: the text is not such a time.

@@ -1,4 +1,4 @@
-"""Rig files for the releases of a plan, with start poses, mounted rods, added mass and mode of the arm."""
+"""Rig files for the releases of a plan: poses, rods, added mass and arm mode."""
 
 import re
 from itertools import count
@@ -26,7 +26,7 @@ def planned_poses(made: "Plan", rig: "Rig") -> "dict[str, PlannedRelease]":
 
 
 def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> dict[str, Path]:
-    """Write a rig file for each setup of a plan: rods, added mass and mode of the arm.
+    """Write a rig file for each setup of a plan.
 
     Args:
         poses: planned release for each name of a pose

@@ -33,7 +33,7 @@ class MotorMeasures:
 
 
 def arm_bounds(mode: "ArmMode", length: float | None, carried: float, motor: MotorMeasures | None) -> dict[str, Bounds]:
-    """Return the bounds of the arm's inertia with the rods at its end, from a few measurements.
+    """Return bounds of the inertia of the arm with the rods at its end, kg m^2.
 
     The result is empty if the bounds are not needed.
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RigFromModel:
-    """Rig file made from a simulator model, with the parts of the model that a rig file cannot contain."""
+    """Rig file made from a simulator model, and the parts that it cannot contain."""
 
     file: Path
     model: str
@@ -41,7 +41,9 @@ class RigFromModel:
 def rig_from_model(
     model: Path, file: Path, joints: Sequence[str] = (), name: str | None = None, g: float | None = None
 ) -> RigFromModel:
-    """Write a rig file for a double pendulum, or for one rod on an arm, in MJCF, URDF or SDFormat.
+    """Write the rig file of a simulator model in MJCF, URDF or SDFormat.
+
+    The model is a double pendulum, or one rod on an arm.
 
     Args:
         model: the file of the model

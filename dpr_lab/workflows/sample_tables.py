@@ -1,4 +1,4 @@
-"""Sample tables of the tutorials: three recorded releases as CSV, points of their films, and their rig file."""
+"""Sample tables of the tutorials: three releases as CSV, their films, and the rig file."""
 
 import shutil
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ def write_sample_tables(out: Path) -> tuple[Path, ...]:
 
 
 def film_points(table: Path, rig_file: Path) -> str:
-    """Return the points of pivot, elbow and tip in a film of a release, as CSV in pixels.
+    """Return the pivot, elbow and tip points of a filmed release, as CSV in pixels.
 
     Args:
         table: time, angle of the inner rod from the hanging position, angle of the outer rod relative to it, degrees

@@ -1,4 +1,4 @@
-"""JSON-RPC 2.0 service: jobs run one after another in one child process, so that kernels are loaded only once.
+"""JSON-RPC 2.0 service that runs jobs one after another in one child process.
 
 Each input line is one request object. The response to a job is sent when the job ends. Until then, `progress`
 notifications with the id of the request are sent. `status` and `cancel` are answered at once. A fit cannot be

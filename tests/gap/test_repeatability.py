@@ -67,7 +67,7 @@ def test_a_named_effect_explains_all_that_is_reproducible() -> None:
     bar = repeatability_bar(diagnosis)
     assert bar is not None
     assert sum(share for _, share in bar.parts) == pytest.approx(1.0)
-    assert "explains 100 % of the reproducible part and 100 % of the whole" in repeatability_sentences(diagnosis)[0]
+    assert "% of the mean squared gap, and 100 % of its reproducible part" in repeatability_sentences(diagnosis)[0]
 
 
 @pytest.mark.slow

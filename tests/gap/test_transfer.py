@@ -12,7 +12,8 @@ import pytest
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.conclusion import sentence
+from dpr_lab.gap.conclusion import sentence, verdict
+from dpr_lab.gap.conclusion.notes import _small_effects
 from dpr_lab.gap.conclusion.sentence import how_far
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.hypothesis.thresholds import small_effects
@@ -142,7 +143,7 @@ def test_the_sentence_names_improbable_causes_only_without_a_probable_one(
     causes = [EffectPosterior(name, (name,), (), p) for name, p in zip("abc", probabilities, strict=False)]
     selection = Mock(expected=frozenset(), bare=Mock(residuals=Mock(excess=1.0, uncertainty=0.0)), path=())
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
-    assert [cause.name for cause in sentence._causes_named(state)] == named
+    assert [cause.name for cause in verdict.causes_named(state)] == named
 
 
 def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> None:
@@ -150,7 +151,19 @@ def test_the_sentence_omits_a_sure_but_small_effect_next_to_a_large_one() -> Non
     selection = Mock(expected=frozenset(), bare=base, path=[("a", large), ("b", both)])
     causes = [EffectPosterior(name, (name,), (), 0.98) for name in "ab"]
     state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
-    assert [cause.name for cause in sentence._causes_named(state)] == ["a"]
+    assert [cause.name for cause in verdict.causes_named(state)] == ["a"]
+    assert list(_small_effects(state, "named")) == [
+        "Small effects, together less than 1 % of the excess chi-square: b."
+    ]
+
+
+def test_an_effect_that_the_sentence_names_is_not_listed_as_a_small_effect() -> None:
+    base, only = (Mock(residuals=Mock(excess=excess, uncertainty=100.0)) for excess in (200.0, 4.0))
+    selection = Mock(expected=frozenset(), bare=base, path=[("a", only)])
+    causes = [EffectPosterior("a", ("a",), (), 0.98)]
+    state = Mock(selection=selection, posteriors=causes, transfer=Mock(withdrawn=()))
+    assert small_effects(base, selection.path) == {"a"}
+    assert list(_small_effects(state, "named")) == []
 
 
 def test_small_effects_explain_less_than_a_hundredth_of_the_gap_together() -> None:

@@ -31,7 +31,10 @@ class FittedAmplitudes:
     high: float
 
     def beyond(self, amplitudes: Array, tolerance: float = 0.05) -> float:
-        """Return the share of the given amplitudes that lie outside the range by more than a relative tolerance."""
+        """Return the share of amplitudes outside the fitted range.
+
+        An amplitude counts as outside if it leaves the range by more than a relative tolerance.
+        """
         within = (amplitudes >= self.low * (1 - tolerance)) & (amplitudes <= self.high * (1 + tolerance))
         return float(np.mean(~within)) if len(within) else 0.0
 
@@ -48,7 +51,7 @@ def fitted_amplitudes(model: Model, runs: Sequence[Run], rig: Rig) -> FittedAmpl
 
 
 def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, run: Run, rig: Rig) -> float:
-    """Return the share of the compared part of a recording in which the amplitudes are outside the fitted range."""
+    """Return the share of a recording in which the swing amplitude is outside the fitted range."""
     begins, angles = amplitudes(model, run, rig)
     return fitted.beyond(
         angles[(begins >= begins[0] + band.delay_s + BANDS.start_s - 1e-9) & (begins < band.horizon_s)]
@@ -56,7 +59,7 @@ def beyond_fitted(fitted: FittedAmplitudes, band: PredictiveBand, model: Model, 
 
 
 def amplitudes(model: Model, run: Run, rig: Rig) -> tuple[Array, Array]:
-    """Return the start of each segment of a recording, s since the release, and the swing amplitude there, rad."""
+    """Return the start of each segment, s since the release, and its swing amplitude, rad."""
     bare = follow(run, rig, model).bare
     problem, estimate = bare.problem, bare.fit.estimate
     upright = energies(problem, estimate.changed(initial=np.zeros((1, 4))))

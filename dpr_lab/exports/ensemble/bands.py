@@ -1,4 +1,4 @@
-"""Compute the predictive bands of an ensemble of models for recordings, and the share of readings inside them.
+"""Compute predictive bands of an ensemble of models, and their coverage of recordings.
 
 Each model starts from a random initial state, which is drawn from its distribution given the first readings. The model
 then runs freely. Noise of the torque measurement is added to the known torques of driven joints. Noise of the encoders

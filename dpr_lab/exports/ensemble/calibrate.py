@@ -45,7 +45,7 @@ class EnsembleWidth:
 def calibrated(
     drawn: Callable[[float, int], Sequence[M]], band: Callable[[Sequence[M], Run], PredictiveBand], runs: Sequence[Run]
 ) -> EnsembleWidth:
-    """Find the smallest tried width factor for which the bands cover the required share of the readings.
+    """Find the smallest width factor at which the bands cover the required share of readings.
 
     Args:
         drawn: function that returns random models; its arguments are the factor and the number of models
@@ -84,7 +84,7 @@ def widened(components: Sequence[PosteriorComponent], factor: float) -> list[Pos
 
 
 def pooled(bands: Sequence[PredictiveBand]) -> float:
-    """Return the share of all readings that lie inside their bands; nan if there are no readings."""
+    """Return the share of all readings inside their bands; nan without readings."""
     counts = [band.readings for band in bands]
     covered = sum(band.covered * count for band, count in zip(bands, counts, strict=True) if count)
     return covered / sum(counts) if sum(counts) else float("nan")

@@ -96,7 +96,10 @@ def without(components: Sequence[PosteriorComponent], place: int) -> list[Poster
 
 
 def widening(errors: Sequence[float]) -> float:
-    """Compute the factor on the standard deviations from the mean squared standardised error s of each recording."""
+    """Compute the widening factor of the standard deviations.
+
+    `errors` contains the mean squared standardised error of each recording.
+    """
     if not errors:
         return 1.0
     variance = float(np.median(errors) * LEFT_OUT.independent / chdtri(LEFT_OUT.independent, 0.5))

@@ -1,4 +1,4 @@
-"""Compare the effects in the simulator file of the user with the effects of a corrected model."""
+"""Compare the effects in the user's simulator file with those of a corrected model."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -124,7 +124,10 @@ def _at(joints: Collection[int]) -> Iterator[str]:
 
 
 def as_in_file(diagnosis: Diagnosis, chain: ModelChain, name: str, values: dict[str, float]) -> dict[str, float]:
-    """Return the values of an effect; a value of the file replaces the estimate if it lies within the interval."""
+    """Return the values of an effect, with values of the file where they are compatible.
+
+    A value is compatible if it lies within the interval of the estimate.
+    """
     sizes = next((effect.parameters for effect in diagnosis.effects if effect.name == name), {})
     for key, of_file in in_file(chain, name).items():
         half = np.ptp(sizes[key].interval90) / 2 / abs(sizes[key].value) if key in sizes and sizes[key].value else 0.0

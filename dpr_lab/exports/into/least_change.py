@@ -1,4 +1,4 @@
-"""Find the smallest set of changes after which the model in a simulator file moves like the corrected model.
+"""Find the fewest changes that make a simulator file move like the corrected model.
 
 A free swing determines only ratios of the base parameters. The common scale s of all masses, inertias and torques is
 therefore free, unless recordings or measured values determine the scale. s is chosen such that as many base parameters
@@ -49,7 +49,10 @@ BODY_TERMS = (("a", "e1"), ("b", "d"))
 
 @dataclass(frozen=True, slots=True)
 class LeastChange:
-    """Corrected model that keeps all compatible numbers of the file, and the changed numbers sorted by share."""
+    """Corrected model that keeps all compatible numbers of the file, and the changed numbers.
+
+    The changes are sorted by their share.
+    """
 
     model: AnyModel
     causes: tuple[ModelCause, ...]
@@ -254,7 +257,7 @@ def _replaced(base: Array, replacement: Array, places: Sequence[int]) -> Array:
 
 
 def body_rows(chain: ModelChain, base: Array, of_file: Array, number: int, longer: float) -> list[ModelCause]:
-    """List the differences between file and corrected model in centre of mass and inertia of a body.
+    """List the changes of the centre of mass and inertia of a body.
 
     The mass of the body is kept. `longer` is the increase of the length of the inner rod, m.
     """

@@ -71,7 +71,7 @@ class MjcfEditor:
             edit.set(inertial, f"{label}, inertial", **{form: numbers(change.factor * values)})
 
     def set_joint(self, edit: XmlEdit, part: ChainRod | ChainArm, target: RodTarget | ArmTarget) -> None:
-        """Set the quantities of a joint and the gear of its motor if they differ from the target."""
+        """Set the quantities of a joint, and the gear of its motor, where they differ from the target."""
         turn = math.degrees(1.0) if self._compiled.degrees else 1.0
         changed = {
             ATTRIBUTES.get(name, name): numbers([turn * after if name == "rest" else after])
@@ -81,7 +81,7 @@ class MjcfEditor:
         self._set_gear(edit, part, target.gear)
 
     def overriding(self) -> str:
-        """Compose a message that names the settings of the file that override the written numbers, and a remedy."""
+        """Describe the settings of the file that override the written numbers, and a remedy."""
         root, switches = with_includes(self.path), {flag for flags in SWITCHES.values() for flag in flags}
         off = [
             f'<flag {name}="disable">'

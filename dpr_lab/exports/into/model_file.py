@@ -36,7 +36,7 @@ from dpr_lab.simulator_models.xml_edit import ChangedAttribute, XmlEdit
 
 
 class Editor(Protocol):
-    """Interface of the editors of simulator files; an editor reads and writes the numbers of one format."""
+    """Interface of the editors that read and write the numbers of one file format."""
 
     name: str
     """Name of the format."""

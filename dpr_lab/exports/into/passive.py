@@ -1,4 +1,4 @@
-"""Generate passive forces in MuJoCo for the effects that the MJCF or URDF file of the user cannot contain.
+"""Generate MuJoCo passive forces for effects that the user's MJCF or URDF file cannot contain.
 
 The module of passive forces is that of `export --to mjcf` (`dpr_lab.exports.mjcf`). Here it acts on the joints of the
 user's file. The module only adds torques. It therefore contains neither effects that change inertias nor compliant
@@ -39,7 +39,7 @@ class PassiveForces:
 def passive_forces(
     model: Model, rig: Rig, expressed: Collection[str], chain: ModelChain, file: str, gravity: float | None = None
 ) -> PassiveForces:
-    """Generate the module of passive forces for those effects of a model that a file does not contain.
+    """Generate the module of passive forces for the effects that a file does not contain.
 
     Args:
         model: the corrected model

@@ -1,4 +1,4 @@
-"""Compute the target values of rods and arm in the user's file, and the required changes of bodies.
+"""Compute target values of rods and arm, and the changes of bodies that produce them.
 
 A swing determines inertias, first moments and friction of the rods, but not their masses. The masses of the file are
 therefore kept. Centre of mass, inertia, damping, Coulomb friction, armature, spring and length are set. Terms that the
@@ -87,7 +87,7 @@ class PatchedModel:
     """Effects that are not in the file but in the module of passive forces."""
 
     def diff(self, original: Path, name: str) -> str:
-        """Return a unified diff of the original file and the changed file, which the diff calls `name`."""
+        """Return a unified diff of the original and the changed file; `name` is the file name in the diff."""
         contents = original.read_bytes(), self.text
         before, after = (content.decode("utf-8").splitlines(keepends=True) for content in contents)
         return "".join(unified_diff(before, after, str(original), name, n=1))
@@ -134,7 +134,7 @@ def refuse_other_rig(chain: ModelChain, L1: float, g: float, path: Path) -> None
 
 
 def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> ChainArm | None:
-    """Return the arm of the file if the arm of the model moves; None if only the rods are changed.
+    """Return the arm of the file if it must be changed, otherwise None.
 
     Raises:
         ConfigError: the arm of the model moves, but the file has no arm, another number of rods, or another L0; or the
@@ -165,7 +165,7 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
 
 
 def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> list[RodTarget]:
-    """Compute target values of the rods, so that the moments of the rods are those of the corrected model.
+    """Compute target values of the rods that reproduce the moments of the corrected model.
 
     The masses of the file are kept.
 
@@ -190,7 +190,7 @@ def rod_targets(chain: ModelChain, made: Bodies, friction: Sequence[float]) -> l
 
 
 def arm_target(chain: ModelChain, in_file: ChainArm, made: Bodies, nominal_gain: float) -> ArmTarget:
-    """Compute target values of the arm, so that the inertia of the arm is that of the corrected model.
+    """Compute target values of the arm that reproduce the inertia of the corrected model.
 
     The masses of the file are kept.
 
@@ -230,7 +230,7 @@ def arm_change(read: SimulatorModel, in_file: ChainArm, target: ArmTarget, path:
 def body_change(
     read: SimulatorModel, chain: ModelChain, joints: Sequence[str], number: int, target: RodTarget, path: Path
 ) -> BodyChange:
-    """Compute the change of the body of a joint after which the whole rod has the target values.
+    """Compute the change of a joint's body that gives the whole rod its target values.
 
     Other bodies of the rod are not moved.
 

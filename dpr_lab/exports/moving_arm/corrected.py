@@ -1,4 +1,4 @@
-"""Build the corrected model of a diagnosis with a moving arm, and replace its values by those of another fit."""
+"""Build the corrected model of a diagnosis with a moving arm, and update it from another fit."""
 
 from collections.abc import Mapping, Sequence
 from typing import Literal
@@ -83,7 +83,7 @@ def corrected_arm_model(
 
 
 def with_engine_values(model: MovingArmModel, unknown: Array, params: Array, rig: Rig) -> MovingArmModel:
-    """Replace the values of a model by unknowns (7,) of the fitting engine and by effect parameters (SIZE,)."""
+    """Return the model with the values (7,) and effect parameters (SIZE,) of the fitting engine."""
     swing, inertia = swing_of(unknown, params, model.mounted, bool(model.input), rig)
     changed = with_swing(model, swing, inertia)
     return changed.model_copy(update={"effects": _named(named_params(params))})

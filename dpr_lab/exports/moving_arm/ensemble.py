@@ -1,10 +1,4 @@
-"""Sample models with a moving arm from the posterior of a diagnosis or from the covariance of an identification.
-
-Impossible values from a posterior are drawn again, as for a clamped arm (`dpr_lab.exports.ensemble.sampled`). A
-negative friction from a covariance is set to zero. If a torque or current determines the scale, the gain of the drive
-is known. The scale is then drawn together with the other values. An error of a measured kt changes this scale, but not
-the swing. In all other cases, the scale is drawn from a log-normal distribution with the interval of the scale.
-"""
+"""Sample models with a moving arm from a posterior (diagnosis) or a covariance (identification)."""
 
 from collections.abc import Sequence
 

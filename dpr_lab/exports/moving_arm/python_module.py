@@ -1,4 +1,7 @@
-"""Export a rig with a moving arm as a Python module that contains functions of dpr-lab and needs only numpy."""
+"""Export a rig with a moving arm as a Python module that needs only numpy.
+
+The module contains functions of dpr-lab.
+"""
 
 from collections.abc import Mapping
 from typing import Any

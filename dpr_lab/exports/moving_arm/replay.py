@@ -1,4 +1,7 @@
-"""Simulate a recording with a moving-arm model in segments with fitted initial states, for replays in programs."""
+"""Simulate a recording with a moving-arm model by segments, for replays in other programs.
+
+The initial states of the segments are fitted.
+"""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise

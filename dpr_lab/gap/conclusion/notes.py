@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from dpr_lab.effects import EFFECTS
 from dpr_lab.effects.families import FAMILIES
+from dpr_lab.gap.conclusion.verdict import causes_named
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, small_effects
 from dpr_lab.gap.result.causes import PROBABLE, NamedFamily
 from dpr_lab.gap.result.diagnosis import Verdict
@@ -43,7 +44,8 @@ def _small_effects(state: Transferred, kind: Verdict) -> Iterator[str]:
     """Yield a sentence that lists the effects which the verdict omits because they explain little of the gap."""
     of_model = small_effects(state.selection.bare, state.selection.path)
     listable = [cause.name for cause in state.posteriors if cause.probability >= PROBABLE]
-    small = [name for name in listable if name in of_model and name not in state.transfer.withdrawn]
+    excluded = {*state.transfer.withdrawn, *(cause.name for cause in causes_named(state))}
+    small = [name for name in listable if name in of_model and name not in excluded]
     if small and kind in ("named", "partly_explained"):
         least = percent(THRESHOLDS.small)
         yield f"Small effects, together less than {least} of the excess chi-square: {listed(small)}."

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
-from dpr_lab.gap.conclusion.verdict import VERDICT, fitted_only, listed_causes, small, undecided
+from dpr_lab.gap.conclusion.verdict import VERDICT, causes_named, fitted_only, listed_causes, small, undecided
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import at_noise_floor, small_effects
+from dpr_lab.gap.hypothesis.thresholds import at_noise_floor
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Verdict
 from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.gap.state import Transferred
@@ -37,7 +37,7 @@ def _sentence(kind: Verdict, state: Transferred) -> str:
         return _no_gap(state.selection.bare)
     if kind == "unexplained":
         return _unexplained(state)
-    causes, reduction = _causes_named(state), how_far(state.transfer)
+    causes, reduction = causes_named(state), how_far(state.transfer)
     if kind == "named":
         least = min(cause.probability for cause in causes)
         return (
@@ -104,20 +104,6 @@ def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
     small = chosen.residuals.noise_ratio < 1.0
     remainder = f"A small but significant remainder, {size}," if small else f"A remainder of {size}"
     return f"{remainder} stays unexplained: a further cause acts, or a named effect has another form."
-
-
-def _causes_named(state: Transferred) -> Sequence[EffectPosterior]:
-    """Return the causes that the sentence names.
-
-    These effects carry over to held-out data and are not merely expected. Less probable effects are named only if no
-    other effect is named. The table of the causes also lists these effects and the small effects.
-    """
-    carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
-    unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
-    likely = [cause for cause in carrying if cause.probability >= VERDICT.rather]
-    small = small_effects(state.selection.bare, state.selection.path)
-    large = [cause for cause in likely if cause.name not in small]
-    return large or likely or listed_causes(unexpected) or listed_causes(carrying) or carrying
 
 
 def _no_gap(bare: Hypothesis) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from dpr_lab.gap.classes.posterior import EffectPosterior
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor
+from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS, at_noise_floor, small_effects
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.diagnosis import Verdict
 from dpr_lab.gap.state import Transferred
@@ -124,3 +124,17 @@ def undecided(transferred: Transfer) -> bool:
 def listed_causes(posteriors: Sequence[EffectPosterior]) -> tuple[EffectPosterior, ...]:
     """Return the effects whose probability is at least `PROBABLE`."""
     return tuple(posterior for posterior in posteriors if posterior.probability >= PROBABLE)
+
+
+def causes_named(state: Transferred) -> Sequence[EffectPosterior]:
+    """Return the causes that the verdict sentence names.
+
+    These effects carry over to held-out data and are not merely expected. Less probable effects are named only if no
+    other effect is named. The table of the causes also lists these effects and the small effects.
+    """
+    carrying = [cause for cause in state.posteriors if cause.name not in state.transfer.withdrawn]
+    unexpected = [cause for cause in carrying if cause.name not in state.selection.expected]
+    likely = [cause for cause in carrying if cause.probability >= VERDICT.rather]
+    little = small_effects(state.selection.bare, state.selection.path)
+    large = [cause for cause in likely if cause.name not in little]
+    return large or likely or listed_causes(unexpected) or listed_causes(carrying) or carrying

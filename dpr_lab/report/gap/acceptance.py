@@ -20,7 +20,7 @@ def answer_sentence(acceptance: Acceptance) -> str:
 
 
 def limit_rows(acceptance: Acceptance) -> list[tuple[str, ...]]:
-    """Return one row for each limit, in the columns `LIMIT_COLUMNS` and in the order of the limits file."""
+    """Return the rows of the table `LIMIT_COLUMNS`, in the order of the limits file."""
     return [
         (
             limit.quantity,

@@ -1,4 +1,4 @@
-"""Write the HTML report of a diagnosis: verdict, gap budget and causes first, then the folded details."""
+"""Write the HTML report of a diagnosis: verdict, gap budget and causes, then folded details."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

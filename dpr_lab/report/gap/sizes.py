@@ -30,7 +30,7 @@ def assumed(diagnosis: Diagnosis) -> str:
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
-    """Return the sentence on the scale of all absolute sizes; empty in a diagnosis of an older version."""
+    """Return the sentence about the scale of absolute sizes; empty for an older version."""
     return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 

@@ -64,7 +64,10 @@ def budget_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Return label and share of each part of the mean squared residual; empty if there is no gap."""
+    """Return label and share of each part of the mean squared residual.
+
+    The list is empty if there is no gap.
+    """
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
@@ -80,7 +83,7 @@ def repeatability_parts(diagnosis: Diagnosis) -> list[tuple[str, float]]:
 
 
 def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
-    """Return a bar that splits the mean squared residual by reproducibility, or None if there is no gap."""
+    """Return a bar of the mean squared residual by reproducibility, or None without a gap."""
     parts = [(f"{label}: {percent(share, 1)}", share) for label, share in repeatability_parts(diagnosis)]
     budget = diagnosis.gap.budget
     pieces = (budget is not None and budget.basis != "recordings") or are_pieces(diagnosis.gap.closed_held_out.held_out)
@@ -97,17 +100,17 @@ def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
     budget = diagnosis.gap.budget
     if budget is None or budget.of_gap is None:
         return []
+    between = "recordings" if budget.basis == "recordings" else "pieces"
     if budget.of_reproducible is None:
         reason = budget.undecided or "No part of the gap is known to be reproducible."
         sentences = [f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap. {reason}"]
     else:
         sentences = [
-            f"The corrected model explains {percent(budget.of_reproducible)} of the reproducible part and"
-            f" {percent(budget.of_gap)} of the whole mean squared gap."
+            f"The corrected model explains {percent(budget.of_gap)} of the mean squared gap, and"
+            f" {percent(budget.of_reproducible)} of its reproducible part, which repeats in the other {between}."
         ]
     if budget.basis == "pieces of one recording":
         sentences.append("Pieces of a single recording cannot show differences between releases.")
-    between = "recordings" if budget.basis == "recordings" else "pieces"
     return [*sentences, *(f"Between {between} {_varying(parameter)}." for parameter in budget.parameters)]
 
 

@@ -1,4 +1,4 @@
-"""Write the page of a comparison with a moving-arm model: ratios, angles of arm and rods, and residuals."""
+"""Write the page that compares a moving-arm model with runs: ratios, angles and residuals."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

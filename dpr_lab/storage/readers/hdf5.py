@@ -33,7 +33,9 @@ LIMITS = TreeLimits()
 
 
 def read_hdf5(path: Path, take: Sequence[str]) -> Table:
-    """Read every numeric data set of an HDF5 file; refuse data sets that are stored in other files.
+    """Read every numeric data set of an HDF5 file.
+
+    Data sets that are stored in other files are refused.
 
     Raises:
         RunError: the file is damaged, its data are in other files, or it contains a MATLAB object, too many groups, or

@@ -1,4 +1,4 @@
-"""Read `sensor_msgs/JointState` from MCAP files and from the folders of ROS 2 bags; ROS is not needed."""
+"""Read `sensor_msgs/JointState` from MCAP files and ROS 2 bags, without ROS."""
 
 import re
 import sqlite3

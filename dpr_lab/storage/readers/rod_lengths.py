@@ -1,4 +1,4 @@
-"""Estimate the noise of tracked angles and the tilt of the camera from the lengths of the rods in a video.
+"""Estimate the noise and the camera tilt of a video from the lengths of its rods.
 
 The true length of a rod is constant. The scatter of the distance between its ends in the picture is therefore the noise
 of a tracked point. This noise, divided by the length, is the noise of the angle in rad. If the camera does not look

@@ -1,4 +1,4 @@
-"""Create layouts of viewers for run files: plots of angles and torques of the joints, and the events."""
+"""Create viewer layouts for run files: angles, torques and events."""
 
 from collections.abc import Callable
 

@@ -10,7 +10,7 @@ from dpr_lab.storage.viewers.curves import COLORS, PLOTS, TEXTS
 
 
 def foxglove() -> str:
-    """Create a layout for Foxglove as JSON: plots one below the other, and the events at the bottom."""
+    """Create a Foxglove layout as JSON, with plots and the events below them."""
     panels = {f"Plot!{number}": _plot(title, curves) for number, (title, curves) in enumerate(PLOTS.items(), 1)}
     panels["RawMessages!events"] = {"topicPath": TEXTS, "diffEnabled": False}
     document = {

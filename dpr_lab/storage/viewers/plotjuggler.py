@@ -1,4 +1,4 @@
-"""Create a layout for PlotJuggler 3 (XML), which is opened with "Load layout" after the run file.
+"""Create a layout for PlotJuggler 3 (XML).
 
 Source: layouts that PlotJuggler saves; elements of an array are named `key[i]`.
 """

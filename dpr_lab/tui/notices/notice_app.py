@@ -1,4 +1,4 @@
-"""Base class of the app that shows and logs messages; errors stay visible until they are dismissed."""
+"""Base class of the app: shows and logs messages, and keeps errors visible until dismissed."""
 
 from typing import Any
 

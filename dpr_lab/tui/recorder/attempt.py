@@ -51,14 +51,14 @@ class Attempt:
 
     @property
     def trace(self) -> tuple[Array, Array]:
-        """Times since the release (n,), s, and absolute angles (n, 3), rad; both are meant for display."""
+        """Times since the release (n,), s, and absolute angles (n, 3), rad, for display."""
         if not self._t:
             return np.empty(0), np.empty((0, 3))
         return np.concatenate(self._t), np.concatenate(self._theta)
 
     @property
     def inputs(self) -> Array:
-        """Input of the arm's drive (n,) at the samples of `trace`, in the unit that the rig file states.
+        """(n,) input of the arm's drive at the samples of `trace`, in the unit of the rig file.
 
         The array is empty if the arm has no drive.
         """
@@ -67,7 +67,7 @@ class Attempt:
 
     @property
     def obstacle(self) -> str:
-        """Reason why the rods may not be released now; the text is empty if a release is permitted."""
+        """Reason why the rods must not be released now; empty if a release is permitted."""
         if self.phase is Phase.READY:
             return ""
         if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:

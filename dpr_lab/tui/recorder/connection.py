@@ -1,4 +1,4 @@
-"""State of the device for the screen: its process, its last report, and the age of this report."""
+"""State of the device for the screen: its process, and its last report with its age."""
 
 import asyncio
 import time

@@ -1,4 +1,4 @@
-"""Threads for the two directions of the recorder's pipe, so that neither direction delays the other."""
+"""Threads for both directions of the recorder's pipe, so that neither delays the other."""
 
 import contextlib
 import queue
@@ -39,7 +39,7 @@ class Inbox:
         return latest
 
     def why_to_end(self, attempt: int) -> str:
-        """Return the reason why an attempt must end; the text is empty if the attempt may continue."""
+        """Return the reason why an attempt must end; empty if it may continue."""
         if self.gone:
             return "the screen has ended"
         return "stopped by the operator" if attempt in self._cancelled else ""

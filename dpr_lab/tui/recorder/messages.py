@@ -109,7 +109,7 @@ class AttemptSeen:
 
 @dataclass(frozen=True, slots=True)
 class GoAheadAsked:
-    """Report: the rods are at the pose and at rest, and the attempt waits for the release command."""
+    """Report: the rods are at rest at the pose, and the attempt waits for the release command."""
 
     attempt: int
 

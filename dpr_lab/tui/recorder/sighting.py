@@ -52,7 +52,7 @@ class Sighting:
         return self.at >= ordered if not self.latched else self.at > ordered + SIGHTING.outcome_s
 
     def ago(self, now: float) -> str:
-        """Return a text that states the age of the reading, for example `last seen 3.2 s ago`."""
+        """Format the age of the reading, for example `last seen 3.2 s ago`."""
         return f"last seen {now - self.at:.1f} s ago" if math.isfinite(self.at) else "never seen"
 
 

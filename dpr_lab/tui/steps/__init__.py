@@ -1,1 +1,4 @@
-"""The seven steps, one page each: they use the workspace, the device and their own jobs, but never the app."""
+"""The seven steps, one page each.
+
+Steps use the workspace, the device and their own jobs, but never the app.
+"""

@@ -1,4 +1,4 @@
-"""Results for a rig whose arm moves: tables of the step Identify, charts of the step Compare."""
+"""Results for a rig with a moving arm: tables of Identify, charts of Compare."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ VIEWS = ("angle", "segment residual")
 
 
 def start_of_diagnosis(model: Path | None) -> Path | None:
-    """Return the model from which a diagnosis starts, or None if it starts from the rig file.
+    """Return the initial model of a diagnosis; None for the values of the rig file.
 
     The diagnosis of a rig with a moving arm starts from the rig file.
     """
@@ -43,7 +43,7 @@ def ratios(model: "MovingArmModel") -> Group:
 
 
 def absolute(model: "MovingArmModel") -> Group:
-    """Draw a table of the absolute values, followed by a sentence on the quantity that determines their scale."""
+    """Draw a table of the absolute values and a sentence about the source of their scale."""
     rows = table("Absolute values", moving_arm.ABSOLUTE_COLUMNS, moving_arm.absolute_rows(model))
     note = f"{model.scale_sentence} A is the total inertia about the arm's axis."
     return Group(rows, Text(note, "dim"))
@@ -76,7 +76,7 @@ def draw_merges(model: "MovingArmModel", misfit: Chart, length: Chart) -> None:
 
 @dataclass(frozen=True, slots=True)
 class ComparedArmRun:
-    """Content of the charts for one run: the measured and simulated angle of one joint, by segment."""
+    """Charts of one run: measured and simulated angle of one joint, by segment."""
 
     comparison: "ArmComparison"
     joint: int

@@ -130,7 +130,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return counted_runs(count) if count else ""
 
     def missing(self) -> str:
-        """Return a message that names the missing device, rig or pose; the text is empty if nothing is missing."""
+        """Name the missing device, rig or pose; empty if nothing is missing."""
         if self._rig is None:
             return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
         if self.device.opening is not None:
@@ -190,7 +190,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             self.options = replace(self.options, until_rest=False, duration=self.workspace.next_duration_s)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Return whether an action is available; Keep and Again need a recording that waits for a decision."""
+        """Return whether an action is available; Keep and Again need an undecided recording."""
         return action not in ("keep", "again") or self.workspace.undecided is not None
 
     def hear(self, report: RecorderReport) -> None:
@@ -285,7 +285,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self._draw()
 
     def action_repeats(self) -> None:
-        """Increase the number of recordings per pose; the maximum is followed by 1."""
+        """Increase the number of recordings per pose, from the maximum back to 1."""
         self._repeats = self._repeats % CHOICES.most_repeats + 1
         self._draw()
 

@@ -1,4 +1,4 @@
-"""Step Compare: comparison of the model with the measurement, with free runs from any run and instant."""
+"""Step Compare: compare model and measurement, with free runs from any run and time."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -102,7 +102,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         yield Static(id="figures", markup=False)
 
     def missing(self) -> str:
-        """Return a message that names the missing model or runs; the text is empty if both exist."""
+        """Name the missing model or runs; empty if both exist."""
         known = self.workspace.model is not None and self.workspace.model.is_file()
         no_model = f"No model yet: identify one in step {self.services.key_of('Identify')}"
         return super().missing() or ("" if known else no_model)

@@ -1,4 +1,7 @@
-"""Charts of the step Compare for one comparison: angle, error and figures; a second curve can be added."""
+"""Charts of one comparison in the step Compare: angle, error and figures.
+
+A second curve can be added.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -44,7 +47,7 @@ class ComparedRun:
 
     @property
     def horizon(self) -> list[Mark]:
-        """Mark at the predictability horizon; the list is empty if the horizon is after the end of the run."""
+        """Mark at the predictability horizon; empty if it is after the end of the run."""
         horizon_s = self.free_run.horizon_s
         within = horizon_s < float(self.comparison.t[-1])
         return [Mark(horizon_s, f"horizon {horizon_s:.2f} s")] if within else []
@@ -67,7 +70,10 @@ class ComparedRun:
         )
 
     def draw_error(self, chart: Chart, freely: bool) -> None:
-        """Draw the error of the free run up to its horizon if `freely`, otherwise the error of the segments."""
+        """Draw the error of the free run if `freely`, otherwise that of the segments.
+
+        The error of the free run is drawn up to its horizon.
+        """
         scale, axis, shown = self.unit.small_per_rad, self.axis, self.comparison
         noise = SETTINGS.noise_sigmas * scale * float(shown.noise_rad[axis])
         t, error = shown.t, shown.segment_residual[:, axis]

@@ -182,7 +182,7 @@ in the folder of the workspace.
             self.show_model(self.model, f"Ended without a new model ({why}); the previous one is shown. ")
 
     def action_pause(self) -> None:
-        """Pause or continue."""
+        """Pause or continue the identification."""
         super().action_pause()
         if self.job is not None and self._history:
             self._instants.clear()

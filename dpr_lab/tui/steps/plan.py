@@ -114,7 +114,7 @@ diagnosed first.
         self.invite()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Return whether an action is available; a release can be chosen only if the plan contains a release."""
+        """Return whether an action is available; choosing a release needs a plan with releases."""
         if action == "take":
             return self._made is not None and bool(self._made.plan.releases) and self.job is None
         return super().check_action(action, parameters)

@@ -20,7 +20,7 @@ from dpr_lab.whole_file import write_text
 
 
 class RigEditor(Guarded, ModalScreen[Path | None]):
-    """Editor with the text of a rig file and its path; it returns the path of the saved file.
+    """Editor of a rig file; it returns the path of the saved file.
 
     Args:
         source: initial rig file

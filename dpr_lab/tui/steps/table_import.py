@@ -71,7 +71,7 @@ class TableImport(Guarded, ModalScreen[Path | None]):
             await self._preview()
 
     async def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Show the preview with the entered options; after a path is entered, the options get the focus."""
+        """Show the preview with the entered options; after a path, focus the options."""
         if event.input.id == "table" and Path(event.value.strip()).expanduser().exists():
             self.query_one("#options", Input).focus()
         await self._preview()

@@ -1,4 +1,4 @@
-"""Output to the terminal. Only changes are sent, as fast as the terminal draws them, and each frame is confirmed.
+"""Output to the terminal: only changes are sent, and each frame is confirmed.
 
 frame        requested and transmitted content of the cells
 plain        removal of control characters

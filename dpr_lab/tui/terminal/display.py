@@ -49,7 +49,7 @@ class Display:
         """Whether the terminal supports synchronized output."""
 
     def show(self, update: CompositorUpdate, size: Size) -> None:
-        """Draw an update when it is due; an update is not sent if a newer update replaces it."""
+        """Draw an update when it is due, unless a newer update replaces it."""
         if (self._frame.width, self._frame.height) != size:
             self._frame = CellFrame(size.width, size.height, self._colours)
             self._pace = Pace(max(size.width * size.height, 1), time.monotonic())

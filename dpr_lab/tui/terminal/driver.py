@@ -1,4 +1,7 @@
-"""Textual driver for terminals: it writes without waiting, identifies the terminal, and ends within a limited time."""
+"""Textual driver for terminals that never waits for a slow terminal.
+
+It identifies the terminal, and ends within a limited time.
+"""
 
 import os
 import selectors

@@ -1,4 +1,4 @@
-"""Detection of programs that keep a session and reply to cursor queries in place of the operator's terminal.
+"""Detect programs that keep a session and answer cursor queries for the operator's terminal.
 
 tmux, GNU screen, Zellij and mosh are terminals themselves. They confirm a frame at once, even if no operator is
 attached.

@@ -1,4 +1,4 @@
-"""Time at which the next frame is sent: after the previous one is drawn, and within the capacity of the line."""
+"""Time of the next frame: after the previous one is drawn, within the capacity of the line."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,10 @@ class Pace:
         self._out[frame] = now
 
     def confirmed(self, frame: int, now: float) -> float | None:
-        """Confirm a frame and all earlier frames; return the round trip time, s, or None for an unknown frame."""
+        """Confirm a frame and all earlier ones; return the round trip time, s.
+
+        The result is None for an unknown frame.
+        """
         sent = self._out.get(frame)
         self._out = {other: sent_at for other, sent_at in self._out.items() if other > frame}
         return None if sent is None else now - sent

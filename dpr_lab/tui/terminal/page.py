@@ -1,4 +1,4 @@
-"""Driver of a screen in a browser: the driver of Textual, extended so that the screen ends with its server."""
+"""Textual driver for a browser that ends the screen together with its server."""
 
 import os
 import signal

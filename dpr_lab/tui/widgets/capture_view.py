@@ -88,7 +88,7 @@ class CaptureView(Vertical):
     """Shows the state of a capture."""
 
     def compose(self) -> ComposeResult:
-        """Build the instruction at the top, rods and readouts in the middle, and the swing at the bottom."""
+        """Build the view: instruction at the top, rods and readouts in the middle, swing below."""
         yield Static(id="headline")
         with Horizontal(id="rods"):
             yield Pendulum(id="pendulum")

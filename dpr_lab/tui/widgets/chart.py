@@ -181,7 +181,7 @@ class Chart(Vertical, can_focus=True):
         x_range: tuple[float, float] | None = None,
         y_range: tuple[float, float] | None = None,
     ) -> None:
-        """Replace the content; the view stays as it is if the operator has zoomed or panned it.
+        """Replace the content, but keep a view that the operator has zoomed or panned.
 
         Args:
             series: lines to draw

@@ -20,7 +20,10 @@ def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
 
 
 def next_pose(done: Mapping[str, int], repeats: int, current: str) -> str:
-    """Return the next pose to record: the current pose until it has enough runs, then the first incomplete pose."""
+    """Return the next pose to record.
+
+    This is the current pose until it has enough runs, then the first incomplete pose.
+    """
     if done.get(current, repeats) < repeats:
         return current
     return next((pose for pose, number in done.items() if number < repeats), current)
@@ -37,7 +40,7 @@ def _line(pose: str, number: int, repeats: int, current: bool) -> Content:
 
 
 def set_aside(run: Path) -> Path:
-    """Move a run with its hash and note to the folder of set-aside runs; return the new path.
+    """Move a run with its hash and note to the set-aside folder; return the new path.
 
     Raises:
         RunError: a file cannot be moved.

@@ -37,7 +37,7 @@ def first_cursors(x_view: tuple[float, float]) -> Cursors:
 
 
 def readings(cursors: Cursors, x_label: str, lines: Sequence[tuple[str, Array, Array]], colours: Sequence[str]) -> Text:
-    """Return a text with the positions of the cursors, the values of each line at the cursors, and their differences.
+    """Return a text with cursor positions, the values there, and their differences.
 
     Args:
         cursors: positions of the cursors

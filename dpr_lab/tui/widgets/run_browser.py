@@ -36,7 +36,7 @@ CHOSEN, LEFT = "✔", " "
 
 
 class RunBrowser(Guarded, ModalScreen[list[Path] | None]):
-    """Dialog for the selection of runs; it returns the new selection, or None if nothing was changed.
+    """Dialog that returns a new selection of runs, or None if nothing was changed.
 
     Args:
         services: services with the workspace, which defines the folder of the runs
@@ -208,7 +208,7 @@ no samples. The reason is shown below the list.
             self._jobs.append(start_job(self, jobs.recover, path=path, out=out))
 
     def on_key(self, event: Key) -> None:
-        """Show recent folders when the keys up and down are pressed in the field of the folder."""
+        """Show recent folders when up or down is pressed in the folder field."""
         field, recent = self.query_one("#folder", Input), list(map(str, self._services.workspace.recent_folders))
         if field.has_focus and event.key in ("up", "down") and recent:
             current = recent.index(field.value.rstrip("/")) if field.value.rstrip("/") in recent else -1

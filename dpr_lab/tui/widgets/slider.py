@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 
 class Slider(Widget, can_focus=True):
-    """Slider for a value between 0 and a maximum, with a mark at the end of the meaningful range."""
+    """Slider between 0 and a maximum, with a mark at the end of the meaningful range."""
 
     DEFAULT_CSS = """
     Slider { height: 1; }
@@ -59,7 +59,7 @@ class Slider(Widget, can_focus=True):
         self._move_to(share * self.maximum)
 
     def render(self) -> Text:
-        """Return the label, the value, and a line that is filled up to the value and has a bar at the mark."""
+        """Return the label, the value, and a bar with the mark."""
         text = f"{self._label} {self.value:.2f} {self._unit} "
         width = max(self.size.width - len(text) - 2, 4)
         track = ["━" if i < self._column(self.value, width) else "─" for i in range(width)]

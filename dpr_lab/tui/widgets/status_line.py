@@ -34,7 +34,7 @@ class StatusLine(Static):
     """Status line, which shows only values that are currently known."""
 
     def show(self, device: DeviceConnection, urgent: str, work: Sequence[str], folder: Path, now: float) -> None:
-        """Draw the line if it has changed; if space is short, the least important parts are omitted.
+        """Draw the line if it has changed; omit the least important parts if space is short.
 
         Args:
             device: the device

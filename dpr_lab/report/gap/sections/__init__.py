@@ -1,4 +1,4 @@
-"""List the report sections that show the evidence, in page order; each section has its own file."""
+"""Sections of the report that show the evidence, in page order, one file each."""
 
 from dpr_lab.report.gap.section import EvidenceSection
 from dpr_lab.report.gap.sections.budget import BUDGET

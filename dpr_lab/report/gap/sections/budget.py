@@ -13,7 +13,7 @@ from dpr_lab.shown import percent
 
 
 def budget_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw bars of all contributions, their combination, and the error, for the bare and the corrected model."""
+    """Draw error contributions, their sum and the error, for the bare and the corrected model."""
     budget = evidence_of(diagnosis).budget
     bars = [(source.name, source.before_rad, source.after_rad) for source in budget.sources]
     bars += [

@@ -1,4 +1,4 @@
-"""Show how the gap decreases as effects are added one at a time, on the data that validate the verdict."""
+"""Show the decrease of the gap as effects are added one by one, on validation data."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""Show the domain of validity: angles, speeds and days for which the corrected model was fitted and validated."""
+"""Show the domain of validity: angles, speeds and days of the fitted and validation data."""
 
 from collections.abc import Sequence
 
