@@ -1,8 +1,9 @@
-"""Read only regular files, and write files atomically."""
+"""Read only regular files, and write files and groups of files atomically."""
 
+import shutil
 import stat
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dpr_lab.errors import DprError
@@ -82,3 +83,50 @@ def write_text(path: Path, text: str, error: type[DprError] = DprError) -> None:
         DprError: the folder or the file cannot be written.
     """
     write_whole(path, lambda file: file.write_text(text, encoding="utf-8", newline="\n"), error)
+
+
+@contextmanager
+def whole_folder(out: Path, record: str) -> Iterator[Path]:
+    """Provide a context with a temporary folder, whose files are moved to the folder `out` at the end.
+
+    The file `record` describes the other files. It is moved last, and an earlier `record` in `out` is removed first.
+    Therefore it never describes the files of another result. After an exception, `out` keeps its former files, and the
+    temporary folder `out/new.NAME` keeps only `record`, if it was written.
+
+    Raises:
+        DprError: a folder or a file cannot be written.
+    """
+    fresh = out / f"new.{Path(record).stem}"
+    with _writing_to(out):
+        shutil.rmtree(fresh, ignore_errors=True)
+        fresh.mkdir(parents=True)
+    try:
+        yield fresh
+        with _writing_to(out):
+            _move_all(fresh, out, record)
+    finally:
+        _remove_all_but(fresh, record)
+
+
+@contextmanager
+def _writing_to(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as refused:
+        raise DprError(f"{folder}: cannot be written: {refused.strerror}; choose another folder") from refused
+
+
+def _move_all(fresh: Path, out: Path, record: str) -> None:
+    (out / record).unlink(missing_ok=True)
+    files = [file.relative_to(fresh) for file in fresh.rglob("*") if file.is_file()]
+    for file in sorted(files, key=lambda file: str(file) == record):
+        (out / file).parent.mkdir(parents=True, exist_ok=True)
+        (fresh / file).replace(out / file)
+
+
+def _remove_all_but(fresh: Path, record: str) -> None:
+    """Remove the files and folders of a temporary folder except `record`; remove the folder if it is then empty."""
+    with suppress(OSError):
+        for entry in [entry for entry in fresh.iterdir() if entry.name != record]:
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        fresh.rmdir()

@@ -1,4 +1,4 @@
-"""Format results as JSON.
+"""Format results as JSON, and write them as files.
 
 A result must contain only finite numbers. Any other number is a bug. Such a number is written as null, with a warning.
 """
@@ -7,7 +7,10 @@ import json
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
+
+from dpr_lab.whole_file import write_text
 
 
 class NotFinite(RuntimeWarning):
@@ -20,6 +23,15 @@ def as_json(result: Mapping[str, Any] | Sequence[Mapping[str, Any]], indent: int
     A warning `NotFinite` names the key of each number that is not finite.
     """
     return json.dumps(_finite(result, "result"), indent=indent, default=str, allow_nan=False)
+
+
+def write_json(result: Mapping[str, Any], path: Path) -> None:
+    """Write a JSON object atomically.
+
+    Raises:
+        DprError: the folder or the file cannot be written.
+    """
+    write_text(path, as_json(result) + "\n")
 
 
 def _finite(value: Any, key: str) -> Any:

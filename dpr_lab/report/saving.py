@@ -16,10 +16,10 @@ from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import Comparison
 from dpr_lab.identification.model import Model
 from dpr_lab.report.figures import save_figures
-from dpr_lab.report.files import write_json as write_json
 from dpr_lab.report.gap.figures import save_gap_figures
 from dpr_lab.report.gap.html import write_gap_report
 from dpr_lab.report.html import write_report
+from dpr_lab.report.plain import write_json as write_json
 from dpr_lab.report.words import named
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run

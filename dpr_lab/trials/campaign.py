@@ -18,7 +18,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from dpr_lab.errors import DprError, RunError
-from dpr_lab.report.files import write_json
+from dpr_lab.report.plain import write_json
 from dpr_lab.rig import load_rig
 from dpr_lab.trials.case import run_case
 from dpr_lab.trials.protocol import read_json

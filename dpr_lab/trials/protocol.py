@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.report.files import write_json
+from dpr_lab.report.plain import write_json
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.run import Run
 from dpr_lab.storage.reader import load_run

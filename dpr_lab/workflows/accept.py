@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.gap.result import RECORD as DIAGNOSIS_RECORD
+from dpr_lab.whole_file import whole_folder
 from dpr_lab.workflows.checks import refuse_file
-from dpr_lab.workflows.diagnose import DiagnoseRequest, DiagnoseResult, diagnose
-from dpr_lab.workflows.events import OnEvent, Warned, ignore
+from dpr_lab.workflows.diagnose import DiagnoseRequest, diagnose, kept_diagnosis, save_results
+from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_diagnosis, read_runs
 
 if TYPE_CHECKING:
@@ -120,10 +121,9 @@ def _save(
     acceptance: "Acceptance", diagnosis: "Diagnosis", runs: "Sequence[Run]", rig: "Rig", out: Path, on_event: OnEvent
 ) -> dict[str, str]:
     """Write the results of the limits, and the diagnosis with its report."""
-    from dpr_lab.report.files import write_json
-    from dpr_lab.report.saving import save_diagnosis
+    from dpr_lab.report.plain import write_json
 
-    write_json(asdict(acceptance), out / RECORD)
-    files = save_diagnosis(diagnosis, runs, rig, out, lambda sentence: on_event(Warned(sentence)), acceptance)
-    write_json(DiagnoseResult(diagnosis, files).to_json(), out / DIAGNOSIS_RECORD)
+    with whole_folder(out, DIAGNOSIS_RECORD) as folder, kept_diagnosis(diagnosis, folder, out):
+        write_json(asdict(acceptance), folder / RECORD)
+        files = save_results(diagnosis, runs, rig, folder, out, on_event, acceptance).files
     return {"accept": str(out / RECORD), **files}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dpr_lab.errors import RunError
 from dpr_lab.gap.result import RECORD
+from dpr_lab.whole_file import whole_folder
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import OnEvent, ignore
 from dpr_lab.workflows.reading import read_runs
@@ -96,7 +97,7 @@ def _save(diagnosis: "Diagnosis", out: Path) -> None:
     from dpr_lab.report.gap.html import write_gap_report
     from dpr_lab.report.saving import write_json
 
-    write_gap_report(
-        diagnosis, "Difference between simulation and rig, after a check", out, save_gap_figures(diagnosis, out)
-    )
-    write_json(diagnosis.to_json(), out / RECORD)
+    title = "Difference between simulation and rig, after a check"
+    with whole_folder(out, RECORD) as folder:
+        write_gap_report(diagnosis, title, folder, save_gap_figures(diagnosis, folder))
+        write_json(diagnosis.to_json(), folder / RECORD)

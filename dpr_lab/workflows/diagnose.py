@@ -3,22 +3,27 @@
 import os
 import time
 from collections.abc import Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.errors import ConfigError, DprError, RunError, unknown_name
 from dpr_lab.gap.result import RECORD
 from dpr_lab.shown import percent
+from dpr_lab.whole_file import whole_folder
 from dpr_lab.workflows.checks import refuse_file
 from dpr_lab.workflows.events import FitBegan, OnEvent, ScoreTestBegan, StageBegan, TrustTrialDone, Warned, ignore
 from dpr_lab.workflows.reading import read_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
+    from dpr_lab.acceptance.judge import Acceptance
     from dpr_lab.effects.effect import Effect
     from dpr_lab.gap.result.diagnosis import Diagnosis
+    from dpr_lab.rig import Rig
     from dpr_lab.run import Run
 
 
@@ -76,7 +81,8 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         RunError: a run or the model cannot be used, there are no runs, or trials are requested for a moving arm.
         IdentificationError: zero, unit, sign or order of the readings is specified wrongly.
         DprError: a result cannot be written.
-        KeyboardInterrupt: re-raised with the name of the complete file, if report and models were being written.
+        KeyboardInterrupt: re-raised with the name of the file that contains the diagnosis, if report and models were
+            being written.
     """
     from dpr_lab.gap.diagnose import STAGES
     from dpr_lab.gap.diagnose import diagnose as diagnose_runs
@@ -104,38 +110,63 @@ def diagnose(request: DiagnoseRequest, on_event: OnEvent = ignore) -> DiagnoseRe
         seed=request.seed,
         on_progress=lambda event: on_event(_of_all(event, stages)),
     )
-    result = _kept(DiagnoseResult(diagnosis, {}), request.out)  # saved before the steps that may fail
-    if request.trust:
-        from dpr_lab.trials.own_rig import trust
-
-        began = time.perf_counter()
-        tried = trust(
-            diagnosis,
-            runs,
-            rig,
-            request.trust,
-            library=library,
-            max_effects=request.max_effects,
-            seed=request.seed,
-            processes=request.processes or os.cpu_count() or 1,
-            on_trial=lambda done: on_event(TrustTrialDone(done, request.trust, time.perf_counter() - began)),
-        )
-        diagnosis = diagnosis.model_copy(update={"trust": tried})
-        result = _kept(DiagnoseResult(diagnosis, {}), request.out)
-    if request.out:
-        from dpr_lab.report.saving import save_diagnosis
-
+    finish = partial(_with_trust, runs=runs, rig=rig, request=request, library=library, on_event=on_event)
+    if request.out is None:
+        return DiagnoseResult(finish(diagnosis), {})
+    with whole_folder(request.out, RECORD) as folder, kept_diagnosis(diagnosis, folder, request.out):
+        diagnosis = finish(diagnosis)
         on_event(StageBegan(stages, stages, "report"))
-        try:
-            files = save_diagnosis(diagnosis, runs, rig, request.out, lambda sentence: on_event(Warned(sentence)))
-        except DprError as error:
-            raise type(error)(f"{error}. {request.out / RECORD} is complete: {diagnosis.sentence}") from error
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                f"interrupted: {request.out / RECORD} is complete, but report or models are missing."
-                " Run the same command again to write them"
-            ) from None
-        result = _kept(DiagnoseResult(diagnosis, files), request.out)
+        return save_results(diagnosis, runs, rig, folder, request.out, on_event)
+
+
+def _with_trust(
+    diagnosis: "Diagnosis",
+    runs: "Sequence[Run]",
+    rig: "Rig",
+    request: DiagnoseRequest,
+    library: "Mapping[str, Effect]",
+    on_event: OnEvent,
+) -> "Diagnosis":
+    """Add the blind trials that the request contains."""
+    from dpr_lab.trials.own_rig import trust
+
+    if not request.trust:
+        return diagnosis
+    began = time.perf_counter()
+    tried = trust(
+        diagnosis,
+        runs,
+        rig,
+        request.trust,
+        library=library,
+        max_effects=request.max_effects,
+        seed=request.seed,
+        processes=request.processes or os.cpu_count() or 1,
+        on_trial=lambda done: on_event(TrustTrialDone(done, request.trust, time.perf_counter() - began)),
+    )
+    return diagnosis.model_copy(update={"trust": tried})
+
+
+def save_results(
+    diagnosis: "Diagnosis",
+    runs: "Sequence[Run]",
+    rig: "Rig",
+    folder: Path,
+    out: Path,
+    on_event: OnEvent,
+    acceptance: "Acceptance | None" = None,
+) -> DiagnoseResult:
+    """Write a diagnosis, its report and its models to a temporary folder, from which they are moved to `out`.
+
+    Raises:
+        DprError: a file cannot be written.
+    """
+    from dpr_lab.report.saving import save_diagnosis, write_json
+
+    files = save_diagnosis(diagnosis, runs, rig, folder, lambda sentence: on_event(Warned(sentence)), acceptance)
+    moved = {name: str(out / Path(file).relative_to(folder)) for name, file in files.items()}
+    result = DiagnoseResult(diagnosis, moved)
+    write_json(result.to_json(), folder / RECORD)
     return result
 
 
@@ -149,15 +180,34 @@ def _refuse_trials(runs: "Sequence[Run]") -> None:
             )
 
 
-def _kept(result: DiagnoseResult, out: Path | None) -> DiagnoseResult:
-    from dpr_lab.report.files import write_json
+@contextmanager
+def kept_diagnosis(diagnosis: "Diagnosis", folder: Path, out: Path) -> "Iterator[None]":
+    """Save a diagnosis before steps that may fail, and name its file if they fail.
 
-    if out:
-        try:
-            write_json(result.to_json(), out / RECORD)
-        except DprError as error:
-            raise type(error)(f"{error}. Verdict of the diagnosis: {result.diagnosis.sentence}") from error
-    return result
+    Args:
+        diagnosis: the diagnosis
+        folder: temporary folder of the results
+        out: final folder of the results
+
+    Raises:
+        DprError: the diagnosis cannot be written, or re-raised with the verdict and the file of the diagnosis.
+        KeyboardInterrupt: re-raised with the file of the diagnosis.
+    """
+    from dpr_lab.report.plain import write_json
+
+    try:
+        write_json(diagnosis.to_json(), folder / RECORD)
+    except DprError as error:
+        raise type(error)(f"{error}. Verdict of the diagnosis: {diagnosis.sentence}") from error
+    kept = f"The other files of {out} are not changed. The diagnosis is in {folder / RECORD}"
+    try:
+        yield
+    except DprError as error:
+        raise type(error)(f"{error}. {kept}: {diagnosis.sentence}") from error
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"interrupted: report and models are missing. {kept}. Run the same command again to write all files"
+        ) from None
 
 
 def _of_all(event: StageBegan | FitBegan | ScoreTestBegan, stages: int) -> StageBegan | FitBegan | ScoreTestBegan:

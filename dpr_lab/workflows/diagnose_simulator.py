@@ -96,7 +96,7 @@ def diagnose_simulator(
     from dpr_lab.exports.into import WORDS, into_file
     from dpr_lab.exports.into.target import arm_to_change
     from dpr_lab.exports.refit import fitted_in_words, unchanged
-    from dpr_lab.report.files import write_json
+    from dpr_lab.report.plain import write_json
     from dpr_lab.rig import load_rig
     from dpr_lab.simulator_models import read_model
     from dpr_lab.workflows.reading import read_runs
@@ -196,7 +196,7 @@ def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str
 
 def _written(done: SimulatorDiagnosis, out: Path, text: bytes) -> SimulatorDiagnosis:
     from dpr_lab.exports.mjcf import CALLBACK
-    from dpr_lab.report.files import write_json
+    from dpr_lab.report.plain import write_json
     from dpr_lab.whole_file import write_text
 
     file, diff = out / done.simulator.name, out / f"{done.simulator.name}.diff"

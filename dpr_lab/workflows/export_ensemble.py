@@ -259,7 +259,7 @@ def _write(
     from dpr_lab.exports.bodies import bodies, in_words
     from dpr_lab.exports.ensemble.bands import level_of
     from dpr_lab.identification.moving_arm.model import MovingArmModel
-    from dpr_lab.report.files import write_json
+    from dpr_lab.report.plain import write_json
 
     members, sets = [], dict[str, int]()
     for model in models:

@@ -114,7 +114,7 @@ def minutes(text: str) -> float:
 def _kept(made: "Plan", rig: "Rig", out: Path | None) -> PlanResult:
     """Write the plan, its input signals, and the rig files with its start poses."""
     from dpr_lab.planning.signals import write_signal
-    from dpr_lab.report.files import write_json
+    from dpr_lab.report.plain import write_json
     from dpr_lab.workflows.planned_rigs import planned_poses, planned_rigs
 
     if out is None:

@@ -50,7 +50,8 @@ def test_a_full_disk_does_not_lose_the_verdict(tmp_path, monkeypatch: pytest.Mon
     def fail(*arguments: object) -> None:
         raise DprError("no space left")
 
-    monkeypatch.setattr("dpr_lab.report.files.write_json", fail)
-    result: Any = SimpleNamespace(diagnosis=SimpleNamespace(sentence="No gap."), to_json=dict)
+    monkeypatch.setattr("dpr_lab.report.plain.write_json", fail)
+    diagnosis: Any = SimpleNamespace(sentence="No gap.", to_json=dict)
     with pytest.raises(DprError, match=r"no space left. Verdict of the diagnosis: No gap"):
-        diagnose_job._kept(result, tmp_path)
+        with diagnose_job.kept_diagnosis(diagnosis, tmp_path / "new.diagnosis", tmp_path):
+            pass

@@ -125,10 +125,18 @@ def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monke
     def diagnosed(runs, rig, *, on_progress, **options):
         for event in tells:
             on_progress(event)
-        return SimpleNamespace(to_json=lambda: {"nothing": "to see"})
+        return SimpleNamespace(to_json=lambda: {"nothing": "to see"}, sentence="Nothing.")
+
+    def saved(diagnosis, runs, rig, out, *arguments):
+        (out / "diagnosis.html").write_text("new")
+        return {"report": str(out / "diagnosis.html")}
+
+    def stopped(*arguments):
+        saved(*arguments)
+        raise KeyboardInterrupt
 
     monkeypatch.setattr("dpr_lab.gap.diagnose.diagnose", diagnosed)
-    monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", lambda *arguments: {"report": "diagnosis.html"})
+    monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", saved)
     heard, files = Heard(), recorded[0].files
     result = diagnose(DiagnoseRequest(files, "paper"), heard)
     assert heard == [*heard.of(events.RunRead), *tells]
@@ -139,9 +147,17 @@ def test_a_diagnosis_reports_its_stages_and_fits(recorded, tmp_path: Path, monke
     assert heard.of(events.StageBegan) == [events.StageBegan(4, 9, "which"), events.StageBegan(9, 9, "report")]
     assert json.loads(record.read_text()) == result.to_json() == {"nothing": "to see", "files": dict(result.files)}
 
-    monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", Mock(side_effect=KeyboardInterrupt))
-    with pytest.raises(KeyboardInterrupt, match=r"diagnosis.json is complete.*Run the same command again"):
+    assert result.files == {"report": str(tmp_path / "diagnosis.html")}
+
+    (tmp_path / "diagnosis.html").write_text("old")
+    monkeypatch.setattr("dpr_lab.report.saving.save_diagnosis", stopped)
+    kept = tmp_path / "new.diagnosis" / "diagnosis.json"
+    with pytest.raises(KeyboardInterrupt, match=rf"are not changed. The diagnosis is in {kept}. Run the same"):
         diagnose(DiagnoseRequest(files, "paper", out=tmp_path))
+    assert (tmp_path / "diagnosis.html").read_text() == "old"
+    assert json.loads(record.read_text())["files"]
+    assert [file.name for file in kept.parent.iterdir()] == ["diagnosis.json"]
+    assert json.loads(kept.read_text()) == {"nothing": "to see"}
 
 
 def test_blind_trials_of_a_moving_arm_are_refused_before_the_diagnosis(
