@@ -84,12 +84,7 @@ def plan(
 
 def show(made: "Plan") -> None:
     """Print a plan."""
-    from dpr_lab.report.tables import (
-        LIMIT_FORECAST_COLUMNS,
-        RATIO_STD_COLUMNS,
-        limit_forecast_rows,
-        ratio_std_rows,
-    )
+    from dpr_lab.report.tables import LIMIT_FORECAST_COLUMNS, RATIO_STD_COLUMNS, limit_forecast_rows, ratio_std_rows
     from dpr_lab.report.words import in_words
 
     line(in_words(made.sentence))

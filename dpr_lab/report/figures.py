@@ -28,6 +28,7 @@ from dpr_lab.identification.moving_arm.model import MovingArmModel
 from dpr_lab.report import style
 from dpr_lab.report.digits import three
 from dpr_lab.report.envelope import signal_scale, trace
+from dpr_lab.report.run_names import compared_name, run_label
 from dpr_lab.report.tables import to_the_end
 from dpr_lab.run import Run
 from dpr_lab.search import search_words
@@ -75,7 +76,7 @@ def run_figure(run: Run) -> Figure:
             panels[0].plot(run.t, run.theta[:, rod], label=name)
         _angle_range(panels[0], run.theta[:, 1 : 1 + len(names)])
         panels[0].set_ylabel("angle (rad, 0 = upright)")
-        panels[0].set_title(_one_line(run.name), parse_math=False)
+        panels[0].set_title(_one_line(run_label(run.name)), parse_math=False)
         for axes, (name, values) in zip(panels[1:], further, strict=True):
             axes.plot(run.t, values)
             axes.set_ylabel(name)
@@ -148,7 +149,7 @@ def _panels(runs: Sequence[ArmComparison]) -> tuple[Figure, list[tuple[Any, ArmC
     rows_of_axes = [(axes, run, joint) for axes, (run, joint) in zip(panels, rows, strict=True)]
     for axes, run, joint in rows_of_axes:
         if joint == 0 or JOINTS_READ[0] not in run.rms_rad:
-            axes.set_title(run.run, parse_math=False)
+            axes.set_title(_one_line(run_label(run.run)), parse_math=False)
         axes.set_xlim(float(run.t[0]), float(run.t[-1]))
     panels[-1].set_xlabel("time since the release (s)")
     return figure, rows_of_axes
@@ -307,8 +308,7 @@ def _draw_error(axes: Axes, t: Array, error: Array, noise_rad: float, rms_rad: f
 def _title(axes: Axes, comparison: Comparison) -> None:
     role = "held out" if comparison.held_out else "fitted"
     horizon = "predictable to the end" if to_the_end(comparison) else f"horizon {comparison.horizon_s:.2g} s"
-    parts = [_one_line(comparison.run), comparison.pose and f"pose {_one_line(comparison.pose)}", role, horizon]
-    axes.set_title("   |   ".join(part for part in parts if part), parse_math=False)
+    axes.set_title("   |   ".join((_one_line(compared_name(comparison)), role, horizon)), parse_math=False)
 
 
 def _one_line(name: str, longest: int = 70) -> str:

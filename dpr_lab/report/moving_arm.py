@@ -1,13 +1,12 @@
 """Create the tables of an identification and a comparison with a moving arm."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dpr_lab.dynamics.base import RATIO_UNITS
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import interval, plus_minus, superscripts
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.run_names import run_label
 from dpr_lab.shown import counted
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ def comparison_rows(compared: Mapping[str, Any]) -> list[list[str]]:
     """Return one row per run and joint of the result of `compare_moving_arm`."""
     return [
         [
-            run_name(Path(f"{run['run']}.mcap")),
+            run_label(run["run"]),
             "held out" if run["held_out"] else "fitted",
             joint,
             f"{1e3 * rms:.3g}",

@@ -1,10 +1,8 @@
-"""Create the tables of an identification: values with uncertainty and origin, runs by pose and time."""
+"""Create the tables of an identification: values with uncertainty and origin, and compared runs."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +11,7 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import ALONE, RATIO_UNITS, RATIOS
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, interval, pair, plus_minus, superscripts, three
+from dpr_lab.report.run_names import compared_name
 from dpr_lab.shown import FIXED_BY
 
 if TYPE_CHECKING:
@@ -318,48 +317,6 @@ def search_rows(model: "Model") -> list[list[str]]:
         ["local solver", f"{fit.iterations} iterations, {fit.segments} segments up to {fit.longest_segment_s:.3g} s"],
         ["χ² per degree of freedom", f"{three(fit.chi2_per_dof)} (1 = noise alone)"],
     ]
-
-
-def local_time(utc: str) -> str:
-    """Convert a UTC time to local time, for example `2026-11-21 11:15 CET`.
-
-    The time has the format of ISO 8601 or of the name of a run file. Other text is returned unchanged.
-    """
-    if len(utc) <= len("2026-11-21"):
-        return utc
-    try:
-        time = datetime.fromisoformat(utc.replace("Z", "+00:00"))
-        time = time if time.tzinfo is not None else time.replace(tzinfo=UTC)
-        return f"{time.astimezone():%Y-%m-%d %H:%M %Z}"
-    except (ValueError, OverflowError, OSError):  # not a time, or outside the range of this computer's clock
-        return utc
-
-
-def recorded(run: Path) -> str:
-    """Return the time of recording from a file name `<utc>_<pose>_<uid8>`; empty for other names."""
-    parts = run.stem.split("_")
-    when = local_time(parts[0])
-    return when if len(parts) > 2 and when != parts[0] else ""
-
-
-def run_pose(run: Path) -> str:
-    """Return the pose of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
-    return "_".join(run.stem.split("_")[1:-1]) if recorded(run) else run.stem
-
-
-def run_name(run: Path) -> str:
-    """Return pose and time of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
-    when = recorded(run)
-    return f"{run_pose(run)} ({when})" if when else run.stem
-
-
-def compared_name(comparison: "Comparison") -> str:
-    """Return the label of a compared run.
-
-    The label is the name of the run, preceded by the pose unless the name contains the pose.
-    """
-    name = run_name(Path(f"{comparison.run}.mcap"))
-    return f"{comparison.pose} {name}" if comparison.pose and name == comparison.run else name
 
 
 def to_the_end(comparison: "Comparison") -> bool:

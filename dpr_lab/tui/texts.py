@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dpr_lab.report.digits import NUMERIC
-from dpr_lab.report.tables import recorded, run_name, run_pose
+from dpr_lab.report.run_names import recorded, run_name, run_pose
 
 
 @dataclass(frozen=True, slots=True)

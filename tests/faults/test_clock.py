@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.acquisition import capture
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.run_names import run_name
 from dpr_lab.storage import metadata
 from dpr_lab.storage.inspect import info
 from dpr_lab.storage.reader import load_run

@@ -8,7 +8,9 @@ from matplotlib.colors import to_rgb
 
 from dpr_lab.errors import DprError
 from dpr_lab.report import style
-from dpr_lab.report.figures import error_figure, evolution_figure, response_figure, save_figures
+from dpr_lab.report.figures import error_figure, evolution_figure, response_figure, run_figure, save_figures
+from dpr_lab.report.run_names import local_time
+from dpr_lab.run import Run
 from tests.thinned import thinned
 
 
@@ -36,6 +38,16 @@ def test_the_response_shows_every_run_as_measured(runs, comparison):
         assert axes.get_ylabel() == ("inner rod θ₁ (rad)", "outer rod θ₂ (rad)")[axis]
     assert [axes.get_xlabel() for axes in figure.axes[-2:]] == ["time since release (s)"] * 2
     assert all(f"run {i}" in figure.axes[2 * i].get_title(loc="left") for i in range(runs))
+
+
+def test_titles_show_pose_and_time_instead_of_the_name_of_the_file(comparison):
+    name = "20261121T101500Z_X1_1a2b3c4d"
+    label = f"X1 ({local_time('20261121T101500Z')})"
+    (axes, *_) = response_figure([comparison(name)]).axes
+    assert axes.get_title(loc="left").startswith(f"{label}   |   ")
+    t = np.arange(3) / 100
+    run = Run(name, t, np.zeros((3, 3)), counts=None, pose="X1", rig_name="paper", rig_sha256="", rate_hz=100.0)
+    assert run_figure(run).axes[0].get_title(loc="left") == label
 
 
 def test_the_free_run_is_strong_to_the_horizon_and_faint_beyond(comparison):

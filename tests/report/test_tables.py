@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dpr_lab.identification.model import EstimatedValue
-from dpr_lab.report import moving_arm, tables
+from dpr_lab.report import moving_arm, run_names, tables
 
 
 @pytest.mark.parametrize(
@@ -177,4 +177,4 @@ def test_the_tables_of_a_moving_arm_state_units_and_label_runs_like_those_of_a_c
     name = "20261121T101500Z_X1_00000001"
     runs = [{"run": name, "held_out": False, "rms_rad": {"joint 0": 1e-3}, "noise_rad": {"joint 0": 1e-3}}]
     ((label, *_),) = moving_arm.comparison_rows({"runs": runs})
-    assert label == tables.run_name(Path(f"{name}.mcap")) != name
+    assert label == run_names.run_name(Path(f"{name}.mcap")) != name

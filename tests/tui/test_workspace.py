@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dpr_lab.report.tables import recorded, run_name
+from dpr_lab.report.run_names import recorded, run_name
 from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.path_suggester import PathSuggester
 from dpr_lab.tui.texts import named_runs

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from dpr_lab.planning.stopping import reservation, undecided
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.run_names import run_label
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
 
@@ -278,7 +277,7 @@ def run_words(name: str, held_out: bool = False) -> str:
 
     The label contains the pose, the time of the recording, and a mark for held-out data.
     """
-    return run_name(Path(f"{whole(name)}.mcap")) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
+    return run_label(whole(name)) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:

@@ -14,7 +14,7 @@ from textual.binding import Binding, BindingType
 from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.acquisition.holding import HangReading
 from dpr_lab.errors import ConfigError, DprError
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.run_names import run_name
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.tui.recorder.attempt import Attempt, Phase
 from dpr_lab.tui.recorder.messages import (

@@ -12,7 +12,7 @@ from textual.events import Resize
 from textual.widgets import Select, Static
 
 from dpr_lab.errors import RunError
-from dpr_lab.report.tables import compared_name, run_name
+from dpr_lab.report.run_names import compared_name, run_label, run_name
 from dpr_lab.tui.jobs import jobs
 from dpr_lab.tui.jobs.jobs import ComparisonSaved, FreeRunFrom, FreeRunStart
 from dpr_lab.tui.jobs.kept_comparison import KeptComparison
@@ -285,7 +285,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
     @property
     def _names(self) -> list[str]:
         """Names of the compared runs."""
-        of_arm = [f"{run_name(Path(comparison.run))} {_role(comparison.held_out)}" for comparison in self._of_arm]
+        of_arm = [f"{run_label(comparison.run)} {_role(comparison.held_out)}" for comparison in self._of_arm]
         return of_arm or [
             f"{compared_name(comparison)} {_role(comparison.held_out)}" for comparison in self._comparisons
         ]

@@ -13,7 +13,7 @@ from dpr_lab.acquisition.capture import CaptureOptions
 from dpr_lab.acquisition.gate import QualityReport
 from dpr_lab.acquisition.rest import pose_error
 from dpr_lab.report.angles import AngleUnit
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.run_names import run_name
 from dpr_lab.rig import Rig
 from dpr_lab.rig_tables import INPUT_UNITS, Pose
 from dpr_lab.tui.keys import KeyNames

@@ -15,7 +15,7 @@ from textual.screen import ModalScreen
 from textual.widgets import DataTable, Input, OptionList, Static
 
 from dpr_lab.errors import ConfigError
-from dpr_lab.report.tables import local_time, recorded
+from dpr_lab.report.run_names import local_time, recorded
 from dpr_lab.storage.export import EXPORTERS
 from dpr_lab.storage.sidecar import write_note
 from dpr_lab.tui.guard import Guarded

@@ -8,7 +8,7 @@ import pytest
 from textual.widgets import Static
 
 from dpr_lab.acquisition.capture import CaptureOptions
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.run_names import run_name
 from dpr_lab.storage.inspect import info, recover, verify
 from dpr_lab.storage.reader import load_run
 from dpr_lab.tui.app import DprApp

@@ -22,7 +22,7 @@ from dpr_lab.progress import StageBegan
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.envelope import signal_scale
 from dpr_lab.report.gap.tables import next_steps, sentence
-from dpr_lab.report.tables import run_name
+from dpr_lab.report.run_names import run_name
 from dpr_lab.report.words import in_words, named
 from dpr_lab.shown import percent
 from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobProgress

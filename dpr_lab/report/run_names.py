@@ -1,0 +1,56 @@
+"""Name runs in tables and figures by pose and local time of the recording."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dpr_lab.identification.compare import Comparison
+
+
+def local_time(utc: str) -> str:
+    """Convert a UTC time to local time, for example `2026-11-21 11:15 CET`.
+
+    The time has the format of ISO 8601 or of the name of a run file. Other text is returned unchanged.
+    """
+    if len(utc) <= len("2026-11-21"):
+        return utc
+    try:
+        time = datetime.fromisoformat(utc.replace("Z", "+00:00"))
+        time = time if time.tzinfo is not None else time.replace(tzinfo=UTC)
+        return f"{time.astimezone():%Y-%m-%d %H:%M %Z}"
+    except (ValueError, OverflowError, OSError):  # not a time, or outside the range of this computer's clock
+        return utc
+
+
+def recorded(run: Path) -> str:
+    """Return the time of recording from a file name `<utc>_<pose>_<uid8>`; empty for other names."""
+    parts = run.stem.split("_")
+    when = local_time(parts[0])
+    return when if len(parts) > 2 and when != parts[0] else ""
+
+
+def run_pose(run: Path) -> str:
+    """Return the pose of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
+    return "_".join(run.stem.split("_")[1:-1]) if recorded(run) else run.stem
+
+
+def run_name(run: Path) -> str:
+    """Return pose and time of a run from a file name `<utc>_<pose>_<uid8>`; other names are returned unchanged."""
+    return run_label(run.stem)
+
+
+def run_label(stem: str) -> str:
+    """Return pose and time of a run from the name of its file without the extension, as `run_name`."""
+    file = Path(f"{stem}.mcap")
+    when = recorded(file)
+    return f"{run_pose(file)} ({when})" if when else stem
+
+
+def compared_name(comparison: "Comparison") -> str:
+    """Return the label of a compared run.
+
+    The label is the name of the run, preceded by the pose unless the name contains the pose.
+    """
+    name = run_label(comparison.run)
+    return f"{comparison.pose} {name}" if comparison.pose and name == comparison.run else name
