@@ -199,14 +199,14 @@ def kept_diagnosis(diagnosis: "Diagnosis", folder: Path, out: Path) -> "Iterator
         write_json(diagnosis.to_json(), folder / RECORD)
     except DprError as error:
         raise type(error)(f"{error}. Verdict of the diagnosis: {diagnosis.sentence}") from error
-    kept = f"The other files of {out} are not changed. The diagnosis is in {folder / RECORD}"
+    saved = f"The other files of {out} are not changed. The diagnosis is in {folder / RECORD}"
     try:
         yield
     except DprError as error:
-        raise type(error)(f"{error}. {kept}: {diagnosis.sentence}") from error
+        raise type(error)(f"{error}. {saved}: {diagnosis.sentence}") from error
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
-            f"interrupted: report and models are missing. {kept}. Run the same command again to write all files"
+            f"interrupted: report and models are missing. {saved}. Run the same command again to write all files"
         ) from None
 
 
