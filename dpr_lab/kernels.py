@@ -59,7 +59,7 @@ def njit(function: Function) -> Function: ...
 @overload
 def njit(*, parallel: bool = False, allocates: bool = True) -> Callable[[Function], Function]: ...
 def njit(function: Callable[..., Any] | None = None, *, allocates: bool = True, **options: Any) -> Any:
-    """Compile a kernel that Python calls, as `numba.njit`: cached, with strict IEEE arithmetic, and without the GIL.
+    """Compile a kernel that Python calls: `numba.njit` with cache and strict IEEE arithmetic, without the GIL.
 
     Division by zero gives inf or nan. Sums are neither reassociated nor contracted, so that a result has the same bits
     for any batch size and any number of threads. With `allocates=False`, for kernels that neither allocate arrays nor
@@ -84,7 +84,7 @@ def subroutine(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Decorate a short subroutine that is inlined in every loop that calls it, so that the loop is vectorised.
+    """Decorate a short subroutine that is inlined, so that loops that call it are vectorised.
 
     By default the compiler inlines only small functions, and a loop with a call is not vectorised.
     """
@@ -92,7 +92,7 @@ def inlined(function: Function) -> Function:
 
 
 def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
-    """Compile a kernel separately, for other kernels that receive it as an argument and call it through a pointer.
+    """Compile a kernel that other kernels receive as an argument and call through a pointer.
 
     An ordinary call of a kernel compiles its whole code again for each caller. A call through a pointer takes some
     nanoseconds instead, which is negligible for kernels with much work per call.
@@ -111,14 +111,14 @@ def behind_pointer(function: Callable[..., None], *examples: Any) -> Any:
 
 
 class KernelCache(caching.FunctionCache):
-    """Cache of one kernel: loads it without the imports that a compilation needs, and tolerates damaged files."""
+    """Cache of one kernel that needs no compiler imports and tolerates damaged files."""
 
     def __init__(self, function: Callable[..., Any], allocates: bool) -> None:
         super().__init__(function)
         self._allocates = allocates
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load a kernel from the cache; None if its file is truncated, so that it is compiled again.
+        """Load a kernel from the cache; None if its file is damaged, so that it is recompiled.
 
         Before it loads a kernel, Numba by default imports everything that a compilation requires, which takes longer
         than loading all kernels of a diagnosis. Here only the reference counting is imported, for machine code that

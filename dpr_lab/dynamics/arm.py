@@ -1,4 +1,4 @@
-"""Equation of motion of the whole rig: an arm about the vertical, and two rods in the plane tangent to its tip.
+"""Equation of motion of an arm about the vertical with two rods in the plane perpendicular to it.
 
 With s = sin, c = cos, r = L0 / g, A = J0 + (m1 + m2 + mb) L0^2 and phi = theta0, the mass matrix M(theta) is
 
@@ -34,7 +34,7 @@ CLAMPED, FREE, DRIVEN = range(3)
 class ArmParameters(NamedTuple):
     """Parameters of the arm.
 
-    They are the inertia, kg m^2, the viscous friction, N m s/rad, the spring stiffness, N m/rad, and the mode.
+    They are its inertia (kg m^2), viscous friction (N m s/rad), spring stiffness (N m/rad) and mode.
     """
 
     J0: float = 0.0
@@ -44,7 +44,7 @@ class ArmParameters(NamedTuple):
 
 
 def with_gravity(base: ArrayLike, L1: float, g: float) -> BaseParameters:
-    """Return the base parameters, extended by e2, from (6,) a, b, d, e1, c1, c2, SI."""
+    """Add e2 to the (6,) base parameters a, b, d, e1, c1, c2, SI."""
     a, b, d, e1, c1, c2 = np.asarray(base, dtype=np.float64).tolist()
     return BaseParameters(a, b, d, e1, d * g / L1, c1, c2)
 
@@ -76,7 +76,7 @@ def mass_matrix(motion: Motion, base: BaseParameters, arm: ArmModel) -> tuple[fl
 
 @inlined
 def levers(sin1: float, cos1: float, sin2: float, cos2: float, a: float, b: float, d: float) -> tuple[float, float]:
-    """Return the centrifugal torques on theta1 and theta2 for unit squared speed of the arm, kg m^2."""
+    """Return the centrifugal torques on both rods per squared speed of the arm, kg m^2."""
     return (a * sin1 + d * sin2) * cos1, (b * sin2 + d * sin1) * cos2
 
 

@@ -1,4 +1,4 @@
-"""Coulomb friction of joints: a joint at rest is held by a torque up to a limit, beyond which it slides.
+"""Coulomb friction of joints: a joint at rest is held up to a limit torque, then slides.
 
 Let u = (omega1, omega2 - omega1) be the speeds of the joints, tau the torques on them, A their mass matrix, and F_j the
 friction limit of joint j. Then
@@ -26,7 +26,7 @@ def direction_of(speed: float) -> float:
 
 @subroutine
 def held(rods: ReducedRods, direction1: float, direction2: float) -> tuple[float, float, float]:
-    """Return the accelerations (alpha0, alpha1, alpha2), rad/s^2, if each joint of direction 0 is held at rest."""
+    """Return the accelerations of arm and rods, rad/s^2, with all joints of direction 0 held at rest."""
     free1, free2 = solved(rods.inertia1, rods.inertia2, rods.coupling, rods.torque1, rods.torque2)
     together = (rods.torque1 + rods.torque2) / (rods.inertia1 + rods.inertia2 + 2.0 * rods.coupling)
     outer = rods.torque2 / rods.inertia2
@@ -60,7 +60,7 @@ def _beyond(push: float, forward: float, backward: float) -> float:
 def slides(
     rods: ReducedRods, directions: tuple[float, float], forward: tuple[float, float], backward: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return the directions in which both joints continue: 1, -1, or 0 for a joint that stays at rest.
+    """Return the sliding direction of both joints: 1, -1, or 0 if the joint stays at rest.
 
     Args:
         rods: reduced equations with all torques except the friction of joints at rest
@@ -118,7 +118,7 @@ def slides_with_arm(
     directions: tuple[float, float],
     limits: Limits,
 ) -> tuple[float, float, float]:
-    """Return the directions in which an arm at rest and both rod joints continue, in the order arm, joint 1, joint 2.
+    """Return the sliding directions of an arm at rest, joint 1 and joint 2.
 
     There are three cases: the arm is held, or slides in either direction. In each case `slides` gives the directions of
     the rod joints. Exactly one of the three cases is consistent.

@@ -21,14 +21,14 @@ from dpr_lab.kernels import njit
 
 @njit
 def read_at(t: float, model: RigModel) -> tuple[float, float]:
-    """Return the instants, s since the release, of the angles of joints 1 and 2 that are read at the device time t."""
+    """Return the sampling times of joints 1 and 2 at the device time t, s since the release."""
     shift1, shift2 = reading_shifts(t, model.params, model.active)
     return t + shift1, t + shift2
 
 
 @njit
 def arm_lateness(model: RigModel) -> float:
-    """Return the time by which the angle read at the arm is older than the angle read at joint 1, s."""
+    """Return the delay of the reading of the arm relative to that of joint 1, s."""
     return arm_delay(0.0, model.params, model.active)
 
 
@@ -51,7 +51,7 @@ def apply_encoder_errors(angles: Array, t: Array, run: int, model: RigModel) -> 
 
 
 def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstants, segments: Segments) -> Array:
-    """Return the (n, N, axes) readings that the same angles give under n sets of encoder errors, rad.
+    """Apply n sets of encoder errors to the same angles; return the (n, N, axes) readings, rad.
 
     No integration is needed.
 
@@ -59,7 +59,7 @@ def with_encoder_errors(angles: Array, params: ArrayLike, constants: RigConstant
         angles: (N, axes) joint 1 absolute, joint 2 as read by its encoder, and the arm if it moves, rad
         params: (n, SIZE) effects; only encoder errors are used
         constants: constants of the rig
-        segments: instants of the readings
+        segments: times of the readings
     """
     rows = np.array(params, dtype=np.float64, order="C")
     read = np.empty((len(rows), len(segments.t), angles.shape[1]))

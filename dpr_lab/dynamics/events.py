@@ -1,4 +1,4 @@
-"""Events of Coulomb friction within a step: instants at which a joint stops or starts to slide.
+"""Events of Coulomb friction within a step: a joint stops or starts to slide.
 
 A step of length h from t to t + h is divided at its events, here at one event te:
 
@@ -64,7 +64,7 @@ class JointMotion(NamedTuple):
 
 @subroutine
 def of_joints(values: Three) -> Three:
-    """Convert speeds or accelerations of theta0, theta1, theta2 to those of joint 1, joint 2 and the arm."""
+    """Convert speeds or accelerations of theta0, theta1, theta2 to those of joints 1, 2 and 0."""
     return values[1], values[2] - values[1], values[0]
 
 
@@ -100,14 +100,16 @@ def first_event(h: float, joints: JointMotion, first: Three, last: Three) -> tup
 def stopped(
     thetas: Three, omegas: Three, alphas: Three, joint: int, later: float, resting2: bool
 ) -> tuple[Three, Three]:
-    """Set a joint that stops to rest; return angles and speeds in the order theta0, theta1, theta2.
+    """Return angles and speeds in the order theta0, theta1, theta2, with the stopping joint at rest.
+
+    The state is advanced by the time `later` before the speed of the joint is set to zero.
 
     Args:
         thetas: angles, rad
         omegas: speeds, rad/s
         alphas: accelerations, rad/s^2
         joint: number of the joint that stops; 3 is the arm
-        later: correction of the instant, s
+        later: correction of the event time, s
         resting2: whether joint 2 was at rest
     """
     omega0 = 0.0 if joint == 3 else omegas[0] + later * alphas[0]
@@ -139,9 +141,14 @@ def stops_at(before: float, after: float, slope: float) -> float:
 
 @subroutine
 def yields_at(before: float, after: float, h: float) -> float:
-    """Return the fraction of a step of length h at which a joint breaks away.
+    """Return the fraction of a step of length h, s, at which a resting joint starts to slide.
 
-    The margin of the joint is interpolated linearly between both ends of the step.
+    The margin, friction limit minus torque, is interpolated linearly within the step.
+
+    Args:
+        before: margin at the start of the step, N m
+        after: margin at the end of the step, N m; negative
+        h: length of the step, s
     """
     left = max(before, 0.0)
     return left / (left - after) + EVENTS.late * h

@@ -66,7 +66,7 @@ def predict_batch(
             no run has a single rod
         params: (n, SIZE) effects, SI; or (n, runs, SIZE) if they differ between runs
         constants: the rig, `dpr_lab.dynamics.rig_constants.rig_constants`
-        segments: instants of the readings, in device time, and the Runge-Kutta step of each segment
+        segments: times of the readings, in device time, and the Runge-Kutta step of each segment
         initial: (n, S, 4) theta1, theta2, omega1, omega2 at the start of each segment (`segment_start`), rad and rad/s;
             (n, S, 6) with theta0, omega0 of a free or driven arm
         internal: (S, k) or (n, S, k) internal states of effects (`INTERNAL`) at the start of each segment. None, or

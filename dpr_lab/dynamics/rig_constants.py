@@ -11,7 +11,7 @@ UNKNOWN = RigConstants._make([math.nan] * len(RigConstants._fields))._replace(re
 
 
 def rig_constants(rig: Rig) -> RigConstants:
-    """Return the constants of a rig without an attached mass: lengths, gravity, best known masses and encoders.
+    """Return lengths, gravity, best known masses and encoders of a rig without an attached mass.
 
     An unknown length of a rod is assumed to be twice the distance of its centre of mass.
     """
@@ -34,7 +34,7 @@ def rig_constants(rig: Rig) -> RigConstants:
 
 
 def constants_of_run(constants: RigConstants, setup: Setup) -> RigConstants:
-    """Return the constants of a rig in one run: lengths and masses of the mounted parts, including an attached mass."""
+    """Return the rig constants in one run, with its mounted parts and attached mass."""
     if (added := setup.added) is not None:
         heavier = {"m1": constants.m1 + added.mass} if added.rod == "inner" else {"m2": constants.m2 + added.mass}
         constants = constants._replace(**heavier)

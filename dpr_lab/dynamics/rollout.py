@@ -55,7 +55,9 @@ ROWS = 32
 
 
 def trajectory_errors(rows: ArrayLike, initial: ArrayLike, reference: ArrayLike, step: float) -> Array:
-    """Compute the cost E(Z) of equation (2) for each candidate and pose, with one Runge-Kutta step per sample.
+    """Compute the cost E(Z) of equation (2) for each candidate and pose.
+
+    One Runge-Kutta step is made per sample.
 
         E = sum over samples k and axes i of (theta_i - reference_i)^2 [+ (omega_i - reference_i)^2]
 
@@ -93,7 +95,7 @@ def segment_errors(
 
     Args:
         rows: (n, 6) from `dpr_lab.dynamics.base.rows`
-        segments: instants of the samples, between which steps are equal
+        segments: times of the samples, between which steps are equal
         initial: (S, 4) state at each segment's first sample, rad and rad/s
         targets: (samples, 2 or 4) theta1, theta2 [, omega1, omega2] of all segments in sequence
         whitening: (2, 2) W with W^T W the inverse covariance of the two angles, 1/rad; None: the identity
@@ -227,7 +229,10 @@ def _accelerated(
 
 @subroutine
 def turned(angle: float, square: float, sine: float, cosine: float) -> tuple[float, float]:
-    """Return the sine and cosine after a small rotation by `angle` (see `GUARD`); `square` is the squared angle."""
+    """Return the sine and cosine after a rotation by a small `angle` (see `GUARD`).
+
+    `square` is the squared angle.
+    """
     p = square * (1.0 / 362880.0) - 1.0 / 5040.0
     p = (p * square + 1.0 / 120.0) * square - 1.0 / 6.0
     turn = angle + angle * square * p

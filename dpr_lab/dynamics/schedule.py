@@ -1,4 +1,4 @@
-"""Divide the time between samples into Runge-Kutta steps, in the same way for all integrators of the package."""
+"""Divide sampling intervals into Runge-Kutta steps, in the same way for all integrators."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[Array, Inte
     """Divide each interval between successive instants into equal steps of at most `max_step`.
 
     Args:
-        t: (n,) increasing instants, s
+        t: (n,) increasing times, s
         max_step: longest step, s
 
     Returns:

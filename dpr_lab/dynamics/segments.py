@@ -1,4 +1,4 @@
-"""Layout of the samples of all runs in segments, each of which has its own initial state.
+"""Layout of the samples of all runs in segments with their own initial states.
 
 The initial states (S, 4) theta1, theta2, omega1, omega2 are fitted, and are not part of the layout.
 """
@@ -20,7 +20,10 @@ STEP = 2.5e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segments:
-    """Segments in the order of runs and of time; segment s contains the samples offsets[s] to offsets[s + 1] - 1."""
+    """Segments of all runs in order of time.
+
+    Segment s contains the samples offsets[s] to offsets[s + 1] - 1.
+    """
 
     t: Array
     """(N,) time of each sample since the release of its run, s."""
@@ -43,7 +46,7 @@ class Segments:
 
     @property
     def states(self) -> int:
-        """Number of components of an initial state: 4, or 6 with theta0, omega0 of a moving arm."""
+        """Number of state components: 4, or 6 with theta0 and omega0 of a moving arm."""
         return 6 if self.arm_moves else 4
 
     @property
@@ -71,10 +74,10 @@ class Segments:
         return _owner(self)
 
     def turning_as_one(self, initial: Array) -> Array:
-        """Set equal speeds of both rods if they turn as one body, and equal angles if there is a single rod.
+        """Make initial states consistent with rods that turn as one body.
 
-        The two halves that represent a single rod must be aligned, because the torque on a moving arm depends on both
-        angles.
+        Both rods get equal speeds. The halves of a single rod also get equal angles, because the torque on a moving arm
+        depends on both angles.
 
         Args:
             initial: (..., S, 4) initial states, rad and rad/s
@@ -96,7 +99,7 @@ class Segments:
         return np.concatenate([np.arange(*self.offsets[s : s + 2]) for s in indices])
 
     def chosen(self, indices: Integers) -> "Segments":
-        """Return a layout that contains only the segments with the given indices, which must be in order."""
+        """Return the layout of the segments with the given ascending indices."""
         offsets = np.concatenate([[0], np.cumsum(np.diff(self.offsets)[indices])])
         return Segments(self.t[self.samples_of(indices)], offsets, self.run[indices], self.setups, self.step[indices])
 
@@ -145,12 +148,12 @@ def segments(
         raise ValueError(f"there must be at least one segment, and one run index for each: {len(arrays)} segments")
     offsets = np.cumsum([0, *(t.size for t in arrays)])
     if any(t.ndim != 1 for t in arrays) or not (np.diff(offsets) > 0).all():
-        raise ValueError("each segment needs finite, strictly increasing instants")
+        raise ValueError("each segment needs finite, strictly increasing times")
     instants = np.concatenate(arrays)
     later = instants[1:] > instants[:-1]
     later[offsets[1:-1] - 1] = True
     if not (np.isfinite(instants).all() and later.all()):
-        raise ValueError("each segment needs finite, strictly increasing instants")
+        raise ValueError("each segment needs finite, strictly increasing times")
     firsts = np.array([t[0] for t in arrays])
     if (np.diff(indices) < 0).any() or (np.diff(firsts)[np.diff(indices) == 0] <= 0).any():
         raise ValueError("segments must be in the order of runs, and of time within a run")
@@ -163,7 +166,7 @@ def segments(
 
 
 def initial_states(states: ArrayLike, segments: Segments) -> Array:
-    """Convert initial states of segments to an array (S, 4) of theta1, theta2, omega1, omega2, rad and rad/s.
+    """Convert initial states to an (S, 4) array of theta1, theta2, omega1, omega2, rad and rad/s.
 
     Raises:
         ValueError: the array has another shape.

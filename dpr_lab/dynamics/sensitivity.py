@@ -49,7 +49,7 @@ def sensitivities(
         ratios: (5,) a/b, d/b, e1/b, c1/b, c2/b, or (S, 5) for each segment
         L1: length of the inner rod, m
         g: gravity, m/s^2
-        segments: instants of the samples, between which steps are equal
+        segments: times of the samples, between which steps are equal
         initial: (S, 4) state at each segment's first sample, rad and rad/s
         outputs: number of the four states whose derivatives are returned; 2: the angles
 
@@ -70,7 +70,7 @@ def driven(
     Args:
         values: (S, 6) ratios of each segment, and 1 / b, by which torques are multiplied
         rig: lengths and gravity
-        segments: instants of the samples
+        segments: times of the samples
         initial: (S, 4) state at the first sample of each segment, rad and rad/s
         outputs: number of the four states whose derivatives are returned
 
@@ -86,7 +86,7 @@ def driven(
 
 
 def swings(ratios: ArrayLike, L1: float, g: float, segments: Segments, initial: ArrayLike) -> Array:
-    """Return the same (samples, 4) states as `sensitivities`, without derivatives and in a third of the time."""
+    """Return the (samples, 4) states of `sensitivities` without derivatives, in a third of the time."""
     return _followed(ratios, L1, g, segments, initial, 0)[0]
 
 

@@ -37,7 +37,7 @@ def simulate(
         L1: length of the inner rod, m
         g: gravity, m/s^2
         state: (4,) theta1, theta2, omega1, omega2 at t[0], rad and rad/s
-        t: (n,) increasing instants, s
+        t: (n,) increasing times, s
         max_step: longest Runge-Kutta step, s; each interval is divided into equal steps
         effects: (SIZE,) vector of `dpr_lab.effects`, SI; None: all off. Encoder effects change only the readings,
             not the states.
@@ -97,7 +97,7 @@ def rig_model(
 
 
 def at_release(state: Sequence[float] | Array) -> RigState:
-    """Create the state at the release from angles and speeds (6,); internal states have their initial values."""
+    """Create the state at the release from (6,) angles and speeds, with initial internal states."""
     return RigState._make([*map(float, state), tuple(AT_RELEASE[list(STEPPED)].tolist())])
 
 
@@ -142,13 +142,13 @@ def integrate(
     max_step: float = MAX_STEP,
     drive: ArrayLike = 0.0,
 ) -> Array:
-    """Simulate a swing from a complete state, so that a swing can be computed in several parts.
+    """Simulate a swing from a complete state; a swing can be continued by several calls.
 
     Args:
         model: rig with its effects
         mode: CLAMPED, FREE or DRIVEN
         start: state at t[0]
-        t: (n,) increasing instants since the release, s
+        t: (n,) increasing times since the release, s
         max_step: longest Runge-Kutta step, s
         drive: (n,) or scalar, constant from each instant to the next: torque on a free arm, N m, or acceleration of a
             driven one, rad/s^2

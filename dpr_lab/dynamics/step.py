@@ -77,7 +77,7 @@ def motion_of(
     forces: tuple[float, float],
     directions: tuple[float, float],
 ) -> Motion:
-    """Return the motion at time t, s, from angles and speeds in the order theta0, theta1, theta2."""
+    """Return the motion at time t, s, from angles and speeds of theta0, theta1, theta2."""
     theta0, theta1, theta2 = thetas
     omega0, omega1, omega2 = omegas
     sin1, cos1, sin2, cos2 = math.sin(theta1), math.cos(theta1), math.sin(theta2), math.cos(theta2)
@@ -89,7 +89,7 @@ def motion_of(
 
 @subroutine
 def with_arm(motion: Motion, displacement0: float, direction0: float) -> Motion:
-    """Return the motion with the rotation of the arm since the start of the step, rad, and its direction."""
+    """Return the motion with the arm's rotation in this step, rad, and its direction."""
     return Motion(
         motion.t, motion.theta0, motion.theta1, motion.theta2, motion.omega0, motion.omega1, motion.omega2,
         motion.sin1, motion.cos1, motion.sin2, motion.cos2, motion.displacement1, motion.displacement2, motion.force1,
@@ -151,7 +151,7 @@ def accelerations_at(
 
 
 class SteppedStage(NamedTuple):
-    """One stage of a step: its motion, the contributions of effects, and the equations of the accelerations."""
+    """Stage of a step: motion, contributions of effects, and equations of the accelerations."""
 
     motion: Motion
     rods: ReducedRods
@@ -258,7 +258,7 @@ def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
 
 
 class TriedStep(NamedTuple):
-    """Trial step with unchanged directions: its end state, the accelerations there, and the margins at both ends."""
+    """Trial step with unchanged directions: end state, accelerations, and margins at both ends."""
 
     end: RigState
     alphas: Three
@@ -327,7 +327,7 @@ def _joint_motion(x: RigState, tried: TriedStep, directions: Three) -> JointMoti
 def advanced(
     t: float, x: RigState, h: float, events: int, model: RigModel, mode: int, drive: float
 ) -> tuple[RigState, float, bool]:
-    """Advance the state by a step of length h, or by its part up to the first event of Coulomb friction.
+    """Advance the state by a step of length h, or to the first event of Coulomb friction in it.
 
     Args:
         t: time since the release, s
@@ -365,7 +365,7 @@ def advanced(
 
 @subroutine
 def stepped(t: float, x: RigState, h: float, model: RigModel, mode: int, drive: float) -> RigState:
-    """Advance the state by one step of length h, which is divided where a joint stops or starts to slide."""
+    """Advance the state by a step of length h, divided at the events of Coulomb friction."""
     now, events, whole = t, 0, False
     while not whole:
         x, passed, whole = advanced(now, x, t + h - now if events else h, events, model, mode, drive)

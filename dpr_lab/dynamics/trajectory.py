@@ -30,7 +30,7 @@ _AT_RELEASE = tuple(AT_RELEASE[list(STEPPED)])
 
 
 class KnownMotion(NamedTuple):
-    """Motion of the rods, and optionally of an arm, along a trajectory; the axes are theta1, theta2 and then theta0."""
+    """Motion along a trajectory; the axes are theta1, theta2 and optionally theta0."""
 
     t: Array
     """(n,) time since the release, s."""
@@ -193,7 +193,7 @@ def _c(values: Array) -> Array:
 
 
 def arm_effects_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of effects at a free or driven arm; the arguments are those of `effect_torques_along`.
+    """Compute the torques of effects at a free or driven arm, as `effect_torques_along` does.
 
     The motion contains theta0 as third axis.
 

@@ -1,4 +1,4 @@
-"""Library of physical effects that the base model does not contain; each file defines one kind of effect.
+"""Library of physical effects that the base model lacks; each file defines one kind.
 
 The order of the table `EFFECTS` defines the flat parameter vector; effects of plugins (`dpr_lab.plugins`) come last. An
 effect is active if one of its amplitudes is not zero.

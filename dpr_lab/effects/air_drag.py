@@ -28,7 +28,7 @@ def _between(start: float, slope: float, low: float, high: float) -> tuple[float
 
 @inlined
 def moments(start: float, slope: float, length: float) -> tuple[float, float]:
-    """Return the integrals of v |v| and s v |v| over 0 <= s <= length for v = start + slope s.
+    """Return the integrals of v |v| and s v |v| over 0 <= s <= length, with v = start + slope s.
 
     The result is exact: v |v| is quadratic on both sides of a sign change of v, and two Gauss points integrate cubics
     exactly.

@@ -1,4 +1,4 @@
-"""Arm compliance: the brake or servo that holds the arm acts like a damped spring, so that the arm vibrates."""
+"""Arm compliance: the brake or servo that holds the arm acts like a damped spring."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Tilt of the arm's axis: the direction of gravity in the plane of the rods depends on the angle of the arm."""
+"""Tilt of the arm's axis: gravity in the plane of the rods depends on the arm angle."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.elementary import sincos

@@ -1,4 +1,4 @@
-"""Backlash between a joint and its encoder, caused by a loose coupling, a worn key, or a gear before the encoder."""
+"""Backlash between a joint and its encoder, for example a loose coupling or a gear."""
 
 from typing import NamedTuple
 

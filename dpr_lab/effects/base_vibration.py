@@ -17,7 +17,7 @@ def shaken(
     sin_m_per_s2: float,
     frequency_hz: float,
 ) -> Terms:
-    """Return the torques due to the acceleration u(t) of the base, m/s^2: tau_i = -(e_i / g) cos(theta_i) u(t), N m."""
+    """Return the torques -(e_i / g) cos(theta_i) u(t) of a base acceleration u, m/s^2, in N m."""
     phase = 2.0 * math.pi * frequency_hz * motion.t
     sine, cosine = sincos(phase)
     shake = (cos_m_per_s2 * cosine + sin_m_per_s2 * sine) / constants.g

@@ -1,4 +1,4 @@
-"""Offset of the centre of mass from the axis of a rod, caused for example by a bent rod or a screw on one side.
+"""Offset of the centre of mass from the axis of a rod, for example of a bent rod.
 
 The centre of mass lies at l (sin t, cos t) + y (cos t, -sin t) from its pivot, where t is the angle of the rod. For the
 outer rod, with p = m2 L1 y and the difference angle D = t1 - t2, the kinetic energy increases by p sin(D) w1 w2 and (m2

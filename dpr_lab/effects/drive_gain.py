@@ -1,4 +1,4 @@
-"""Gain of a drive with unknown motor constants; it is always fitted, and is not a fault."""
+"""Unknown gain of a drive: a free parameter of every fit, not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.kernels import inlined

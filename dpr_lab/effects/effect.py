@@ -1,4 +1,4 @@
-"""Definition of an effect, a physical cause of a difference between simulation and rig, by data and one kernel."""
+"""Definition of an effect: a physical cause of a gap between simulation and rig."""
 
 import math
 import re
@@ -114,7 +114,7 @@ class EffectParameter:
 
     @property
     def ratio_unit(self) -> str:
-        """Unit of the ratio of this parameter to b^k; the unit is empty if k is 0."""
+        """Unit of the ratio of this parameter to b^k; empty if k is 0."""
         if not self.scale_power:
             return ""
         return _RATIO_UNITS.get(self.unit, f"{self.unit} / (kg m^2)" + ("" if self.scale_power == 1 else "^-1"))
@@ -370,7 +370,7 @@ ARM_STAGES: dict[StageName, StageName] = {
 
 
 def at_arm(effect: Effect, *, bench_check: str, symptom: str = "", equation: str = "", **fields: Any) -> Effect:
-    """Derive the effect at joint 0, the joint of a free or driven arm, from an effect at a joint of the rods.
+    """Derive the effect at joint 0, the arm, from the effect at a joint of the rods.
 
     Args:
         effect: effect at joint 1 or 2

@@ -239,7 +239,7 @@ _REQUIREMENTS = np.array(
 
 
 def active_effects(params: Array) -> Flags:
-    """Return the mask (..., effects) of the effects that have a non-zero amplitude in parameters (..., SIZE)."""
+    """Return the (..., effects) mask of effects with a non-zero amplitude in (..., SIZE) parameters."""
     return np.logical_or.reduceat(params[..., _AMPLITUDES] != 0.0, _FIRST_AMPLITUDES, axis=-1)
 
 

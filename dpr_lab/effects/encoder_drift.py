@@ -1,4 +1,4 @@
-"""Drift of the zero of an encoder during a swing, for example of a warming potentiometer or a slipping disc."""
+"""Drift of an encoder zero during a swing, for example of a warming potentiometer."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import EncoderReading
@@ -13,7 +13,7 @@ A faster drift is visible while the rods hang.
 
 @inlined
 def drifting(encoder: EncoderReading, offset_rad: float, rate_rad_per_s: float) -> float:
-    """Return the error of the reading, rad: the offset at the release plus the drift since then."""
+    """Return the reading error, rad: offset at the release plus drift since then."""
     return offset_rad + rate_rad_per_s * max(encoder.t, 0.0)
 
 

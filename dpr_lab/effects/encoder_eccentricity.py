@@ -1,4 +1,4 @@
-"""Encoder eccentricity: a disc or magnet that is off-centre or tilted causes an error that repeats every turn."""
+"""Encoder eccentricity: an off-centre or tilted disc causes an error that repeats every turn."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.effects.elementary import sincos
@@ -22,7 +22,7 @@ def eccentric(
     cos6_rad: float,
     sin6_rad: float,
 ) -> float:
-    """Return the error of the reading, rad: the sum over k of A_k cos(k q) + B_k sin(k q)."""
+    """Return the reading error, rad: the sum over k of A_k cos(k q) + B_k sin(k q)."""
     sin, cos = sincos(encoder.angle)
     cos_k, sin_k, error = 1.0, 0.0, 0.0
     for A, B in (

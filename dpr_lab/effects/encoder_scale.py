@@ -1,4 +1,4 @@
-"""Encoder scale error: incorrect counts per turn, due to a belt, a gear or an incorrect number in the rig file."""
+"""Encoder scale error: wrong counts per turn, for example because of a belt or a gear."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, Params, at_arm, pair
 from dpr_lab.effects.quantities import EncoderReading, RigConstants

@@ -1,4 +1,4 @@
-"""Families of effects that have a common cause, such as the effects of a geared drive at a joint."""
+"""Families of effects with a common cause, such as a geared drive at a joint."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Generate the source code of functions that evaluate all effects of a stage, for any set of active effects."""
+"""Generate source code that evaluates all effects of a stage for any set of active effects."""
 
 import inspect
 import linecache
@@ -28,7 +28,10 @@ def arguments(kernel: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def call(kernel: str, wanted: Iterable[str], *offered: Mapping[str, str]) -> str:
-    """Return the source of a kernel call; each argument gets the first expression that is available under its name."""
+    """Return the source of a kernel call.
+
+    Each argument gets the first expression that is available under its name.
+    """
     values = [next(expressions[name] for expressions in offered if name in expressions) for name in wanted]
     return f"{kernel}({', '.join(values)})"
 

@@ -1,4 +1,4 @@
-"""Free or driven arm: it is part of every model of its recordings, and is not a fault."""
+"""Free or driven arm: part of every model of such recordings, not a fault."""
 
 from dpr_lab.effects.effect import ARM, BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import ArmModel, RigConstants
@@ -7,7 +7,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def arm(constants: RigConstants, inertia_kgm2: float, viscous_Nms: float) -> ArmModel:
-    """Return the model of the arm: total inertia about its axis, L0 / g, viscous friction, and no stiffness."""
+    """Return the arm model: total inertia, L0 / g, viscous friction, and zero stiffness."""
     return ArmModel(inertia_kgm2, constants.L0 / constants.g, viscous_Nms, 0.0)
 
 

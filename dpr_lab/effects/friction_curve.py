@@ -35,8 +35,7 @@ def curve(
     """Return the friction torque on the following rod, N m.
 
     The torque is a step at rest plus linear increases, one between each pair of successive speeds. Fast swings reach
-    the
-    last speed, 8 rad/s. Above it only viscous friction increases.
+    the last speed, 8 rad/s. Above it only viscous friction increases.
     """
     speed = joint.speed * joint.direction
     size = forward_Nm if joint.direction > 0.0 else backward_Nm

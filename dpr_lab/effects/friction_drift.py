@@ -1,4 +1,4 @@
-"""Drift of viscous friction during a swing, for example because grease warms up or a seal runs in."""
+"""Drift of viscous friction during a swing, for example of warming grease."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, pair
 from dpr_lab.effects.quantities import Joint

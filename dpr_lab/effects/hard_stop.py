@@ -1,4 +1,4 @@
-"""Hard stop of the arm: the arm reaches an end stop or the end of its cable."""
+"""Hard stop of the arm: an end stop, or the end of its cable."""
 
 import math
 
@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stopped(joint: Joint, stiffness_Nm_per_rad: float, range_rad: float) -> float:
-    """Return the torque of a stiff spring that acts beyond the range on either side, N m."""
+    """Return the torque of a stiff spring at either end of the range, N m."""
     beyond = max(joint.angle - range_rad, 0.0) + min(joint.angle + range_rad, 0.0)
     return -stiffness_Nm_per_rad * beyond
 

@@ -1,4 +1,4 @@
-"""Compile the kernels of a plugin's effect for a test, before they are compiled together with all others."""
+"""Test whether the kernels of a plugin's effect compile, before all kernels are compiled together."""
 
 import re
 from collections.abc import Callable, Iterator

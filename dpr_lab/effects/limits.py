@@ -30,7 +30,7 @@ def _limit(effect: Effect, parameter: EffectParameter, at_joint: Mapping[int, Ri
 
 
 def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
-    """Return the (SIZE,) maximum absolute size of each amplitude on a rig, in the unit of the amplitude.
+    """Return the (SIZE,) largest absolute amplitudes on a rig, each in its own unit.
 
     The values of shape parameters are inf.
 
@@ -46,7 +46,7 @@ def amplitude_limits(base: BaseParameters, constants: RigConstants) -> Array:
 
 
 def oversized(params: Array, limits: Array | None, *, share: float = 0.999) -> tuple[str, ...]:
-    """Return the effects whose fitted sizes are implausible: at a limit, or not possible together.
+    """Return the effects with implausible fitted sizes: at a limit, or inconsistent with each other.
 
     Another cause is then probable. Limits that follow from the equation and lie within the scale of the prior are
     exempt, such as the share 1 of a saturated drive.

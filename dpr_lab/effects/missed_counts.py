@@ -9,7 +9,10 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def stepped(encoder: EncoderReading, counts: float, joint: float, run: float, time_s: float) -> float:
-    """Return the error of a reading, rad: a constant for one joint after one instant of one run, otherwise zero."""
+    """Return the reading error, rad: a constant after a step of one joint in one run.
+
+    Before the step and in other runs it is zero.
+    """
     if encoder.number != round(joint) or encoder.run != round(run) or encoder.t < time_s:
         return 0.0
     return 2.0 * math.pi / encoder.counts_per_rev * counts

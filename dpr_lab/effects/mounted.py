@@ -1,7 +1,7 @@
-"""Adapt the effects of a rig to the mounting of a run, in which joint 2, the arm or the drives may not move.
+"""Adapt the effects of a rig to the mounting of a run.
 
-A held joint 2 is modelled by Coulomb friction with a very large limit. Effects of the arm are switched off if it is
-clamped, and effects of drives if no drive acts.
+Joint 2, the arm or the drives may not move. A held joint 2 is modelled by Coulomb friction with a very large limit.
+Effects of the arm are switched off if it is clamped, and effects of drives if no drive acts.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ _OF_ARM = np.array(
 
 
 def differ(params: Array, setups: Sequence[Setup]) -> bool:
-    """Return whether the effects (..., SIZE) in any run differ from those of the whole rig because of its mounting."""
+    """Return whether the mounting of any run changes the effects (..., SIZE) of the rig."""
     return any(setup.held or _undriven(params, setup) or _still(params, setup) for setup in setups)
 
 
@@ -59,7 +59,7 @@ def _still(params: Array, setup: Setup) -> bool:
 
 
 def effects_of_run(params: Array, setup: Setup) -> Array:
-    """Convert parameters of effects (..., SIZE) of the whole rig to those in a run with a given mounting."""
+    """Convert the effects (..., SIZE) of a rig to those in a run with a given mounting."""
     undriven, still = _undriven(params, setup), _still(params, setup)
     if not (setup.held or undriven or still):
         return params

@@ -115,7 +115,7 @@ class EncoderReading(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """Contribution of an effect to equation (1): kg m^2 to the mass matrix and N m to the right-hand side."""
+    """Contribution to equation (1): mass matrix, kg m^2, and right-hand side, N m."""
 
     a: float
     b: float
@@ -166,7 +166,7 @@ def joint2(motion: Motion) -> Joint:
 
 @inlined
 def yielding(joint: Joint, push: float) -> Joint:
-    """Return the joint at rest, with the direction in which the torque `push` would make it slide."""
+    """Return the joint at rest with the sliding direction of the torque `push`, N m."""
     return Joint(joint.t, joint.angle, 0.0, joint.displacement, joint.force, math.copysign(1.0, push))
 
 

@@ -1,4 +1,4 @@
-"""Check the effect of a plugin: arguments of its kernel, and names and units of its parameters."""
+"""Check a plugin's effect: kernel arguments, and names and units of its parameters."""
 
 import math
 from collections.abc import Iterator

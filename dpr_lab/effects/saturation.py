@@ -6,7 +6,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def clipped(torque: float, share: float, limit_Nm: float) -> float:
-    """Return the difference between acting and known torque, N m: minus a fraction of the excess over the limit."""
+    """Return acting minus known torque, N m: minus a fraction of the excess over the limit."""
     return share * (min(max(torque, -limit_Nm), limit_Nm) - torque)
 
 

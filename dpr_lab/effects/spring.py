@@ -9,7 +9,7 @@ from dpr_lab.kernels import inlined
 
 @inlined
 def elastic(joint: Joint, stiffness_Nm_per_rad: float, cubic_Nm_per_rad3: float, constant_Nm: float) -> float:
-    """Return the torque C - k q - k3 q^3 on the following rod, N m, where q is the angle of the joint.
+    """Return the torque C - k q - k3 q^3 on the following rod, N m, at the joint angle q.
 
     A spring -K (q - q0) - K3 (q - q0)^3 has C = K q0 + K3 q0^3, k = K + 3 K3 q0^2 and k3 = K3. The remaining term 3 K3
     q0 q^2 is neglected, so that the torque is linear in all amplitudes. For a twisted hose, only C differs from zero.

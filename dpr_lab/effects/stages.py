@@ -1,4 +1,4 @@
-"""Stages: points in the chain from torques to encoder counts at which effects act, one row of `STAGES` each.
+"""Stages: points between torques and encoder counts at which effects act, one row of `STAGES` each.
 
 Scalar code (`dpr_lab.effects.effect_kernels`, one rig) and lane code (`dpr_lab.dynamics.lanes.effects`, many candidates
 in parallel) are both generated from these rows. They differ only in their notation of names: the scalar version uses an
@@ -237,7 +237,7 @@ PER_JOINT = ("timing", "encoder")
 
 
 class Requirements(NamedTuple):
-    """Quantities that a step must compute for the active effects, each a bool or an array of bools.
+    """Quantities that the active effects require in a step, as bools or arrays of bools.
 
     A field with the name of a stage states whether an effect of this stage is active.
     """

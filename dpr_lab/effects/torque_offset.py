@@ -1,4 +1,4 @@
-"""Torque offset: the torque of a drive differs from the known torque by a constant, even at zero command."""
+"""Torque offset of a drive: a constant error of the torque, even at zero command."""
 
 from dpr_lab.effects.effect import BenchQuantity, EffectParameter, at_arm, pair
 from dpr_lab.kernels import inlined

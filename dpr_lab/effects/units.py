@@ -50,7 +50,7 @@ def split_quantity(text: str) -> tuple[float, str]:
 
 
 def read_quantity(text: str, unit: str, example: str) -> float:
-    """Convert a number with its unit, for example `6.1 mN m` or `6.1mN*m`, to the unit of the library.
+    """Convert a number with unit, for example `6.1 mN m` or `6.1mN*m`, to the library's unit.
 
     Args:
         text: number and unit

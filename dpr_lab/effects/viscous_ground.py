@@ -1,4 +1,4 @@
-"""Viscous friction of the outer rod that acts relative to the ground, not to the inner rod."""
+"""Viscous friction between the outer rod and the ground instead of the inner rod."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import Motion, Terms, torques

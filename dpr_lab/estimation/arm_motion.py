@@ -13,7 +13,7 @@ FEWEST = 5
 
 
 def prescribed_arm(t: Array, theta0: Array, rig: Rig, name: str) -> ArmMotion:
-    """Estimate the motion of a prescribed arm as `arm_motion` does; L0 must be in the rig file."""
+    """Estimate the motion of a prescribed arm by `arm_motion`; the rig file must contain L0."""
     if "L0" not in rig.rig.model_fields_set:
         raise RunError(f"{name}: a moving arm needs its length L0 in [rig]")
     return arm_motion(t, theta0, name)
@@ -36,7 +36,7 @@ def arm_motion(t: Array, theta0: Array, name: str, angle: str = "theta0") -> Arm
     cross-validatory spline smoothing and differentiation).
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         theta0: (n,) readings, rad
         name: name of the recording for messages
         angle: name of the angle for messages

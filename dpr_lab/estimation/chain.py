@@ -1,4 +1,4 @@
-"""Chain of integrators driven by white noise: a kinematic model of one rod, without parameters of the rig."""
+"""Chain of integrators driven by white noise: a kinematic model without rig parameters."""
 
 import math
 
@@ -12,7 +12,9 @@ SAME_INTERVAL = 1e-8
 
 @njit
 def fill_chain(interval: float, f: Array, q: Array) -> None:
-    """Compute the exact transition matrix f and the process noise q over an interval h, in place.
+    """Compute the transition matrix f and process noise q over an interval h, in place.
+
+    Both are exact.
 
         f_ij = h^(j-i) / (j-i)!,    q_ij = h^(l+r+1) / (l! r! (l+r+1)),    l = CHAIN-1-i,  r = CHAIN-1-j
 

@@ -1,4 +1,4 @@
-"""Detect tables with one row per encoder count; the angle of such a row is that of the edge between two counts.
+"""Detect tables with one row per encoder count, in which each angle is that of a count edge.
 
 An encoder counts at the edge between two counts n and n + 1. The row is sent with the new count. At this instant the
 rod is at the lower end of count n + 1 if it moves up, and at the upper end of count n if it moves down:
@@ -39,11 +39,11 @@ SETTINGS = CountedRowSettings()
 
 
 def edge_rows(angles: Array) -> Integers | None:
-    """Return the indices of the rows at an edge, one count after the previous row.
+    """Return the indices of the rows that a count edge triggered.
 
-    The result is None if rows are not sent at each count. Rows sampled at an even rate repeat a reading at turning
-    points, and skip counts when the rods move fast. Two kinds of rows are left out: the first row, and a row that
-    differs by more than one count and therefore follows a lost row.
+    These rows differ by one count from the previous row. The result is None if rows are not sent at each count. Rows
+    sampled at an even rate repeat a reading at turning points, and skip counts when the rods move fast. Two kinds of
+    rows are left out: the first row, and a row that differs by more than one count and therefore follows a lost row.
 
     Args:
         angles: (n, m) readings of the encoders, in any unit
@@ -56,7 +56,7 @@ def edge_rows(angles: Array) -> Integers | None:
 
 
 def whole_changes(angles: Array) -> Integers | None:
-    """Return the (n - 1, m) changes from row to row, in units of the smallest change.
+    """Return the (n - 1, m) changes between rows, in units of the smallest change.
 
     The result is None if these changes are not integers.
 

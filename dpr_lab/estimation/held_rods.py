@@ -1,4 +1,4 @@
-"""Detect intervals of a recording in which the rods are held: they are at rest although free rods would move."""
+"""Detect intervals in which the rods are held: at rest although free rods would move."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -162,7 +162,7 @@ def free_part(motion: RodMotion, name: str) -> FreePart:
 
 
 def free_part_of(run: Run) -> FreePart:
-    """Find the part of a run in which the rods swing freely; the errors are those of `free_part`."""
+    """Find the part of a run in which the rods swing freely, as `free_part` does."""
     arm = run.theta[:, 0] if run.arm_mode != "clamped" else None
     return free_part(RodMotion(run.t, run.theta[:, 1:], run.torques, arm), str(run.file or run.name))
 
@@ -179,7 +179,7 @@ def refuse_held(runs: Sequence[Run]) -> None:
 
 
 def rest_fault(motion: RodMotion, part: FreePart) -> str:
-    """Return the reason why the rest before the release does not determine the noise of the readings.
+    """Return the reason why the rest before the release cannot determine the reading noise.
 
     The text is empty if there is no such reason.
     """
@@ -195,7 +195,7 @@ def rest_fault(motion: RodMotion, part: FreePart) -> str:
 
 
 def still_band(motion: RodMotion) -> float:
-    """Return the width of the band of rest, rad: the maximum excursion of rods that count as at rest."""
+    """Return the largest excursion of rods that count as at rest, rad."""
     excursion = float(np.ptp(motion.rods, axis=0).max()) if len(motion.t) else 0.0
     noise = float(_noise(motion).max())
     return max(min(HELD.still_rad, HELD.of_motion * excursion), HELD.noise * noise)

@@ -22,7 +22,7 @@ def log_likelihood(t: Array, theta: Array, snap: float, prior: Array) -> float:
     the state and are not counted.
 
     Args:
-        t: (n,) increasing instants
+        t: (n,) increasing times
         theta: (n,) angles
         snap: strength of the process noise
         prior: (CHAIN,) variance of the state at the first reading

@@ -1,4 +1,4 @@
-"""Estimate the angular velocities of both rods during a recording, sample by sample, by a Kalman filter.
+"""Estimate the angular velocities of both rods during a recording by a Kalman filter.
 
 The motion model is that of `dpr_lab.estimation.velocity`: a chain of integrators driven by white noise in the fourth
 derivative of the angle. Internally, angles are in units of the noise and times in units of the filter's memory
@@ -39,7 +39,7 @@ LIVE = LiveFilterSettings()
 
 @dataclass(frozen=True, slots=True)
 class FilterUnits:
-    """Units in which all states of a filter have similar sizes, and the noise in these units."""
+    """Units in which all filter states have similar sizes, and the noise in these units."""
 
     time: float
     """Unit of time, s: the memory of the filter, or the sampling period if this is longer."""
@@ -72,7 +72,7 @@ class FilterUnits:
 
 
 class VelocityFilter:
-    """Live Kalman filter that estimates the speeds of both rods; `update` takes each sample as it arrives.
+    """Live Kalman filter for the speeds of both rods; `update` takes one sample.
 
     Create a filter before the recording starts, because its creation imports filterpy, which can take some seconds.
 

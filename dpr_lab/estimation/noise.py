@@ -213,11 +213,9 @@ def rounding_std(readings: Array, steps: Array, window: int) -> Array:
     """Return the (m,) standard deviation of the rounding errors of readings (n, m).
 
     The readings of column j are multiples of `steps[j]`. While a reading changes by more than a step from sample to
-    sample,
-    the errors of its samples are independent, and the result is step / sqrt(12). If a reading stays within one step for
-    `window` samples, it may be near the edge between two values, with errors of up to step / 2. An example is the
-    reading
-    of a rod that a controller balances.
+    sample, the errors of its samples are independent, and the result is step / sqrt(12). If a reading stays within one
+    step for `window` samples, it may be near the edge between two values, with errors of up to step / 2. An example is
+    the reading of a rod that a controller balances.
     """
     if len(readings) < window:
         return steps / math.sqrt(12)
@@ -226,7 +224,7 @@ def rounding_std(readings: Array, steps: Array, window: int) -> Array:
 
 
 def difference_std(t: Array, values: Array) -> Array:
-    """Return the standard deviation of white noise on a smooth signal at uneven instants.
+    """Return the standard deviation of white noise on a smooth signal at uneven times.
 
     The estimate is robust to jumps. Divided differences over seven neighbours x_j, taken at the instants t_j, cancel
     any polynomial of degree five. At unit gain on white noise they are
@@ -236,7 +234,7 @@ def difference_std(t: Array, values: Array) -> Array:
     The median of |r| gives the standard deviation. Windows with a gap are excluded.
 
     Args:
-        t: (n,) increasing instants, s
+        t: (n,) increasing times, s
         values: (n, m) signals
 
     Returns:
@@ -257,10 +255,10 @@ def difference_std(t: Array, values: Array) -> Array:
 
 
 def difference_weights(windows: Array, period: float) -> Array:
-    """Return the (windows, 7) weights of divided differences of sixth order, with unit gain on white noise.
+    """Return (windows, 7) weights of sixth-order divided differences, with unit gain on white noise.
 
     Args:
-        windows: (windows, 7) increasing instants, s
+        windows: (windows, 7) increasing times, s
         period: usual interval, s
     """
     normalised = (windows - windows[:, :1]) / period

@@ -1,4 +1,4 @@
-"""Find rows of a table that contain no new reading, because the logger writes faster than it reads.
+"""Find rows of a table without a new reading, written by a logger that is too fast.
 
 Two kinds of loggers write most readings several times:
 
@@ -53,7 +53,7 @@ SETTINGS = RepeatSettings()
 
 
 def new_readings(t: Array, columns: Sequence[Array]) -> tuple[NDArray[np.intp], str]:
-    """Return the indices of the rows with a new reading, and a note about the other rows.
+    """Return the indices of rows with a new reading, and a note about the other rows.
 
     The note is empty if all rows have a new reading.
 

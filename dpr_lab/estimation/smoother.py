@@ -40,7 +40,7 @@ def smooth_chains(
     """Estimate the states of both rods at every instant from all readings, in filter units.
 
     Args:
-        t: (n,) increasing instants
+        t: (n,) increasing times
         theta: (n, 2) angles
         noise: (2, 2) covariance of a reading
         snap: (n, 2) process noise of each rod before each sample; the first row is not used

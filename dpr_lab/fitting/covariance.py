@@ -1,4 +1,4 @@
-"""Covariance of fitted values due to noise and to errors of quantities that a fit treats as known."""
+"""Covariance of fitted values due to noise and to errors of values that a fit treats as exact."""
 
 from collections.abc import Sequence
 

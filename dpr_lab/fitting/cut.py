@@ -26,7 +26,7 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
     Too short segments are omitted. If samples are sparse, segments are longer than requested.
 
     Args:
-        t: (n,) increasing instants of one run, s
+        t: (n,) increasing times of one run, s
         length: nominal length of a segment, s
         breaks: instants that no segment may span, s
     """
@@ -42,7 +42,7 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
 
 
 def partition(run: Run, length: float) -> list[slice]:
-    """Cut a run into segments of about equal length from the release on; a segment may contain gaps.
+    """Cut a run from the release on into segments of about equal length; gaps are allowed.
 
     Args:
         run: the run from the release on

@@ -1,4 +1,4 @@
-"""Process noise: measurement noise of known torques and of the prescribed motion of the arm or the inner rod.
+"""Process noise: measurement noise of known torques and prescribed motions.
 
 If a torque reading with the error v is held for the time h, the simulation contains an impulse v h that did not act on
 the rods. For white v, this is white process noise of intensity std^2 h. It propagates along the swing like any torque
@@ -39,7 +39,7 @@ ONTO_RODS = np.array([[1.0, -1.0], [0.0, 1.0]])
 
 
 def torque_noise(torques: Torques) -> Array:
-    """Return the (2,) standard deviation of the white noise of measured torques after the release, N m.
+    """Return the (2,) standard deviation of the white noise of measured torques, N m.
 
     The value is zero for torques that were not measured. It is estimated from the median absolute differences of
     several orders. The smallest estimate is used, because changes of the torque itself can only increase an estimate.
@@ -100,7 +100,7 @@ def most_noise(problem: Problem) -> Array:
 
 
 def likeliest_noise(problem: Problem, model: Fit, halvings: int = 8) -> Array:
-    """Return the (2,) maximum-likelihood standard deviation of measured torques from the residuals of a fit, N m.
+    """Return the (2,) maximum-likelihood noise of measured torques from a fit, N m.
 
     The restricted likelihood of the innovations (Patterson & Thompson 1971, Biometrika 58) is maximised by halving the
     variance of each joint. The search starts from the upper limits `torque_noise`. They are upper limits because the

@@ -1,4 +1,4 @@
-"""Unknowns of a fit: the ratios of the rods, the parameters of effects, and the initial states of segments."""
+"""Unknowns of a fit: ratios of the rods, effect parameters, and initial states."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -79,7 +79,7 @@ Block = Literal["ratios", "effects", "zeros"]
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Values of all unknowns: a flat vector with named blocks, and the initial states of all segments."""
+    """Values of all unknowns: a flat vector with named blocks, and all initial states."""
 
     vector: Array
     """(7 + SIZE + 2 runs,) the blocks `ratios`, `effects` and `zeros` in this order, SI."""
@@ -88,7 +88,7 @@ class Estimate:
 
     @classmethod
     def of(cls, ratios: Array, params: Array, initial: Array, zeros: Array | None = None) -> "Estimate":
-        """Create an estimate from its blocks; `zeros` is omitted if the encoders are not zeroed before each run.
+        """Create an estimate from its blocks; omit `zeros` unless encoders are zeroed before each run.
 
         Args:
             ratios: (7,) as in the property `ratios`
@@ -121,7 +121,7 @@ class Estimate:
 
     @property
     def ratios(self) -> Array:
-        """(7,) the five ratios, b and p/b, in the order of `UNKNOWN_RATIOS`; p/b is nan if it is not needed."""
+        """(7,) the five ratios, b and p/b, as in `UNKNOWN_RATIOS`; p/b is nan if not needed."""
         return self.vector[:EFFECTS_BEGIN]
 
     @property
@@ -131,7 +131,7 @@ class Estimate:
 
     @property
     def zeros(self) -> Array:
-        """(runs, 2) zero offsets of encoders 1 and 2 in each run, rad; empty if the zeros are fixed."""
+        """(runs, 2) zero offsets of encoders 1 and 2, rad; empty if the zeros are fixed."""
         return self.vector[ZEROS_BEGIN:].reshape(-1, 2)
 
     @property
@@ -175,7 +175,7 @@ class FreeParameter:
 
 
 def unknown_ratios(base: ArrayLike) -> Array:
-    """Return the (7,) unknowns, five ratios, b and p/b, from base parameters.
+    """Convert base parameters to the (7,) unknowns: five ratios, b and p/b.
 
     The base parameters have the shape (7,) with p, or (6,) without p.
     """
@@ -192,7 +192,7 @@ def with_scale(ratios: Array, b: float) -> Array:
 
 
 def whole_of(ratios: Array) -> Array:
-    """Return the (..., 7) base parameters of the whole rig, SI, from (..., 7) ratios, b and p/b.
+    """Convert (..., 7) ratios, b and p/b to the (..., 7) base parameters of the rig, SI.
 
     If p/b is nan, p is nan.
     """
@@ -202,7 +202,7 @@ def whole_of(ratios: Array) -> Array:
 
 
 def alone_share(ratios: Array) -> float:
-    """Return the inertia of the inner rod alone about joint 1, divided by b of the whole rig.
+    """Return the inertia of the inner rod alone about joint 1, divided by the rig's b.
 
     Args:
         ratios: (7,) ratios, b and p/b

@@ -192,7 +192,7 @@ def fit(
 
 @dataclass(frozen=True, slots=True)
 class RigPrior:
-    """Prior of the rig file for steps from an estimate; it adds |e - A step|^2 to the chi2 of a step."""
+    """Prior of the rig file as a term |e - A step|^2 of the cost of a step."""
 
     problem: Problem
     estimate: Estimate

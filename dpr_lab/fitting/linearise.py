@@ -103,11 +103,11 @@ class Linearisation:
         )
 
     def predicted_chi2(self, step: Array) -> float:
-        """Return the sum of squared residuals that the linear model predicts after a step of the free parameters."""
+        """Return the sum of squared residuals predicted linearly after a parameter step."""
         return float(np.sum((self.e - self.A @ step) ** 2))
 
     def initial_steps(self, step: Array) -> Array:
-        """Return the (segments, 4) least-squares steps of the initial states for a given step of the parameters."""
+        """Return the (segments, 4) least-squares steps of the initial states for a parameter step."""
         residual = np.where(np.isfinite(self.residual), self.residual, 0.0)[:, :, None]
         remaining = self.Q.transpose(0, 2, 1) @ residual - (self.initial_state_coefficients @ step)[:, :, None]
         return np.asarray(np.linalg.solve(self.R, remaining)[:, :, 0], dtype=np.float64)

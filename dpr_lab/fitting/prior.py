@@ -1,4 +1,4 @@
-"""Prior information of the rig file: a normal prior of the ratios and b, and limits of the sizes of effects.
+"""Prior of the rig file: normal for the ratios and b, with limits for the sizes of effects.
 
 The nine parameters have their best known values as means. The standard deviation of each is that of a uniform
 distribution between its bounds, or the standard uncertainty of a measured value. A lower limit keeps the prior weak.
@@ -78,7 +78,7 @@ class Prior:
     """(SIZE,) maximum sizes of the amplitudes of effects."""
 
     def rows(self, estimate: Estimate, free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-        """Return the rows A (n, free) and e (n,) of the prior, which adds |e - A step|^2 to the cost of a step."""
+        """Return the rows A (n, free) and e (n,) of the prior term |e - A step|^2 of the cost."""
         A, e = np.zeros((len(free), len(free))), np.zeros(len(free))
         of_ratios = [i for i, parameter in enumerate(free) if parameter.block == "ratios"]
         if of_ratios:
@@ -99,7 +99,7 @@ class Prior:
         free: Sequence[FreeParameter],
         rows: tuple[Array, Array],
     ) -> Flags:
-        """Return the (free,) mask of the amplitudes that these recordings cannot distinguish from earlier unknowns.
+        """Return the (free,) mask of amplitudes that are indistinguishable from earlier unknowns.
 
         The order of the unknowns is initial states, ratios, zeros of encoders, amplitudes. An amplitude is absorbed if
         the recordings, with the prior of the earlier unknowns, contain less information on it than its own prior.
@@ -171,7 +171,7 @@ def parameter_std(rig: Rig) -> Array:
 
 
 def unknown_jacobian(Z: Array, rig: Rig) -> Array:
-    """Return the (7, 9) derivative of the ratios, b and p/b with respect to the nine parameters."""
+    """Return the (7, 9) derivative of ratios, b and p/b with respect to the nine parameters."""
     b = base_jacobian(Z, rig.L1, rig.g)[_B]
     p = rig.L1**2 * np.eye(len(PARAMETERS))[PARAMETERS.index("m2")]
     *_, scale, on_elbow = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))

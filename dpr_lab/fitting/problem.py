@@ -126,7 +126,10 @@ class Problem:
         return blocks.reshape(*blocks.shape[:2], *values.shape[2:])
 
     def decorrelated(self, weighed: Array) -> Array:
-        """Convert weighted and padded values (segments, longest, 2, k) to whitened values (segments, m, k) in place."""
+        """Convert weighted, padded values (segments, longest, 2, k) to whitened values (segments, m, k).
+
+        The conversion is in place.
+        """
         if (noise := self.disturbance) is not None:
             innovations(weighed, self.weight, self.segments.offsets, noise.walk, noise.out, noise.shared)
         return weighed.reshape(len(weighed), -1, weighed.shape[3])
@@ -146,7 +149,7 @@ class Problem:
         return whitened.reshape(len(whitened), -1, self.axes)[owner, row]
 
     def with_zeros(self, estimate: Estimate) -> Estimate:
-        """Return the estimate with encoder zeros for each run of these segments, if the zeros are free.
+        """Return the estimate with encoder zeros for each run if the zeros are free.
 
         Zeros that the given estimate does not contain are set to 0.
         """

@@ -51,13 +51,13 @@ class ColumnSpace:
         return ColumnSpace(self.scale[columns], self.H[columns][:, columns], self.gradient[columns])
 
     def with_prior(self, A: Array, e: Array) -> "ColumnSpace":
-        """Add prior rows (n, k) A and (n,) e; the columns have unit norm including these rows."""
+        """Add prior rows (n, k) A and (n,) e, and scale all columns to unit norm again."""
         H = self.H / self.scale[:, None] / self.scale + A.T @ A
         scale = 1 / np.maximum(np.sqrt(np.diag(H)), TINY)
         return ColumnSpace(scale, H * scale[:, None] * scale, (self.gradient / self.scale + A.T @ e) * scale)
 
     def given(self, held: Indices, columns: Indices) -> "ColumnSpace":
-        """Return the problem with only `columns`, projected orthogonally to the columns `held`; scales are kept."""
+        """Return the problem of `columns` after the columns `held` are projected out, in the same scales."""
         across = self.H[held][:, columns]
         out = np.linalg.solve(_ridged(self.H[held][:, held]), np.column_stack([across, self.gradient[held]]))
         H = self.H[columns][:, columns] - across.T @ out[:, :-1]
@@ -100,7 +100,7 @@ class ColumnSpace:
         return self.reduction(self.solution())
 
     def unabsorbed(self, order: Sequence[int], *, rounding: float = 1e-9) -> Array:
-        """Return the (k,) share of each column's squared norm that remains after projection on the earlier columns.
+        """Return the (k,) share of each column's squared norm that is orthogonal to earlier columns.
 
         A column of which only rounding errors remain is not used in the projection of later columns. If there is no
         such column, the shares are the squared diagonal of the Cholesky factor.
@@ -121,7 +121,10 @@ class ColumnSpace:
         return np.linalg.inv(_ridged(self.H)) * self.scale[:, None] * self.scale
 
     def cosine(self, direction: Array, columns: Indices, others: Indices) -> float:
-        """Return the cosine between the response to a direction of some columns and its projection on other columns."""
+        """Return the cosine of the angle between A_c x and the span of the columns `others`.
+
+        A_c are the columns `columns`, and x is `direction`.
+        """
         x = direction / self.scale[columns]
         overlap = self.H[others][:, columns] @ x
         length = float(x @ self.H[columns][:, columns] @ x)
@@ -134,7 +137,7 @@ def _ridged(H: Array, ridge: float = RIDGE) -> Array:
 
 
 def bounded_solution(H: Array, gradient: Array, lower: Array, upper: Array) -> Array:
-    """Minimise x^T H x / 2 - gradient^T x over lower <= x <= upper by an active-set method.
+    """Minimise x^T H x / 2 - gradient^T x within bounds by an active-set method.
 
     Coordinates that would cross a bound are fixed at this bound. Then the fixed coordinate with the largest reduction
     of the cost is released, until no release reduces the cost (Karush-Kuhn-Tucker conditions).

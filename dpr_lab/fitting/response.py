@@ -1,4 +1,4 @@
-"""Compute the response of the readings to small torques along a given trajectory, by variation of constants.
+"""Response of the readings to small torques along a trajectory, by variation of constants.
 
 Let Phi(t) be the sensitivity of the state x to the initial state, and M the mass matrix. A torque tau changes the state
 by
@@ -81,7 +81,7 @@ class Trajectory:
     """(segments + 1,) index of the first sample of each segment, then the number of samples."""
 
     def response(self, problem: Problem, torque: Array) -> Array:
-        """Return the (segments, m, k) whitened change of the readings due to generalised torques (n, 2, k), N m."""
+        """Return the (segments, m, k) whitened response of the readings to torques (n, 2, k), N m."""
         torque, count = np.ascontiguousarray(torque), torque.shape[2]
         changes = np.empty((len(self.first) - 1, int(np.diff(self.first).max()), problem.axes, count))
         grid = _Grid(self.motion.t, self.into, self.out, self.at, self.edges, self.first)
@@ -91,7 +91,7 @@ class Trajectory:
         return problem.decorrelated(changes)
 
     def torques(self, stage: StageName, constants: RigConstants, params: Array) -> Array:
-        """Return the (n, 2, k) generalised torques, N m, of effects (k, SIZE) of one stage in `TRAJECTORY_TORQUES`."""
+        """Return the (n, 2, k) torques of effects (k, SIZE), N m, for a stage in `TRAJECTORY_TORQUES`."""
         kinds = {setup: self.of_setup(setup) for setup in self.setups}
         if len(kinds) == 1:
             return self._torques(stage, constants, params, self.setups[0], slice(None))
@@ -118,14 +118,14 @@ class Trajectory:
 
     @property
     def joint_angle(self) -> Array:
-        """(n, 2) angles of joint 1 and joint 2, rad, 0 = hanging straight; with a moving arm a third column, theta0."""
+        """(n, 2) angles of joints 1 and 2, rad, 0 = hanging; with a moving arm also theta0."""
         theta = self.motion.theta
         joints = [theta[:, 0] - np.pi, theta[:, 1] - theta[:, 0], *theta[:, 2:].T]
         return np.stack(joints, axis=1)
 
     @property
     def joint_speed(self) -> Array:
-        """(n, 2) speeds of joint 1 and joint 2, rad/s; with a moving arm a third column, the speed of the arm."""
+        """(n, 2) speeds of joints 1 and 2, rad/s; with a moving arm also that of the arm."""
         omega = self.motion.omega
         return np.stack([omega[:, 0], omega[:, 1] - omega[:, 0], *omega[:, 2:].T], axis=1)
 
@@ -136,7 +136,7 @@ def trajectory(
     begins: Callable[[float], float] = segment_start,
     spacing: float = TRAJECTORY.grid_s,
 ) -> Trajectory:
-    """Simulate the segments of a problem with the ratios and initial states of an estimate; effects are neglected.
+    """Simulate the segments of a problem at an estimate, without effects.
 
     Args:
         problem: segments to simulate

@@ -75,7 +75,7 @@ class RodsAlone:
 
 
 def by_start(slopes: Array, setup: Setup) -> Array:
-    """Adapt derivatives (..., 4) with respect to an initial state if the rods of the setup turn as one body."""
+    """Adapt derivatives (..., 4) with respect to an initial state to rods that turn as one body."""
     if setup.held:
         slopes = slopes.copy()
         slopes[..., 2] += slopes[..., 3]
@@ -85,7 +85,7 @@ def by_start(slopes: Array, setup: Setup) -> Array:
 
 
 def values_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> Array:
-    """Return the (6,) vector of the five ratios and 1 / b of a run; 1 / b is zero if no torques act."""
+    """Return the (6,) five ratios and 1 / b of a run; 1 / b is zero without torques."""
     as_whole = _as_whole(setup)
     if as_whole and setup.torques is None:
         return np.append(unknown[: len(RATIOS)], 0.0)
@@ -100,7 +100,10 @@ def _as_whole(setup: Setup) -> bool:
 
 
 def ratios_of_run(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array, Array]:
-    """Return the (5,) ratios of a run, and (5, 7) derivatives with respect to the unknown ratios, b and p/b, (7,)."""
+    """Return the (5,) ratios of a run, and their (5, 7) derivatives.
+
+    The derivatives are those with respect to the (7,) unknown ratios, b and p/b.
+    """
     if _as_whole(setup):
         return unknown[: len(RATIOS)], np.eye(len(RATIOS), len(WHOLE))
     base = base_of_run(whole_of(unknown), setup, L1, g)
@@ -128,7 +131,7 @@ def pushed_by(unknown: Array, setup: Setup, L1: float, g: float) -> tuple[Array,
 def followed(
     ratios: Array, laid_out: Segments, initial: Array, rig: RigConstants, outputs: int = 0
 ) -> tuple[Array, Array]:
-    """Return the (N, 4) states of segments for (7,) unknown ratios, and the derivatives of the states.
+    """Return the (N, 4) states of segments for (7,) unknowns, and their derivatives.
 
     The derivatives (N, `outputs`, 9) are those of `sensitivities`.
     """

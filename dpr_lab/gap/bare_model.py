@@ -28,7 +28,7 @@ def nominal_ratios(rig: Rig) -> Array:
 
 
 def fit_bare_model(recordings: Recordings, start: Array) -> tuple[Recordings, Problem, Hypothesis]:
-    """Fit the ratios in two steps: robustly in the short first segments, then in segments of the working length.
+    """Fit the ratios robustly in short first segments, then in segments of the working length.
 
     `dpr_lab.gap.screen.recordings.SegmentLengths` defines both lengths. Isolated outliers are excluded
     after the first step, because at a low rate they are visible only in the residual of a model.
@@ -105,7 +105,7 @@ def with_likeliest_noise(
 
 
 def lengthened(recordings: Recordings, short: Problem, estimate: Estimate, length: float) -> tuple[Problem, Hypothesis]:
-    """Fit the bare model to segments of the duration `length`, s, from the initial states of shorter segments."""
+    """Fit the bare model to segments of `length`, s, starting from a fit of shorter segments."""
     longer, initial = recordings.cut(length)
     start = estimate.changed(initial=carried(short.segments, estimate.initial, longer.segments, initial))
     fitted = fit(longer, start, free_parameters(start, (), longer), iterations=20)

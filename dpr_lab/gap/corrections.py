@@ -1,4 +1,4 @@
-"""Corrections of the recordings that the result of forward selection implies; the search is repeated after each one.
+"""Corrections of the recordings that forward selection implies, each followed by a new search.
 
     noise of torques    smaller than estimated from the recorded torques, or zero
     earlier torques     torques that act before their rows, which looks like a negative delay
@@ -56,7 +56,7 @@ class Drafted:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Correction of one property of the recordings that the result of a search shows to be wrong."""
+    """Correction of one property of the recordings that a search shows to be wrong."""
 
     correct: Callable[[Fitted, Hypothesis], ScreenedRuns | None]
     """Function of the fitted recordings and the selected set: the corrected recordings; None if none are needed."""
@@ -67,7 +67,7 @@ class Correction:
 
 
 def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Drafted:
-    """Apply each correction that the result of a search implies, and repeat the search with the corrected recordings.
+    """Apply each correction that a search implies, and repeat the search.
 
     Args:
         drafted: result of the first search
@@ -84,7 +84,7 @@ def corrected(drafted: Drafted, search: Callable[[ScreenedRuns], Drafted]) -> Dr
 
 
 def with_other_noise(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the state with a smaller noise of known torques, or with exact torques, if a model requires it.
+    """Return the state with less or no noise of known torques, if a model requires it.
 
     Otherwise return None.
     """

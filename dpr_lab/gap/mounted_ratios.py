@@ -1,4 +1,4 @@
-"""Ratios that describe the mounted rods; they refer to b, or to a if only the inner rod is mounted."""
+"""Ratios of the mounted rods, to b or, for the inner rod alone, to a."""
 
 from dpr_lab.dynamics.base import GAINS, RATIOS
 from dpr_lab.effects.drive_gain import DRIVE_GAIN

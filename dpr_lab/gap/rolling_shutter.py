@@ -55,7 +55,7 @@ def likeliest_shutter(recordings: Recordings, problem: Problem, model: Hypothesi
 
 
 def explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
-    """Return whether a model fits the recordings better with the correction for a rolling shutter than without it."""
+    """Return whether a rolling shutter correction improves the fit of a model."""
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
     inflation = corrected.residuals.inflation

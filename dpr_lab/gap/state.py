@@ -74,7 +74,7 @@ class ScreenedRuns:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted(ScreenedRuns):
-    """State after the fit of the bare model; disturbed intervals and outliers are no longer in the recordings."""
+    """State after the fit of the bare model, without disturbed intervals and outliers."""
 
     problem: Problem
     """Segments of the fitted runs."""
@@ -100,7 +100,7 @@ class Selected:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transferred(Selected):
-    """State with the performance of the selected set on other recordings, and the uncertainty of its fitted values."""
+    """State with the results of the selected set on other recordings, and its uncertainty."""
 
     free_runs: Mapping[str, FreeRuns]
     """Free runs along all recordings, by model: `before` and `after` the correction."""

@@ -1,1 +1,1 @@
-"""Identify the parameters of a rig from runs, record the source of each value, and compare models with runs."""
+"""Identify rig parameters from runs, with the source of each value, and compare models with runs."""

@@ -1,4 +1,4 @@
-"""Compare a model with a run, in short segments and in a free run up to the predictability horizon."""
+"""Compare a model with a run in short segments and in a free run."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Comparison(Shown):
 
 @dataclass(frozen=True, slots=True)
 class FreeRun:
-    """Simulation of a recording without correction, from a fitted initial state to the end of the recording."""
+    """Simulation from a fitted initial state to the end of a recording, without correction."""
 
     t: Array
     """(n,) times since the release, s."""
@@ -105,7 +105,7 @@ class FreeRun:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A run whose segments are fitted with a model; a free run can start at each segment."""
+    """Run whose segments are fitted with a model; a free run can start at each segment."""
 
     preprocessed: PreprocessedRun
     """Run with its velocities and its noise."""
@@ -127,7 +127,7 @@ class Followed:
 
 
 def compare_run(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Comparison:
-    """Compare a run with a model, in segments and in one free run from the initial state of the first segment.
+    """Compare a run with a model in segments and in a free run from its start.
 
     Args:
         run: the measurement

@@ -1,4 +1,4 @@
-"""Build the identified model from a fit of the ratios, with the interval and the source of each value."""
+"""Build a model from fitted ratios, with the interval and source of each value."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

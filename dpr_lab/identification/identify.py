@@ -1,4 +1,4 @@
-"""Identify a model from runs and a rig by a global search and least squares, with the uncertainty of each value."""
+"""Identify a model from runs by global search and least squares."""
 
 from __future__ import annotations
 
@@ -103,9 +103,9 @@ def identify(
 
 
 def polish(Z: Array, runs: Sequence[PreprocessedRun], rig: Rig) -> RatioFit:
-    """Fit the ratios by least squares, with longer and longer segments as long as the model follows the readings.
+    """Fit the ratios by least squares in longer and longer segments.
 
-    The first segments have a length of 0.25 s.
+    Segments grow as long as the model follows the readings. The first segments have a length of 0.25 s.
 
     Args:
         Z: (9,) initial parameters

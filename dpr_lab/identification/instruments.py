@@ -1,4 +1,4 @@
-"""Define bench measurements of parameters that a free swing does not determine; each is a row of `INSTRUMENTS`."""
+"""Bench measurements for parameters that a free swing does not determine."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ class Instrument:
     parameters, 1/SI."""
 
     def rows(self, Z: Array, rig: Rig) -> Array:
-        """Return the derivatives (k, 9) of the whitened readings with respect to the nine parameters at Z, 1/SI."""
+        """Return the (k, 9) derivatives of the whitened readings with respect to Z, 1/SI."""
         return self.answer(self, Z, rig)
 
 

@@ -34,7 +34,7 @@ Kept = TypeVar("Kept")
 
 
 def by_name(names: Sequence[str]) -> Callable[[dict[str, Kept]], dict[str, Kept]]:
-    """Return a validator that checks the names of a table and returns its entries in the order of `names`."""
+    """Return a validator that checks and orders the entries of a table by `names`."""
 
     def ordered(table: dict[str, Kept]) -> dict[str, Kept]:
         if set(table) != set(names):
@@ -84,7 +84,7 @@ class ParameterValue(_Record):
 
 
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
-    """Check that the names of the ratios belong to both rods, or to the inner rod alone."""
+    """Check that the ratios are those of both rods, or of the inner rod alone."""
     return by_name(ALONE if set(ratios) == set(ALONE) else RATIOS)(ratios)
 
 
@@ -289,7 +289,7 @@ class Model(Shown, _Record):
         return dict(zip(RATIOS, self.fitted, strict=True)) if self.fitted else self.ratios
 
     def with_ratios(self, values: Sequence[float]) -> "Model":
-        """Return a copy of the model with other values (5,) of the fitted ratios; their uncertainties are kept."""
+        """Return a copy with other fitted ratios (5,) and the same uncertainties."""
         five = [r.model_copy(update={"value": v}) for r, v in zip(self.all_ratios.values(), values, strict=True)]
         if not self.fitted:
             return self.model_copy(update={"ratios": dict(zip(RATIOS, five, strict=True))})
@@ -306,7 +306,7 @@ class Model(Shown, _Record):
         return self.with_base(values.tolist())
 
     def with_base(self, values: Sequence[float]) -> "Model":
-        """Return a copy of the model with other values (6,) of the base parameters; their uncertainties are kept."""
+        """Return a copy with other base parameters (6,) and the same uncertainties."""
         pairs = zip(self.base.items(), values, strict=True)
         return self.model_copy(update={"base": {k: v.model_copy(update={"value": value}) for (k, v), value in pairs}})
 
@@ -343,7 +343,7 @@ class Model(Shown, _Record):
         return np.append(self.ratio_values, [b, p_over_b])
 
     def starting_point(self, rig: Rig) -> Array:
-        """Return the initial values (7,) of a fit for this rig: the five ratios, b and p/b.
+        """Return the (7,) initial values of a fit: the five ratios, b and p/b.
 
         Raises:
             RunError: the model belongs to another rig.
@@ -356,7 +356,7 @@ class Model(Shown, _Record):
         return self.unknowns
 
     def used(self, sha256: str) -> bool:
-        """Check whether the run with this hash was used in the identification; otherwise it is held out."""
+        """Check whether the run with this hash was fitted; otherwise it is held out."""
         return bool(sha256) and any(run.sha256 == sha256 for run in self.runs)
 
     def save(self, path: Path) -> None:

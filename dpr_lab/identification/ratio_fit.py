@@ -73,7 +73,7 @@ class RatioFit:
 
     @property
     def unknowns(self) -> Array:
-        """Array (k,) of the ratios, b and p/b that the runs determine, for the rig without an added mass."""
+        """(k,) determined unknowns among the ratios, b and p/b, without the added mass."""
         return self.fit.estimate.ratios[list(self.visible)]
 
     @property
@@ -83,7 +83,7 @@ class RatioFit:
 
     @property
     def ratios(self) -> Array:
-        """Array (5,) of the ratios a/b, d/b, e1/b, c1/b, c2/b of the rig without an added mass."""
+        """(5,) ratios a/b, d/b, e1/b, c1/b, c2/b, without the added mass."""
         return self.fit.estimate.ratios[: len(RATIOS)]
 
     @property
@@ -127,7 +127,10 @@ class RatioFit:
 
     @property
     def initial_covariances(self) -> Array:
-        """Covariance (segments, 4, 4) of each initial state due to the noise alone, with the unknowns fixed."""
+        """(segments, 4, 4) covariance of the initial states due to noise alone.
+
+        The unknowns are fixed.
+        """
         inverse = np.linalg.inv(self.fit.linear.R)
         return inverse @ inverse.transpose(0, 2, 1)
 
@@ -164,7 +167,7 @@ def segmented(runs: Sequence[PreprocessedRun], rig: Rig, length: float, step: fl
 
 
 def rods_estimate(unknown: Array, initial: Array) -> Estimate:
-    """Return an estimate without effects, from the array (7,) of ratios, b and p/b, and from initial states."""
+    """Return an estimate without effects from (7,) ratios, b and p/b, and initial states."""
     return Estimate.of(unknown, effect_params({}), initial)
 
 
@@ -239,7 +242,7 @@ def short_fit(
 def first_fit(
     Z: Array, runs: Sequence[PreprocessedRun], rig: Rig, *, iterations: int, settings: GaussNewton
 ) -> RatioFit:
-    """Fit the ratios to segments of a quarter of a second; this fit converges from poor initial values.
+    """Fit the ratios to segments of a quarter of a second, from poor initial values.
 
     The arguments are those of `short_fit`.
     """
@@ -289,7 +292,7 @@ def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: floa
     Args:
         ratio_fit: ratios and initial states
         index: index of the initial segment
-        t: (n,) instants, starting with the first instant of the segment, s
+        t: (n,) times, starting with the first instant of the segment, s
         error_rad: threshold, rad
     """
     rig, layout, estimate = ratio_fit.problem.model.constants, ratio_fit.problem.segments, ratio_fit.fit.estimate

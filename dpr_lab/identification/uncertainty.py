@@ -88,7 +88,7 @@ class RatioUncertainty:
 
     @property
     def of_prior(self) -> Array:
-        """Ratio (n,) of each variance to its variance in the prior of the rig file, 0 to 1.
+        """(n,) ratio of each variance to its prior variance, 0 to 1.
 
         If a ratio is near 1, the runs add no information.
         """
@@ -98,7 +98,7 @@ class RatioUncertainty:
 
     @property
     def of_runs(self) -> Array:
-        """Covariance (n, n) from the runs alone, without the prior; at most 1e6 times the covariance of the prior.
+        """(n, n) covariance from the runs alone; at most 1e6 times the prior covariance.
 
         In coordinates in which the prior has unit covariance, a variance v from runs and prior together corresponds to
         the variance v / (1 - v) from the runs alone.

@@ -76,7 +76,7 @@ class Acting:
 
     @property
     def hidden_ratios(self) -> tuple[int, ...]:
-        """Indices of the ratios (including p/b) that no release determines because they belong to an absent rod."""
+        """Indices of ratios that no release determines, because their rod is absent."""
         if "both" in self.rods:
             return ()
         visible = visible_ratios([Setup(mounting) for mounting in self.rods])

@@ -71,7 +71,7 @@ def spread_poses(limits: PlanLimits, count: int, rng: np.random.Generator) -> Ar
 def near(
     release: CandidateRelease, limits: PlanLimits, width: float, count: int, rng: np.random.Generator
 ) -> list[CandidateRelease]:
-    """Draw releases whose start poses are random reachable poses near the start pose of a given release.
+    """Draw releases with random reachable start poses near that of a given release.
 
     Args:
         release: the given release

@@ -154,7 +154,7 @@ def reached_speeds(releases: Sequence[CandidateRelease], model: PresentModel) ->
 
 
 def laid_out(batch: Sequence[CandidateRelease], model: PresentModel) -> tuple[Problem, Array]:
-    """Build the fit problem of releases of equal duration, cut into segments; all readings are set to zero.
+    """Build the fit problem of releases of equal duration, with all readings zero.
 
     A segment starts one sample (`PAD`) before its first reading. The first segment starts at the release.
 

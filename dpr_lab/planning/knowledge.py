@@ -99,7 +99,7 @@ class Knowledge:
 
     @property
     def fitted(self) -> list[int]:
-        """Columns of the unknowns that every fit estimates: the ratios, b and p/b, and the effects of the model."""
+        """Columns of the unknowns of every fit: ratios, b, p/b, and effects of the model."""
         return [*range(RATIO_COLUMNS), *(i for name in self.named for i in self.places.get(name, ()))]
 
 
@@ -261,7 +261,7 @@ def _prior_information(prior: Prior, model: PresentModel, always: frozenset[str]
 
 
 def information_of_runs(recordings: Recordings, model: PresentModel) -> Array:
-    """Compute the (k, k) Fisher information of recorded runs, which are cut into segments as in a diagnosis."""
+    """Compute the (k, k) Fisher information of recorded runs, cut as in a diagnosis."""
     problem, initial = recordings.cut(recordings.working_length)
     estimate = problem.with_zeros(model.estimate.changed(initial=initial))
     columns = problem.all_free(model.columns)

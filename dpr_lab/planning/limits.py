@@ -1,4 +1,4 @@
-"""Limits file of a plan: reachable poses, permitted mountings, limits of the drives, and durations of the steps.
+"""Limits file of a plan: poses, mountings, drives, and durations of the steps.
 
 [poses]
 theta1_rad = [0.5, 5.8]
@@ -79,7 +79,7 @@ class ReachablePoses(RigTable):
         return self
 
     def reachable(self, theta: Array) -> Flags:
-        """Return the (n,) mask of the reachable start poses among (n, 2) start angles; full turns do not count."""
+        """Return the (n,) mask of reachable poses among (n, 2) angles; full turns do not count."""
         inside = _within(theta[:, 0], self.theta1_rad) & _within(theta[:, 1], self.theta2_rad)
         if self.elbow_rad is not None:
             inside &= _within(theta[:, 1] - theta[:, 0], self.elbow_rad)

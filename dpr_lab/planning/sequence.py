@@ -1,4 +1,4 @@
-"""Choose a sequence of releases greedily: each release has the largest value per minute, given the previous ones."""
+"""Greedy choice of releases: each has the largest value per minute, given the previous ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-r"""Input signals of drives at the joints and the arm: multi-sines and chirps that respect given limits.
+r"""Input signals of drives: multi-sines and chirps within given limits.
 
 The limits concern torque, speed and angle. A multi-sine of duration T is a sum of K harmonics of the frequency 1/T.
 Schroeder phases keep its peak low:
@@ -73,7 +73,7 @@ def multisine(t: Array, lowest_hz: float, highest_hz: float) -> Array:
 
 
 def chirp(t: Array, lowest_hz: float, highest_hz: float) -> Array:
-    """Return the (n,) sine of peak one whose frequency increases linearly between two frequencies."""
+    """Return an (n,) linear chirp of unit amplitude between two frequencies."""
     length = t[-1] + t[1]
     return np.sin(2 * np.pi * (lowest_hz * t + 0.5 * (highest_hz - lowest_hz) * t**2 / length))
 

@@ -1,4 +1,4 @@
-"""Check a planned release with the nonlinear model: simulate one cause, and fit another to the simulated readings.
+"""Check a planned release by simulating one cause and fitting another, without linearisation.
 
 The linearised distance of two causes is valid only near the estimate. The best releases are therefore simulated with
 the more probable cause. The other cause is fitted to the simulated readings by Gauss-Newton steps. The information F of

@@ -82,7 +82,7 @@ def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
 
 
 def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
-    """Return the question that the recordings leave open, as a clause; it is empty if the recordings are sufficient.
+    """Return the question that the recordings leave open, as a clause; empty if there is none.
 
     Args:
         diagnosis: diagnosis of the runs recorded so far
@@ -124,7 +124,7 @@ def reservation(diagnosis: Diagnosis) -> str:
 
 
 def recorded_releases(diagnosis: Diagnosis) -> int:
-    """Count the releases that were fitted or held out; all pieces of one recording count as one release."""
+    """Count the fitted and held-out releases; all pieces of one recording count once."""
     if diagnosis.evidence is None:  # a file of an older version
         return 1 if diagnosis.basis == "one release" else STOPPING.fewest
     names = [recording.name for recording in diagnosis.evidence.recordings]
@@ -133,7 +133,10 @@ def recorded_releases(diagnosis: Diagnosis) -> int:
 
 
 def possible(diagnosis: Diagnosis) -> list[str]:
-    """Return the recurring effects that are neither named nor excluded; each may have its minimum detectable size."""
+    """Return the recurring effects that are neither named nor excluded.
+
+    Each of them may have its minimum detectable size.
+    """
     return list(dict.fromkeys(amplitude.effect for amplitude in not_excluded(diagnosis)))
 
 
@@ -166,7 +169,7 @@ def _most_probable(causes: Causes, inseparable: Collection[str]) -> float:
 
 
 def significance(diagnosis: Diagnosis, effect: NamedEffect) -> float:
-    """Return the joint significance of all amplitudes of a named effect, sqrt(a^T C^-1 a), in standard deviations.
+    """Return the joint significance of an effect's amplitudes, sqrt(a^T C^-1 a).
 
     A file of an older version lacks the covariance C. The result is then the significance of the most significant
     amplitude.

@@ -145,7 +145,7 @@ def _detectable(known: Knowledge, F: Array) -> list[Detectable]:
 
 
 def inseparable(objective: Objective, steps: Sequence[SequenceStep]) -> list[Inseparable]:
-    """Return the pairs of causes that even repeated planned releases do not separate, each with its bench checks."""
+    """Return the pairs of causes that even repeated releases do not separate, with their bench checks."""
     if not steps:
         return []
     stuck = []

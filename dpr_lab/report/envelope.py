@@ -17,7 +17,7 @@ def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> 
     interpolated.
 
     Args:
-        t: (n,) increasing instants, s
+        t: (n,) increasing times, s
         y: (n,) values; missing values are NaN
         points: approximate maximum number of points
         gap_steps: minimum interval between samples that is drawn as a gap, in median sample steps

@@ -12,7 +12,7 @@ def text_chart(t: Array, y: Array, unit: str = "rad", width: int = 64, height: i
     """Draw a curve by `text_plot`, with its extreme values and a time axis.
 
     Args:
-        t: (n,) increasing instants, s
+        t: (n,) increasing times, s
         y: (n,) values, in `unit`
         unit: unit of the values
         width: number of characters of the curve in a line
@@ -34,7 +34,7 @@ def text_plot(t: Array, y: Array, width: int = 64, height: int = 6) -> list[str]
     """Draw a curve as braille characters of 2 x 4 dots; extremes are kept.
 
     Args:
-        t: (n,) increasing instants, s
+        t: (n,) increasing times, s
         y: (n,) values
         width: number of characters in a line
         height: number of lines

@@ -1,4 +1,4 @@
-"""Known torques and motions of the arm in the lanes, averaged over each step so that impulses are exact.
+"""Known torques and arm motions in the lanes, averaged over each step so that impulses are exact.
 
 An arm with the motion theta0(t) exerts these torques on the rods, docs/theory.md (15):
 
@@ -155,7 +155,7 @@ def _arm_speed(knots: Knots, first: int, last: int, t: float) -> float:
 
 @subroutine
 def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
-    """Set the mean acceleration and the mean squared speed of the arm over the next step of each lane."""
+    """Set the mean acceleration and mean squared speed of the arm over the next step."""
     knots = drive.prescribed
     for k in range(LANES):
         first, last = int(knots.first[run[k]]), int(knots.first[run[k] + 1]) - 1
@@ -169,7 +169,7 @@ def prescribe_arm(w: LaneWorkspace, drive: Drive, run: Integers) -> None:
 
 @subroutine
 def add_prescribed(w: LaneWorkspace, rig: RigConstants) -> None:
-    """Add the torques due to a prescribed motion of the arm to the torques of a Runge-Kutta stage."""
+    """Add the torques of a prescribed arm motion to those of a Runge-Kutta stage."""
     for k in range(LANES):
         sin1, cos1, sin2, cos2 = w.sin1[k], w.cos1[k], w.sin2[k], w.cos2[k]
         squared, pull = w.squared[k], w.prescribed[k] * rig.L0 / rig.g

@@ -43,7 +43,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
-    """Set the length and the joint directions of the next step of each lane; return whether any joint is at rest."""
+    """Set length and joint directions of the next step; return whether any joint is at rest."""
     for k in range(LANES):
         fresh = w.t[k] >= w.until[k]
         w.until[k] = w.t[k] + w.step[k] if fresh else w.until[k]
@@ -66,7 +66,7 @@ def begin_dry(w: LaneWorkspace, required: Requirements) -> bool:
 
 @subroutine
 def accelerate_held(w: LaneWorkspace, rig: RigConstants, arm: bool) -> None:
-    """Set the accelerations of a stage in which the joints of direction 0 are held, and the torques that hold them."""
+    """Set the accelerations and holding torques of a stage with the joints of direction 0 held."""
     for k in range(LANES):
         mode = _mode(w, k, arm)
         torque0 = w.torque0[k] if arm else 0.0
@@ -90,7 +90,10 @@ def _mode(w: LaneWorkspace, k: int, arm: bool) -> int:
 
 @subroutine
 def find_margin0(w: LaneWorkspace, active: Flags, margin0: Row) -> bool:
-    """Fill a row with the margins (limit minus torque) of arms at rest, N m; return whether a margin is negative."""
+    """Fill a row with the margins (limit minus torque) of resting arms, N m.
+
+    Return whether a margin is negative.
+    """
     for k in range(LANES):
         w.limit0[k] = 0.0
     add_dry_limit0(w, active)
@@ -124,7 +127,7 @@ def find_margins(w: LaneWorkspace, active: Flags, margin1: Row, margin2: Row) ->
 
 @subroutine
 def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Requirements) -> None:
-    """Set the direction of each resting joint whose Coulomb friction limit is exceeded at the start of the step."""
+    """Set the sliding direction of resting joints whose friction limit is exceeded at the step start."""
     arm = required.arm
     for side in (1.0, -1.0):
         for k in range(LANES):
@@ -156,7 +159,7 @@ def let_go(w: LaneWorkspace, rig: RigConstants, active: Flags, required: Require
 
 @subroutine
 def settle(w: LaneWorkspace, required: Requirements, resting: bool) -> None:
-    """Finish a step: accept it, or take it back if a joint stops or starts to slide within it."""
+    """Finish a step: accept it, or undo it if a joint stops or starts to slide within it."""
     count = 0
     for k in range(LANES):
         omega1, omega2 = w.omega1[k], w.omega2[k]

@@ -1,6 +1,7 @@
-"""Effects over the lanes of a workspace: each effect is a separate loop, which is skipped if the effect is off.
+"""Effects in the lanes of a workspace, one loop per effect.
 
-The loops are generated from the same rows of `dpr_lab.effects.stages.STAGES` as the scalar versions.
+The loop of an effect that is off is skipped. The loops are generated from the same rows of
+`dpr_lab.effects.stages.STAGES` as the scalar versions.
 """
 
 import math

@@ -25,7 +25,7 @@ from dpr_lab.kernels import subroutine
 
 @subroutine
 def begin_gear(w: LaneWorkspace) -> None:
-    """Set the inertia and friction of the arm for the step, and copy the state of the motor."""
+    """Set the inertia and friction of the arm for the step, and store the state of the motor."""
     for k in range(LANES):
         w.old_hold0[k], w.old_motor_speed0[k], w.old_loose0[k] = w.hold0[k], w.motor_speed0[k], w.loose0[k]
         w.inertia[k] = w.geared_inertia[k] - w.loose0[k] * w.motor_inertia0[k]
@@ -48,7 +48,10 @@ def fed(owed: float, behind: float, step: float) -> float:
 
 @subroutine
 def transmit(w: LaneWorkspace) -> None:
-    """Replace the drive torque by the torque that the gear transmits to the arm, including the outstanding impulse."""
+    """Replace the drive torque by the torque of the gear on the arm.
+
+    The torque includes the impulse that the gear has not yet transmitted.
+    """
     for k in range(LANES):
         w.motor_torque0[k] = w.torque0[k]
         w.torque0[k] = (1.0 - w.old_loose0[k]) * w.motor_torque0[k] + w.fed0[k]
@@ -56,7 +59,7 @@ def transmit(w: LaneWorkspace) -> None:
 
 @subroutine
 def follow(w: LaneWorkspace, active: Flags, until: float) -> None:
-    """Move each motor up to the fraction `share` of the step if the fraction is at most `until`."""
+    """Advance each motor to the fraction `share` of the step, unless `share` exceeds `until`."""
     for k in range(LANES):
         u = w.share[k] if w.share[k] <= until else w.followed0[k]
         w.angle0[k], w.speed0[k] = angle0(w, k, u), speed0(w, k, u)

@@ -45,7 +45,7 @@ def _read_arm(w: LaneWorkspace) -> None:
 
 @subroutine
 def shares(w: LaneWorkspace, due: Row, until: float) -> bool:
-    """Fill the row `share` with the fraction of the step after which the next reading of each lane is due.
+    """Fill the row `share` with the time of the next reading, as a fraction of the step.
 
     Returns:
         whether any lane has a reading up to the fraction `until`
@@ -149,7 +149,7 @@ def read_play1(w: LaneWorkspace, arm: bool, geared: bool, parts: int, active: Fl
 
 @subroutine
 def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneSamples) -> None:
-    """Read joint 2 at the samples that fall into the step, up to the fraction `until` of the step."""
+    """Read joint 2 at all samples up to the fraction `until` of the step."""
     while shares(w, w.due2, until):
         for k in range(LANES):
             w.angle2[k] = angle2(w, k, w.share[k], relative2)
@@ -162,7 +162,7 @@ def read_joint2(w: LaneWorkspace, until: float, relative2: float, samples: LaneS
 
 @subroutine
 def read_play2(w: LaneWorkspace, relative2: float, active: Flags, samples: LaneSamples) -> None:
-    """Read joint 2 through the backlash of its encoder, which is updated after each quarter of the step."""
+    """Read joint 2 through its encoder backlash, which is updated every quarter of the step."""
     for quarter in range(1, 5):
         until = 0.25 * quarter
         while shares(w, w.due2, until):

@@ -31,7 +31,7 @@ PAD = 0.02
 
 @subroutine
 def load_track(w: LaneWorkspace, k: int, c: int, r: int, block: LaneBlock) -> None:
-    """Set the data of lane k that are constant along the track of candidate c in run r."""
+    """Set the constant data of lane k for a track of candidate c in run r."""
     parts, base, rig = block.segments.parts, block.candidates.bases, block.rig
     w.L1[k], w.L2[k] = parts[r, 0], parts[r, 1]
     w.m1[k], w.m2[k], w.mb[k] = parts[r, 2], parts[r, 3], parts[r, 4]
@@ -61,7 +61,7 @@ def reads_apart(required: Requirements) -> bool:
 
 @subroutine
 def params_row(r: int, block: LaneBlock) -> int:
-    """Return the row of the effects of run r within a candidate.
+    """Return the index of the row with the effects of run r within a candidate.
 
     Kernels without allocation cannot return the row itself.
     """
@@ -70,7 +70,7 @@ def params_row(r: int, block: LaneBlock) -> int:
 
 @njit
 def segment_start(first: float, near: float = 0.04) -> float:
-    """Return the start of a segment from the instant `first` of its first reading, both in s since the release.
+    """Return the start of a segment from the time `first` of its first reading, s since the release.
 
     A start less than `near` seconds after the release is moved to the release, where all internal states are known.
     """
@@ -80,9 +80,10 @@ def segment_start(first: float, near: float = 0.04) -> float:
 
 @subroutine
 def begin_segment(k: int, piece: Piece, block: LaneBlock, buffers: Buffers) -> None:
-    """Set lane k to the start of a segment; the lane stays idle if the sampling instants are not finite.
+    """Set lane k to the start of a segment.
 
-    The internal states are those at the end of the previous segment, unless the candidate defines their values.
+    The lane stays idle if a sampling time is not finite. The internal states are those at the end of the previous
+    segment, unless the candidate defines their values.
     """
     w, samples, (c, s) = buffers.w, buffers.samples, piece
     until = _set_samples(k, piece, block, samples)

@@ -14,7 +14,7 @@ from dpr_lab.effects.stages import Requirements
 
 
 class Tracks(NamedTuple):
-    """Tracks in blocks of at most `LANES`; all candidates of a block have the same active effects.
+    """Tracks in blocks of at most `LANES` with the same active effects.
 
     A track is one candidate on one segment. If effects have internal states, a track is one candidate on all segments
     of a run in sequence.

@@ -1,4 +1,4 @@
-"""Workspace of the lanes: one record in memory that contains a row of `LANES` numbers for each quantity.
+"""Workspace of the lanes: one record with a row of `LANES` numbers for each quantity.
 
 Rows are fields of the record, so the compiler knows that they do not overlap and converts a loop over the lanes to
 vector instructions. Kernels read lane k of a row as `w.theta1[k]`.
@@ -206,7 +206,7 @@ def base_at(w: LaneWorkspace, k: int) -> BaseParameters:
 
 @inlined
 def constants_at(w: LaneWorkspace, k: int, rig: RigConstants) -> RigConstants:
-    """Return the constants of lane k: those of the rig, with the lengths and masses of the mounted parts."""
+    """Return the rig constants of lane k, with the lengths and masses of the mounted parts."""
     return RigConstants(
         rig.L0, w.L1[k], w.L2[k], rig.g, w.m1[k], w.m2[k], w.mb[k],
         rig.counts_per_rev1, rig.counts_per_rev2, rig.relative2, rig.counts_per_rev0,

@@ -1,4 +1,4 @@
-"""Simulate swings with a free or driven arm on a time grid, with their sensitivity to the initial states."""
+"""Simulate swings with a moving arm, with their sensitivity to the initial states."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -64,7 +64,7 @@ FOLLOW = FollowSettings()
 
 
 def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: Array, initial: Array) -> FollowedSwing:
-    """Simulate swings of rods and arm; only the arm and its drive with the fitted gain act, no other effects.
+    """Simulate swings of rods and arm without effects other than the arm and its drive gain.
 
     Args:
         bases: (runs, 6) base parameters of the mounted rods, SI; all runs have the same rods

@@ -1,4 +1,4 @@
-"""Steps of a rig whose arm has a motor behind the backlash of a gear: the same physics as `dpr_lab.dynamics.lanes`.
+"""Steps of a rig whose arm has a motor behind gear backlash, as in `dpr_lab.dynamics.lanes`.
 
 `dpr_lab.dynamics.lanes.geared_motor` contains the equations.
 """
@@ -39,7 +39,7 @@ AnyState = RigState | GearedState
 
 @subroutine
 def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tuple[RigModel, float, float, float, float]:
-    """Return the model of the rig at an instant at which the gear is in contact or inside its backlash.
+    """Return the rig model for a gear in contact or inside its backlash.
 
     Returns:
         the model, whose arm has the inertia and friction of the motor only in contact; torque of the gear on the arm
@@ -58,7 +58,7 @@ def arm_of_gear(t: float, x: GearedState, model: RigModel, drive: float) -> tupl
 
 @subroutine
 def stepped_with_gear(t: float, x: GearedState, h: float, model: RigModel, mode: int, drive: float) -> GearedState:
-    """Advance the state by one step of length h; `drive` is the known torque of the motor, N m.
+    """Advance the state by one step of length h, s, with the motor torque `drive`, N m.
 
     The effects of the drive act on the motor, so the model of the rig does not require them.
     """

@@ -50,7 +50,7 @@ def arm_segments(
     """Arrange segments in sequence, from the data of each segment.
 
     Args:
-        t: for each segment, (n,) increasing instants, s
+        t: for each segment, (n,) increasing times, s
         mode: mode of the arm in each segment
         drive: for each segment, (n,) mean input from each instant to the next
         max_step: longest Runge-Kutta step, s

@@ -1,4 +1,4 @@
-"""Interface of the kinds of recommended checks: proposal of a check, its result, and the probability of the result."""
+"""Interface of the kinds of checks: proposal, result, and probability of the result."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -121,7 +121,10 @@ def expected_bits(probabilities: Sequence[float], separation: float) -> float:
 
 
 def log_mean(log_densities: Array, weights: Array) -> float:
-    """Return the logarithm of the weighted mean of densities; the mean is unweighted if all weights are zero."""
+    """Return the logarithm of the weighted mean of densities.
+
+    The mean is unweighted if all weights are zero.
+    """
     weights = weights if weights.any() else np.ones_like(weights)
     with np.errstate(divide="ignore"):
         return float(np.logaddexp.reduce(log_densities + np.log(weights / weights.sum())))

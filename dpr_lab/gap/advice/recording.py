@@ -1,4 +1,4 @@
-"""Checks by a recording: selection of the release in which two causes differ most, and evaluation of its recording."""
+"""Checks by a recording: select the release in which two causes differ most, and evaluate it."""
 
 from collections.abc import Mapping, Sequence
 
@@ -31,7 +31,7 @@ def form(check: AdvisedCheck) -> str:
 
 
 def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextStep]:
-    """Recommend, for each other cause, the release in which its prediction differs most from the named effect."""
+    """Recommend the release in which each other cause differs most from the named effect."""
     steps: list[NextStep] = []
     if not question.expected:
         return steps

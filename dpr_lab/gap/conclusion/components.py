@@ -1,4 +1,4 @@
-"""Posterior as a mixture: each fitted set of effects with its probability and the covariance of its values.
+"""Posterior mixture: each fitted set of effects with its probability and covariance.
 
 The probability of a set follows from its predictive cost, as for a class (`dpr_lab.gap.classes.posterior`). Sets with a
 very small probability are omitted.

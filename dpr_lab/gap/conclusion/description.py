@@ -1,4 +1,7 @@
-"""Test whether a wrong description of the recordings causes an unexplained gap."""
+"""Test whether a wrong description of the recordings causes an unexplained gap.
+
+A description contains the zeros, signs, scales, units and times of the readings.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,14 +52,16 @@ DESCRIPTION = DescriptionRules()
 def description(
     records: Sequence[Record], rig: Rig, problem: Problem, selection: Selection, transferred: Transfer
 ) -> Description:
-    """Test other descriptions if a gap above the noise remains, or if effects of an impossible size close it.
+    """Test other descriptions of the recordings if the effects do not explain the gap plausibly.
+
+    The test is made if a gap above the noise remains, or if only effects of an impossible size close it.
 
     Args:
         records: the fitted runs, screened
         rig: rig of the runs according to its file
         problem: segments of the fitted runs
         selection: the selected set of effects
-        transferred: performance of the set on held-out recordings
+        transferred: results of the set on held-out recordings
     """
     if hint := _wrong_gravity(rig, selection) or other_scale(problem, selection, rig):
         return Description(hint, True)

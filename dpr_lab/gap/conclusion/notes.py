@@ -1,4 +1,4 @@
-"""Notes below the verdict: restrictions of the named effects, the components that cause them, and the remainder."""
+"""Notes below the verdict: restrictions of the named effects, components, and the remainder."""
 
 from collections.abc import Collection, Iterator, Sequence
 

@@ -24,7 +24,9 @@ SCALES = (2.0, 0.5)
 
 
 def other_scale(problem: Problem, selection: Selection, rig: Rig) -> str:
-    """Return a sentence on another scale at which the readings of one degree of freedom need fewer effects.
+    """Return a sentence about another scale of the readings that needs fewer effects.
+
+    Only readings of one degree of freedom are considered.
 
     The text is empty if there is no such scale.
 

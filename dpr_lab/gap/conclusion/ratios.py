@@ -32,7 +32,7 @@ def ratios(state: Transferred) -> dict[str, Interval]:
 
 
 def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
-    """Return the ratios that the recordings determine: ratios to b, or to a if only the inner rod is mounted.
+    """Return the ratios to b that the recordings determine, or to a for the inner rod alone.
 
     Value and covariance of a fitted parameter are divided by the inertia to which the ratio refers.
 
@@ -54,7 +54,7 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
 
 
 def ratio_covariance(state: Transferred) -> Array:
-    """Return the (5, 5) covariance of the ratios; it is zero for ratios that come from the rig file."""
+    """Return the (5, 5) covariance of the ratios; zero for ratios of the rig file."""
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     covariance = np.zeros((len(RATIOS), len(RATIOS)))

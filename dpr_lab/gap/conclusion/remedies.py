@@ -1,4 +1,4 @@
-"""Remedies for the named effects: at the rig, in its file, in its readings, or in the simulator."""
+"""Remedies for the named effects at the rig, or in its file, readings or simulator."""
 
 from collections.abc import Collection, Mapping, Sequence
 
@@ -12,7 +12,7 @@ from dpr_lab.shown import listed
 def remedies(
     named: Sequence[NamedEffect], sizes: Mapping[str, Params], rig: RigConstants, doubtful: Collection[str]
 ) -> list[str]:
-    """Return sentences on remedies: one for each faulty part, and one for all effects that the simulator lacks.
+    """Return the remedies: one sentence per faulty part, and one for the simulator.
 
     Args:
         named: the effects, in order

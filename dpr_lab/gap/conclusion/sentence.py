@@ -116,7 +116,7 @@ def _no_gap(bare: Hypothesis) -> str:
 
 
 def how_far(transferred: Transfer) -> str:
-    """Return a sentence that states how much of the gap closes on held-out data, and the kind of these data."""
+    """State by how much the gap closes on held-out data, and which data these are."""
     if not transferred.tested:
         return "The recordings are too short to predict one part from another, so no data validate this result."
     estimate, (low, high) = transferred.closed.value, transferred.closed.interval90

@@ -52,7 +52,7 @@ VERDICT = VerdictRules()
 
 
 def verdict(state: Transferred, visible_counts: tuple[int, int]) -> Verdict:
-    """Choose the verdict; if there is more than one release, the reduction on held-out recordings determines it.
+    """Choose the verdict, by the reduction on held-out recordings if there are several releases.
 
     Args:
         state: the selected set, its probabilities and its performance on held-out recordings
@@ -107,7 +107,7 @@ def shows_reduction(transferred: Transfer) -> bool:
 
 
 def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) -> bool:
-    """Return whether the effects reduce only the gap of the fitted recordings, and not the gap of held-out data."""
+    """Return whether the effects reduce the gap only on the fitted recordings."""
     if not transferred.tested:
         return False
     tested = transferred.basis != "one release"
@@ -117,7 +117,7 @@ def fitted_only(posteriors: Sequence[EffectPosterior], transferred: Transfer) ->
 
 
 def undecided(transferred: Transfer) -> bool:
-    """Return whether the held-out data show no gap, so that they neither confirm nor refute the effects."""
+    """Return whether held-out data show no gap and therefore neither confirm nor refute the effects."""
     return transferred.closed.value <= 0 and transferred.closed.interval90[1] >= VERDICT.closes
 
 

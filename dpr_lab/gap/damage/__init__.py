@@ -1,1 +1,1 @@
-"""Local damage of a recording: a hand at the release, kicks, steps of a reading, and contact with rods that rest."""
+"""Local damage of a recording: hands, kicks, steps of a reading, and contact at rest."""

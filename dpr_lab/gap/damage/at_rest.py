@@ -1,4 +1,4 @@
-"""Motion after rest: the reading of a joint without a drive changes although the rods had come to rest.
+"""Motion after rest: a joint without a drive moves although the rods had come to rest.
 
 A free rod that stays within the noise for half a period of its small oscillation is at rest: friction holds it, or its
 energy is below the noise. Whether it hangs exactly vertically is then a matter of friction. A later motion is caused by
@@ -58,7 +58,7 @@ class Touch:
 
 
 def touch(record: Record, slow_period_s: float) -> Touch | None:
-    """Return the first motion after the rods of a free swing have come to rest, or None if the rods do not move."""
+    """Return the first motion after a free swing has come to rest, or None."""
     t, joints, sigma = _blocks(record)
     if len(t) < 2:
         return None

@@ -1,4 +1,4 @@
-"""Exclusion of parts of recordings that no property of the rig explains: hands, kicks, steps of a reading.
+"""Exclude parts of recordings that no property of the rig explains, such as kicks.
 
 A kick changes the speeds of the rods, and a step the reading of a joint. Both occur within one segment and are far
 larger than anything else in the recordings (`dpr_lab.gap.damage.jumps`), whereas an effect of the rig acts in many
@@ -210,7 +210,7 @@ def _later(record: Record, begin: float) -> Record:
 
 
 def shows(record: Record, jump: Jump) -> bool:
-    """Return whether the readings themselves contain the step of a jump, and not only the residuals of a model."""
+    """Return whether the readings themselves contain the step, not only the residuals of a model."""
     return jump.joint is not None and shows_step(record, jump.joint, jump.at, jump.size[0])
 
 

@@ -59,7 +59,7 @@ HAND = HandRules()
 
 
 def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Record:
-    """Exclude the readings at the beginning during which a hand acts; return the same object if no hand acts.
+    """Exclude readings at the beginning that a hand disturbs; without a hand return the same object.
 
     Args:
         recordings: the runs
@@ -80,7 +80,7 @@ def without_hand(recordings: Recordings, record: Record, ratios: Array) -> Recor
 
 
 def fitted_starts(recordings: Recordings, estimate: Estimate, length: float) -> tuple[Problem, Fit]:
-    """Cut recordings into segments of about a given length, s, and fit the initial states of the segments.
+    """Cut recordings into segments of about a given length, s, and fit their initial states.
 
     The ratios and the effects of the estimate are fixed.
     """
@@ -89,7 +89,7 @@ def fitted_starts(recordings: Recordings, estimate: Estimate, length: float) -> 
 
 
 def energies(problem: Problem, estimate: Estimate) -> Array:
-    """Return the (segments,) energy of the rods at the start of each segment of one run, divided by b, 1/s^2.
+    """Return the (segments,) energy of the rods at segment starts, divided by b, 1/s^2.
 
     The energy is zero for hanging rods at rest.
     """

@@ -104,7 +104,7 @@ def outstanding(candidates: Sequence[Jump], ratio: float) -> list[Jump]:
 
 
 def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[Jump]]:
-    """Return, for each segment, the kick and the step of a reading that have the largest gains.
+    """Return the kick and the step of a reading with the largest gains in each segment.
 
     The joint of a step is given only if neither a kick of finite duration nor a single wrong reading explains as much.
     """

@@ -180,7 +180,7 @@ def _inputs(known: RigConstants, rig: Rig, fitted: Sequence[str]) -> Iterator[tu
 
 
 def mean_squares(parts: Sequence[_Source], swings: FreeSwings, compared: Sequence[Flags]) -> Array:
-    """Return the (sources, swings) mean variance of the compared readings of each swing due to each source, rad^2."""
+    """Return the (sources, swings) mean variance of the readings due to each source, rad^2."""
     by_source = [
         [values[samples] for values, samples in zip(source.variance(swings), compared, strict=True)] for source in parts
     ]

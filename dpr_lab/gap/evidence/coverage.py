@@ -28,7 +28,10 @@ MAP = MapSettings()
 
 
 def coverage(fitted: Recordings, held_out: Recordings) -> dict[str, Occupancy]:
-    """Return the seconds that each rod spent at each angle and speed; rods that never swung freely are omitted."""
+    """Return the seconds that each rod spent at each angle and speed.
+
+    Rods that never swung freely are omitted.
+    """
     joints = fitted.rig.encoders.joint_angles
     spent = [[_spent(record, joints.to_rods) for record in part.records] for part in (fitted, held_out)]
     occupancy: dict[str, Occupancy] = {}

@@ -1,4 +1,4 @@
-"""Intervals of the amplitudes of an effect whose shape is unknown: an order, a frequency, a speed.
+"""Amplitude intervals of an effect with an unknown shape: an order, frequency or speed.
 
 An equivalence test must not select the shape: the effect is smaller than a limit if it is smaller in every shape. The
 interval of an amplitude therefore covers its 90 % intervals in all shapes (an intersection-union test). If the effect

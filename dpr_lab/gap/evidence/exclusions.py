@@ -1,4 +1,4 @@
-"""Excluded effects: the minimum detectable size of each effect, and the confidence that the effect is smaller.
+"""Excluded effects: minimum detectable sizes, and the confidence that effects are smaller.
 
 A score test with all named effects in the model gives a linear estimate of each amplitude, and the confidence that the
 effect is smaller than its minimum detectable size (`dpr_lab.gap.hypothesis.detectable.linear_exclusions`).

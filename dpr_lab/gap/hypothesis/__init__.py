@@ -1,1 +1,1 @@
-"""Models with a set of effects: their fits, their residuals, and the score test of further effects."""
+"""Models with a set of effects: fits, residuals, and score tests of additional effects."""

@@ -50,7 +50,7 @@ FOLDS = FoldSettings()
 
 
 def folds(problem: Problem) -> Integers:
-    """Return the (segments,) fold of each segment: the index of its run or, for a single run, of its quarter.
+    """Return the (segments,) cross-validation fold: the run, or the quarter of a single run.
 
     Quarters have equally many segments. If a known input drives the run, the joints cover equal paths in each quarter.
     A controller may keep the joints at rest for most of the recording, and data at rest cannot predict the other
@@ -70,7 +70,7 @@ def folds(problem: Problem) -> Integers:
 
 
 def scaled_columns(fit: Fit, columns: Sequence[int]) -> Array:
-    """Return the (segments, m, k) Jacobian for the selected parameters in units of their prior standard deviations."""
+    """Return the (segments, m, k) Jacobian of selected parameters in prior standard deviations."""
     return fit.linear.A[:, :, columns] * np.array([PRIOR * fit.free[i].size for i in columns])
 
 
@@ -85,7 +85,10 @@ class Fold:
 
 
 def split(A: Array, e: Array, fold: Integers) -> list[Fold]:
-    """Compute the normal equations of each fold, from whitened columns (segments, m, k) and residuals (segments, m)."""
+    """Compute the normal equations of each fold from whitened columns and residuals.
+
+    The shapes are (segments, m, k) and (segments, m).
+    """
     parts = []
     for r in np.unique(fold):
         segments = fold == r

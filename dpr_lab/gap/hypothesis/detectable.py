@@ -114,7 +114,7 @@ def linear_exclusions(test: ScoreTest, score: Score, sizes: Mapping[str, float |
 
 
 def visible(least: Mapping[str, Mapping[str, float | None]], limits: Array | None = None) -> tuple[int, int]:
-    """Count the effects that are detectable at their typical size, and those that are detectable at any size.
+    """Count the effects detectable at their typical size, and those detectable at any size.
 
     If an effect is undetectable at any size, it does not act in these recordings or is absorbed by the ratios.
 

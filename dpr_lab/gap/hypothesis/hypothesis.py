@@ -1,4 +1,4 @@
-"""One explanation of the gap: a set of effects, fitted with ratios and initial states, and its residual."""
+"""Hypothesis: a set of effects fitted with ratios and initial states, and its residual."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -128,7 +128,10 @@ def _equal_releases(problem: Problem, tolerance: float = 0.1) -> bool:
 
 
 def scale_visible(effects: Iterable[str], problem: Problem) -> bool:
-    """Return whether b is identifiable: a mass or a torque is known, or friction depends on the force on a joint."""
+    """Return whether b is identifiable.
+
+    This requires a known mass or torque, or friction that depends on a joint force.
+    """
     weighs = problem.masses_weighed and any(EFFECTS[name].stage == "load" for name in effects)
     return weighs or any(setup.weighs for setup in problem.segments.setups)
 

@@ -43,7 +43,10 @@ preliminary_fit = partial(fit, settings=PRELIMINARY)
 
 
 def beating(model: Hypothesis) -> GaussNewton:
-    """Return the settings of a preliminary fit that must become better than a previous fit of the same set."""
+    """Return the settings of a preliminary fit that ends early unless it beats a previous fit.
+
+    The previous fit has the same set of effects.
+    """
     return replace(PRELIMINARY, to_beat=model.fit.chi2)
 
 
@@ -55,7 +58,7 @@ def refit(
     predicted: Array | None = None,
     settings: GaussNewton = PRELIMINARY,
 ) -> Hypothesis:
-    """Fit a set of effects from an initial estimate; `predicted` are the readings at this estimate, if known."""
+    """Fit a set of effects; `predicted` are the readings at the initial estimate, if known."""
     free = free_parameters(start, effects, problem)
     end = fit(problem, start, free, iterations=iterations, predicted=predicted, settings=settings)
     return hypothesis(problem, effects, end)
@@ -100,7 +103,7 @@ def refit_with(
     iterations: int,
     start: Iteration | None = None,
 ) -> Hypothesis:
-    """Fit a set with one additional effect, from the linear solution of its score test or from `start`."""
+    """Fit a set with one additional effect, from its linear score or from `start`."""
     start = start or started_with(problem, before, test, score)
     effects = (*before.effects, score.effect.name)
     return refit(problem, start.estimate, effects, iterations=iterations, predicted=start.predicted)
@@ -137,7 +140,7 @@ def refit_with_from_short(
 
 
 def shaped(before: Hypothesis, score: Score) -> Estimate:
-    """Return the estimate of a fit; the shape parameters of an effect have the values of its score."""
+    """Return the estimate of a fit with the shape parameters of a score."""
     params = before.fit.estimate.params.copy()
     for index, value in score.shape:
         params[index] = value

@@ -66,7 +66,7 @@ class ResidualStatistics:
 
     @property
     def independent_noise(self) -> float:
-        """Variance of white noise that would cause the same errors of fitted values, in units of the assumed noise.
+        """Variance of white noise that causes the same errors of fitted values, relative to the assumed noise.
 
         The value is level (1 + rho) / (1 - rho), where rho is the correlation of the errors of neighbouring readings.
         """
@@ -90,7 +90,7 @@ class ResidualStatistics:
 
 
 def degrees_of_freedom(problem: Problem) -> Integers:
-    """Return for each segment the number of its readings minus the number of its initial values, (segments,)."""
+    """Return the (segments,) number of readings minus the number of initial values."""
     return np.add.reduceat(problem.read.sum(axis=1), problem.segments.offsets[:-1]) - problem.segments.starts
 
 
@@ -131,7 +131,7 @@ def residual_statistics(problem: Problem, fit: Fit) -> ResidualStatistics:
 
 
 def lone_readings(problem: Problem, estimate: Estimate) -> Flags:
-    """Return a (samples, 2) mask of isolated outliers: readings with a wrong value, up to three in a row.
+    """Return the (samples, 2) mask of isolated outliers of up to three readings.
 
     A robust straight line (Theil and Sen) is fitted to the seven residuals around a reading. An outlier is far from
     this line, farther than its neighbours, and the next residuals return to the previous level. In contrast, the

@@ -1,13 +1,4 @@
-"""Scan of shapes: orders and frequencies of torques, and instants at which a reading may have stepped.
-
-Hundreds of shapes are compared by one linearised fit. The score test and nonlinear fits examine the best few. With Q
-the columns of the initial states, the inner products of the columns c and d of the amplitudes are
-
-    c^T (I - Q Q^T)^2 d = c^T d - (Q^T c)^T (2 Q^T d - Q^T Q Q^T d)
-
-and need only products with the few rows of Q, so that the columns are neither projected nor copied. Q^T Q differs from
-the unit matrix, because Q lacks the rows of the prior of the initial states.
-"""
+"""Scan of shape parameters: orders and frequencies of torques, and times of steps in a reading."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -67,7 +58,7 @@ polynomial fits any smooth force and any nonlinearity of the encoder, so it is e
 
 
 class SmallSets(NamedTuple):
-    """Inner products of many small sets of columns; the initial states are projected out of all columns."""
+    """Inner products of many small sets of columns, with initial states projected out."""
 
     across: Array
     """(k, sets, n) inner products of k fitted columns with the n columns of each set."""
@@ -78,7 +69,10 @@ class SmallSets(NamedTuple):
 
 
 class UnitSets(NamedTuple):
-    """Inner products of small sets of columns that had unit norm before the fitted columns were projected out."""
+    """Inner products of small sets of columns, in units of their norm before projection.
+
+    The fitted columns are projected out.
+    """
 
     scale: Array
     """(sets, n) reciprocal norm of each column."""
@@ -90,7 +84,7 @@ class UnitSets(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FittedColumns:
-    """Columns A of the fitted parameters, residual e, and columns Q of the initial states of one linearised fit."""
+    """Linearised fit: columns A of the parameters, residual e, and columns Q of initial states."""
 
     space: ColumnSpace
     """Column space of A and e."""

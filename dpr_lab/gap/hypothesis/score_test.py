@@ -26,7 +26,7 @@ from dpr_lab.gap.hypothesis.scan import ShapeScan
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
-    """Result of the score test for one effect in one shape: predicted reduction of chi2, and amplitudes."""
+    """Result of the score test of one effect: predicted reduction of chi2, and amplitudes."""
 
     effect: Effect
     shape: Shape
@@ -50,7 +50,7 @@ class Score:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreTest:
-    """Score test of a fit: its linearisation with the columns of the library, and the scores of all effects."""
+    """Score test of a fit: its linearisation, the columns of the library, and all scores."""
 
     fit: Fit
     linear: Linearisation
@@ -96,7 +96,7 @@ class ScoreTest:
         return self.space.given(list(self.fitted_columns), list(columns))
 
     def cosine(self, target: Score, other: Score) -> float:
-        """Return the cosine between the change of the readings by `target` and the nearest change by `other`.
+        """Return the cosine similarity of the signature of `target` and the nearest signature of `other`.
 
         The fitted parameters are projected out of both changes.
         """
@@ -175,7 +175,10 @@ def _bounded_step(
 
 
 def joint_gain(test: ScoreTest, scores: Iterable[Score]) -> float:
-    """Predict the reduction of chi2 if several effects are added together, each in the shape of its own score."""
+    """Predict the reduction of chi2 by several effects together.
+
+    The shape parameters of each effect are those of its own score.
+    """
     rows = [*test.fitted_columns, *(column for score in scores for column in score.columns)]
     prior, chosen = test.prior_of(rows), test.space.chosen(rows)
     return chosen.reduction(_bounded_step(test, prior.free, chosen, prior.A, prior.e))

@@ -93,7 +93,7 @@ def visible_steps(
 
 
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
-    """Return whether the readings around an instant contain a step; a polynomial with a step is fitted to them.
+    """Return whether a polynomial with a step fits the readings around a time significantly better.
 
     The step in the readings must be visible, and must not be far smaller than the step of the residual. Readings
     without a step may contain a small step of the residual within their errors. The step in the readings must therefore
@@ -146,7 +146,7 @@ def _steps(problem: Problem, fit: Fit) -> list[ReadingStep]:
 
 
 def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array, Array]:
-    """Compute gain and size of a step in the readings of one joint, just before each sample.
+    """Compute gain and size of a step in one joint's readings before each sample.
 
     The step lasts to the end of its segment.
 
@@ -168,6 +168,6 @@ def step_gains(weight: Array, e: Array, Q: Array, ends: Integers) -> tuple[Array
 
 
 def sums_to_end(values: Array, ends: Integers) -> Array:
-    """Sum over the samples from each sample to the end of its segment, from values (samples, ...)."""
+    """Sum values (samples, ...) from each sample to the end of its segment."""
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     return np.asarray(sums[ends] - sums[:-1])

@@ -38,7 +38,7 @@ LINES = LineSettings()
 
 
 def on_swing_line(problem: Problem, effect: str, estimate: Estimate) -> bool:
-    """Return whether an effect is a force of fixed frequency at a multiple of the frequency of the swing.
+    """Return whether an effect is a vibration at a harmonic of the swing frequency.
 
     Args:
         problem: segments of free swings of a single rod; other swings have no such frequency

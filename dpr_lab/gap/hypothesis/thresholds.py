@@ -1,4 +1,4 @@
-"""Significance of a reduction of the cost, compared with noise, chance, and the error of an inexact functional form."""
+"""Significance of a reduction of cost, relative to noise, chance, and inexact functional forms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -118,7 +118,7 @@ def at_noise_floor(model: Hypothesis) -> bool:
 
 
 def far_from_noise(model: Hypothesis) -> bool:
-    """Return whether the residual of a model is so large that a linear score is only an indication."""
+    """Return whether the residual is so large that linear scores are only approximate."""
     return model.residuals.chi2 > THRESHOLDS.far * model.residuals.dof
 
 
@@ -139,7 +139,7 @@ def promising_gain(model: Hypothesis) -> float:
 
 
 def substitute_curve(model: Hypothesis, smaller: Hypothesis) -> str | None:
-    """Return the curve of a smaller set that imitates the removed effect, or None if there is no such curve.
+    """Return the curve of a smaller set that imitates the removed effect, or None.
 
     The amplitudes of such a curve cancel each other, and grow when the effect is removed. On a small arc, for example,
     an eccentricity with large harmonics imitates a zero offset. This imitation does not make the offset superfluous.
@@ -178,7 +178,9 @@ def curve_follows_remainder(bare: Hypothesis, with_curve: Hypothesis, simple: Hy
 
 
 def follows_swing(bare: Hypothesis, vibrating: Hypothesis, other: Hypothesis) -> bool:
-    """Return whether a vibration at a multiple of the swing's frequency only follows the residual of a missing law.
+    """Return whether a vibration only follows the residual of a missing law.
+
+    Such a vibration has a harmonic of the swing frequency.
 
     In this case another set explains most of this residual. Any missing law of angle or speed leaves a residual at
     these frequencies.
@@ -212,7 +214,7 @@ def indifference(
 
 
 def form_indifference(bare: Hypothesis, model: Hypothesis) -> float:
-    """Return the maximum increase of cost at which a simpler form replaces a richer form that contains it.
+    """Return the largest increase of cost at which a simpler form replaces a richer one.
 
     While a residual remains, a richer form may merely compensate for the residual. At the noise floor, a richer form
     may follow the error of the integrator.
@@ -291,7 +293,7 @@ def scatter(before: Hypothesis, after: Hypothesis, errors: float = THRESHOLDS.co
 
 
 def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> bool:
-    """Return whether a set explains about as much as another set with more parameters, and is therefore preferred.
+    """Return whether a smaller set explains about as much as a richer set.
 
     The smaller set must explain nearly all that the richer set explains. Its criterion, which contains the penalty of
     the parameters, must not be significantly higher. While a residual remains, the difference is compared with its
@@ -314,7 +316,7 @@ def explains_as_much(bare: Hypothesis, simple: Hypothesis, rich: Hypothesis) -> 
 
 
 def accepted(bare: Hypothesis, before: Hypothesis, after: Hypothesis) -> bool:
-    """Return whether an additional effect explains more than chance and more than an inexact functional form would.
+    """Return whether an additional effect explains more than chance and an inexact form would.
 
     An inexact form leaves a residual. If only noise remains, a significant reduction is therefore sufficient.
     """
@@ -331,7 +333,7 @@ def most_excess(bare: Hypothesis, before: Hypothesis) -> float:
 
 
 def need(described: Hypothesis, model: Hypothesis, smaller: Hypothesis) -> float:
-    """Return the evidence for the additional effect of `model`, divided by the evidence required to keep it.
+    """Return the evidence for the additional effect relative to the required evidence.
 
     Args:
         described: model whose excess is the whole gap (`FittedSets.described`)

@@ -76,7 +76,7 @@ def noise_by_speed(
     """Estimate the timing error s in the noise model sigma^2 = sigma_0^2 + (s omega)^2.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         joints: (n, 2) angles, rad
         floor: (2,) standard deviation at rest, rad; a coarse encoder can show less noise in slow parts, which is no
             fault

@@ -51,7 +51,7 @@ def repeated(t: Array, joints: Array, std: Array, jitter: float, period: float) 
     both axes since the last new sample. A jump after repeated samples is not a missed count.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         joints: (n, 2) readings, rad
         std: (2,) standard deviation of a reading at rest, rad
         jitter: standard deviation of an instant, s

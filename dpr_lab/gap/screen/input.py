@@ -1,4 +1,4 @@
-"""Tests of an arm's input, for its sign and unit, and of the measured angles, for their sign, zero and scale."""
+"""Test the sign and unit of an arm's input, and the sign, zero and scale of angles."""
 
 from dataclasses import dataclass, replace
 

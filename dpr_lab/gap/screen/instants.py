@@ -88,7 +88,7 @@ class PeriodicDelay:
 
 
 def even_instants(t: Array, joints: Array) -> Array | None:
-    """Return evenly spaced instants if the angles are smoother at these instants than at the time stamps.
+    """Return evenly spaced times if the angles are smoother there than at the time stamps.
 
     For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
     Even instants are chosen if the angles are smoother on them in significantly more windows, or if the log-likelihood
@@ -104,7 +104,7 @@ def even_instants(t: Array, joints: Array) -> Array | None:
         joints: (n, m) angles, rad
 
     Returns:
-        (n,) instants, s; None if the stamps are even, or correct
+        (n,) times, s; None if the stamps are even, or correct
     """
     if len(t) < INSTANTS.fewest:
         return None
@@ -151,7 +151,7 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 
 
 def _even_clock(t: Array) -> tuple[float, Array, Flags]:
-    """Return an even clock near the stamps: its period, s, its (n,) instants, s, and a (n,) mask.
+    """Return an even clock near the stamps: its period, s, its (n,) times, s, and a (n,) mask.
 
     The mask is true in parts without a lost sample. Stamps may come in bursts, so the period is a mean over many
     samples. A lost sample moves the clock by a period. If no samples are lost and the clock is steady, a straight line
@@ -171,7 +171,7 @@ def _even_clock(t: Array) -> tuple[float, Array, Flags]:
 
 
 def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
-    """Return the cycle in which late readings are most significant, or None if no cycle is significant.
+    """Return the cycle with the most significant late readings, or None.
 
     Let r = W theta be the divided differences of windows of seven readings. If reading i is late by d, r = W_i d
     omega_i. Therefore
@@ -182,7 +182,7 @@ def periodic_delay(t: Array, joints: Array) -> PeriodicDelay | None:
     squares, and the cycle with the largest reduction is returned.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         joints: (n, m) angles, rad
     """
     if len(t) < 4 * INSTANTS.cycle:

@@ -77,7 +77,7 @@ def local_faults(
     """Detect the outliers and steps of one encoder.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         angle: (n,) readings, rad
         keep: (n,) mask of the plausible readings
         noise: standard deviation of a reading at rest (rad) and of an instant (s)
@@ -174,7 +174,7 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
     """Decide which fault is most likely among a few samples: an outlier at one of them, or a step.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         angle: (n,) readings, rad
         centre: instant of the detected deviation, s
         period: sampling interval, s

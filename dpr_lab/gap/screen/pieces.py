@@ -26,7 +26,7 @@ PIECES = PieceSettings()
 
 
 def whole(name: str) -> str:
-    """Return the name of the run from which a piece was cut; return `name` itself if the run was not cut."""
+    """Return the name of the run from which a piece was cut, or the name of an uncut run."""
     return re.sub(r" \d+-\d+ s$", "", name)
 
 

@@ -86,7 +86,7 @@ class QueuedRows:
 
 
 def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
-    """Return the rows with an unknown delay after turning points, or None if the link is not saturated.
+    """Return the rows with an unknown delay on a saturated link, or None.
 
     Args:
         t: (n,) stamps, s

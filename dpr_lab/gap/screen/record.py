@@ -1,4 +1,4 @@
-"""A run thinned for the diagnosis: block averages of the encoder readings, each with its own noise.
+"""Run thinned for the diagnosis: block averages of the readings, with their noise.
 
 The average over a block of 5 ms keeps all information if the encoder noise is white. In a curved swing the average is
 shifted by half the acceleration alpha times the variance of the block's instants. This shift is subtracted:
@@ -102,14 +102,17 @@ class Record:
 
     @property
     def may_be_film(self) -> bool:
-        """Whether the readings may come from a video: angles of an undriven swing without the steps of an encoder."""
+        """Whether the readings may come from a video.
+
+        They are then angles of an undriven swing, without the steps of an encoder.
+        """
         run = self.run
         encoder = run.counts is not None or run.rate_hz >= SCREEN.colour_hz or self._rounded
         return self.setup.free and not self.setup.arm_moves and (run.film_noise is not None or not encoder)
 
     @property
     def noise_measured(self) -> bool:
-        """Whether the noise was measured at rest, or from the lengths of the rods in a video."""
+        """Whether the noise was measured, at rest or from the rod lengths in a video."""
         return self.run.film_noise is not None or len(self.run.rest) >= NOISE.rest_samples
 
     @property
@@ -134,7 +137,7 @@ class Record:
         return replace(self, joints=joints, shown=shown)
 
     def with_finding(self, name: str, evidence: str) -> "Record":
-        """Return the record with a fault of the whole run; a previous fault of this name is replaced."""
+        """Return the record with a fault of the whole run, which replaces a fault of the same name."""
         others = [finding for finding in self.screened.findings if finding.name != name]
         finding = Finding(name, self.run.name, None, None, evidence)
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
@@ -145,7 +148,7 @@ class Record:
         Add a finding for each of these readings.
 
         Args:
-            t: (n,) instants, s
+            t: (n,) times, s
             off: (n, axes) mask of the outliers
         """
         evidence = "an outlier: the model fits all other readings"
@@ -156,7 +159,7 @@ class Record:
         return self.only(~np.isin(self.t, t[off.any(axis=1)])).with_findings(findings)
 
     def left_out(self, since: float, until: float) -> "Record":
-        """Return a copy without the readings from `since` to `until`, s, in which the rods did not swing freely."""
+        """Return a copy without the readings from `since` to `until`, s."""
         inside = (self.t >= since) & (self.t < until)
         edges = [edge for edge in (since, until) if np.isfinite(edge)]
         return replace(
@@ -203,7 +206,7 @@ def record(run: Run, rig: Rig) -> Record:
 
 
 def without_gap(run: Run, t: Array) -> Flags:
-    """Return a (n - 1,) mask of the intervals between the instants t, s, in which no reading is missing.
+    """Return the (n - 1,) mask of the intervals between times t, s, without missing readings.
 
     If the rows of a run are at the edges of counts, they follow the motion, so that a long interval is not a gap.
     """

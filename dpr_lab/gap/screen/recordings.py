@@ -138,7 +138,7 @@ class Recordings:
 
     @property
     def of_points(self) -> bool:
-        """Whether all angles are computed from points in a video; they then do not depend on counts per turn."""
+        """Whether all angles come from points in a video, and not from encoder counts."""
         return all(record.run.film_noise is not None for record in self.records)
 
     @property
@@ -148,7 +148,7 @@ class Recordings:
 
     @property
     def always(self) -> tuple[str, ...]:
-        """Effects that are free in every fit: uncertain constants of the rig file, and the arm with its drive."""
+        """Effects that are free in every fit: uncertain rig constants, and the arm with its drive."""
         unsure = [name for name, effect in EFFECTS.items() if effect.corrects in self.rig.unsure]
         arm = [FREE_ARM.name] if self.arm_moves else []
         gain = [DRIVE_GAIN.name] if self.driven_arm and not drive_gain(self.rig).known else []
@@ -162,7 +162,7 @@ class Recordings:
         return effect_params(arm if self.arm_moves else {})
 
     def with_tracking(self, noise: TrackingNoise | None) -> "Recordings":
-        """Return the recordings with correlated errors of the readings, unless the noise is known by other means."""
+        """Return the recordings with correlated errors, unless the noise is known by other means."""
         if noise is None or self.tracking is not None:
             return self
         evidence = (

@@ -1,4 +1,4 @@
-"""Detection of sensor faults without a model; the readings of a fault are masked, split or weighted.
+"""Detect sensor faults without a model, and mask, split or weight their readings.
 
 A swing is smooth over a few milliseconds, so an encoder fault is visible in neighbouring readings:
 

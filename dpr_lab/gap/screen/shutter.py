@@ -1,4 +1,4 @@
-"""Rolling shutter: a camera reads its picture line by line, so the instant depends on the position in the picture.
+"""Rolling shutter: the time of a reading depends on its position in the picture.
 
 The picture shows a point with the position p (m, from the pivot) at the instant
 

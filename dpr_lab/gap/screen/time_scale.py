@@ -60,7 +60,7 @@ def with_time_scale(recordings: Recordings, ratios: Array) -> Recordings:
 
 
 def equivalent_length(whole: Array, setup: Setup, rig: Rig) -> float:
-    """Return the equivalent length I / S of a single rod, m, from (7,) base parameters of the whole rig."""
+    """Return the equivalent length of a single rod, m, from (7,) base parameters."""
     inner, outer, _, gravity, *_ = base_of_run(whole, setup, rig.L1, rig.g).tolist()
     return rig.g * (inner + outer) / gravity if gravity > 0 else math.inf
 

@@ -1,4 +1,4 @@
-"""Correlated errors of angles that were tracked in a video; no rest of the rods shows these errors.
+"""Correlated errors of angles that were tracked in a video.
 
 A tracker errs in the same direction for several frames. High-order differences contain only the rough part of such
 errors and underestimate the noise. The smooth part looks like an effect of the rig. The residual of the bare model

@@ -45,7 +45,7 @@ class FreeRunError:
         return float(np.sqrt(np.mean(self.squares)))
 
     def followed_s(self, limit_rad: float) -> float:
-        """Return the time up to which the rms error from the beginning stays below a limit, s.
+        """Return the time up to which the cumulative rms error stays below a limit, s.
 
         The time is 0 if the error exceeds the limit from the beginning.
         """
@@ -81,10 +81,7 @@ class FreeRuns:
 
     @property
     def errors(self) -> dict[str, FreeRunError]:
-        """Error after the readings to which the initial state was fitted, by run; runs that end there are omitted.
-
-        The error is NaN from the instant at which the simulation fails.
-        """
+        """Errors by run after the readings used for the initial state; shorter runs are omitted."""
         error, t = self.problem.measured - self.predicted, self.problem.t
         by_run = {}
         for record, samples in zip(self.items, self.rows, strict=True):
@@ -97,7 +94,7 @@ class FreeRuns:
 
     @property
     def errors_rad(self) -> dict[str, float]:
-        """Root mean square error, rad, by run; runs that the model cannot simulate to their end are omitted."""
+        """Rms error by run, rad; runs that cannot be simulated to their end are omitted."""
         rms = {name: error.rms_rad for name, error in self.errors.items()}
         return {name: value for name, value in rms.items() if np.isfinite(value)}
 
@@ -142,7 +139,7 @@ def _own_start(recordings: Recordings, record: Record, estimate: Estimate) -> Es
 
 
 def own_zeros(recordings: Recordings, estimate: Estimate, iterations: int) -> Array:
-    """Fit the (runs, 2) encoder zeros of each run to the whole run, if encoders are zeroed before each run.
+    """Fit the (runs, 2) encoder zeros to whole runs if encoders are zeroed before each run.
 
     Otherwise the result is an array of shape (0, 2).
     """

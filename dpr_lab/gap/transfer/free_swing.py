@@ -1,4 +1,4 @@
-"""Prediction of one recording from its first readings, and the sensitivity of the prediction to every uncertain input.
+"""Predict a recording from its first readings, with the sensitivity to all uncertain inputs.
 
 Let J0 and J be the Jacobians of the readings r with respect to the initial state and to the fitted values, and W the
 inverse of the noise. The initial state is fitted to the first readings h. A change dr of the readings also changes this
@@ -24,7 +24,10 @@ from dpr_lab.setup import Setup
 
 @dataclass(frozen=True, slots=True)
 class FreeSwing:
-    """Free run of one model along one recording, with its sensitivity to the initial state and the fitted values."""
+    """Free run of a model along a recording, with its sensitivities.
+
+    They are those to the initial state and to the fitted values.
+    """
 
     record: Record
     t: Array
@@ -60,13 +63,13 @@ class FreeSwing:
         return A.T @ A + slow.T @ slow, A
 
     def settled(self, change: Array) -> Array:
-        """Return the (n, 2, k) part of changes of the readings that remains after the initial state is refitted."""
+        """Return the (n, 2, k) changes of the readings after a refit of the initial state."""
         normal, A = self._normal
         rows = (self.weight[:, :, None] * change)[self.head].reshape(len(A), -1)
         return change - self.by_start @ (_inverse(normal) @ (A.T @ rows))
 
     def start_variance(self) -> Array:
-        """Return the (n, 2) variance of the prediction due to the noise of the first readings, rad^2."""
+        """Return the (n, 2) prediction variance due to noise of the first readings, rad^2."""
         inner = _inverse(self._normal[0])
         return np.einsum("nij,jk,nik->ni", self.by_start, inner, self.by_start)
 
@@ -85,7 +88,7 @@ class FreeSwings:
     each: tuple[FreeSwing, ...]
 
     def otherwise(self, constants: RigConstants | None = None, finer: float = 1.0) -> list[Array]:
-        """Return the (n, 2) change of the readings of each run under other conditions of the simulation.
+        """Return the (n, 2) change of each run's readings in another simulation.
 
         Args:
             constants: constants of the rig for this simulation; None: unchanged
@@ -119,7 +122,7 @@ def free_swings(runs: FreeRuns, model: Hypothesis) -> FreeSwings:
 
 
 def expected_errors(swings: FreeSwings, noise: float) -> dict[str, FreeRunError]:
-    """Return the mean squared error of each run that the noise of its first readings alone would cause.
+    """Return the mean squared error of each run due to noise of its first readings.
 
     The result has the form of `FreeRuns.errors`.
 
@@ -147,7 +150,7 @@ def horizon(swing: FreeSwing, error_rad: float = 0.1) -> float | None:
 
 
 def growth_rate(swing: FreeSwing, until: float) -> float:
-    """Return the largest growth rate of an initial error of the angles until a given time, 1/s.
+    """Return the largest growth rate of an initial angle error, 1/s.
 
     Source: largest singular value of the tangent map over a finite time; E. N. Lorenz (1965), Tellus 17, 321-333.
     """

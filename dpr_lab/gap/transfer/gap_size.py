@@ -1,4 +1,4 @@
-"""Size of the gap above the noise, before and after the named effects: in rad, in N m, and by segment length."""
+"""Gap above the noise before and after correction, in rad, in N m, and by segment length."""
 
 from collections.abc import Mapping
 
@@ -125,7 +125,7 @@ def gap_torque(problem: Problem, model: Hypothesis) -> dict[str, float]:
 def by_horizon(
     recordings: Recordings, working: Problem, models: Mapping[str, Hypothesis]
 ) -> dict[str, dict[str, float]]:
-    """Return the gap of several models, rms in rad, by the length of the segments, s, and by model.
+    """Return the rms gap, rad, by segment length, s, and by model.
 
     The initial states of the segments are free.
     """

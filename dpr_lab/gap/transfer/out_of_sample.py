@@ -40,7 +40,7 @@ def block(problem: Problem) -> int:
 
 
 def block_starts(run: Integers, size: int) -> Integers:
-    """Return the indices of the first segments of all blocks; a block has at most `size` segments of one run.
+    """Return the first segment of each block of at most `size` segments of a run.
 
     Args:
         run: (segments,) index of the run of each segment; the segments of one run are neighbours
@@ -77,7 +77,7 @@ class OutOfSample:
 
 
 def left_out(recordings: Recordings, problem: Problem) -> OutOfSample:
-    """Predict each run from the other runs, or each quarter of a single run from the other quarters."""
+    """Predict each run from the others, or each quarter of a single run from the others."""
     fold = folds(problem)
     predicted = _out_of_sample(recordings, problem, lambda model: left_out_chi2(model.fit, fold))
     return replace(predicted, whole_runs=len(recordings.records) > 1)
@@ -128,7 +128,7 @@ def reduction(above: Array, rng: np.random.Generator, block: int, run: Integers)
 
 
 def share(above: Array) -> float:
-    """Return the relative reduction of the gap, 1 - rms after / rms before, but at least -1.
+    """Return the gap reduction 1 - rms after / rms before, at least -1.
 
     Args:
         above: (2, segments) chi2 above the noise, before and after

@@ -1,4 +1,4 @@
-"""Test of the named effects on recordings that were not fitted: each effect must improve their prediction.
+"""Test the named effects on held-out recordings: each must improve their prediction.
 
 The selected set and the set without one effect are fitted to the same runs and compared on each held-out run. Let
 
@@ -49,7 +49,7 @@ Rows = slice | Flags
 
 
 def transfer(state: Selected, runs_by_model: Mapping[str, FreeRuns], expected: Mapping[str, FreeRunError]) -> Transfer:
-    """Test the selected effects on held-out recordings; if there are none, each fitted run is held out in turn.
+    """Test the selected effects on held-out recordings, or by leave-one-run-out cross-validation.
 
     Args:
         state: state with the selected set of effects
@@ -234,7 +234,7 @@ def worse_free_run(
     noise: Mapping[str, FreeRunError],
     compared: Collection[str],
 ) -> WorseFreeRun | None:
-    """Return the errors of free runs before and after correction if the effects increase them; otherwise None.
+    """Return the free-run errors before and after correction if they increase, otherwise None.
 
     Segments and free runs must agree: an effect that closes the gap of segments but worsens the free run is not
     confirmed. Each run is compared up to the time at which chaos dominates the error of the bare model. An increase

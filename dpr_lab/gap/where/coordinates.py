@@ -1,4 +1,4 @@
-"""Free torques of a joint and free errors of its encoder: sums of hat functions of angle, speed, time or load."""
+"""Free torques and encoder errors as sums of hat functions of angle, speed, time or load."""
 
 import math
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ Coordinate = Literal["angle", "speed", "time", "load"]
 
 @dataclass(frozen=True, slots=True)
 class FreeFunctions:
-    """Hat functions of one coordinate, whose sum is a torque or friction of a joint, or an error of its encoder."""
+    """Hat functions of one coordinate, for a torque, friction, or encoder error of a joint."""
 
     joint: int
     kind: Kind
@@ -70,7 +70,7 @@ def free_functions(
 
 
 def hats(x: Array, knots: Array) -> Array:
-    """Evaluate (n, k) piecewise linear functions that have their maxima at the knots and sum to one."""
+    """Evaluate (n, k) hat functions with maxima at the knots; they sum to one."""
     position = np.clip(np.interp(x, knots, np.arange(len(knots))), 0, len(knots) - 1 - 1e-9)
     lower = position.astype(int)
     weights = np.zeros((len(x), len(knots)))
@@ -96,7 +96,7 @@ def speed_hats(speed: Array) -> tuple[Array, Array]:
 
 
 def time_hats(t: Array) -> tuple[Array, Array]:
-    """Return the (n, k) hat functions between the release and the last instant, and the times of their knots."""
+    """Return (n, k) hat functions of time since the release, and their knots, s."""
     knots = np.linspace(0, float(t.max()), BINS)
     return hats(t, knots), knots
 

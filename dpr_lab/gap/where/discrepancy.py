@@ -1,4 +1,4 @@
-"""Discrepancy term: free torques and reading errors with a Gaussian prior that describe the residual of a fit.
+"""Discrepancy term: free torques and reading errors with a Gaussian prior.
 
     e = A p + M m + noise,    m ~ N(0, s^2)
 
@@ -81,7 +81,10 @@ class Discrepancy:
 
 
 def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
-    """Return the discrepancy term of a fit, or None if only noise remains, or if no size is more likely than zero."""
+    """Return the discrepancy term of a fit, or None if it is not significant.
+
+    It is not significant if only noise remains, or if no size is more likely than zero.
+    """
     linear = model.fit.linear
     if at_noise_floor(model) or not np.isfinite(linear.residual).all():
         return None

@@ -1,4 +1,4 @@
-"""Location of the gap before any effect is named: maps of torque and encoder error by generalised least squares.
+"""Locate the gap before effects are named: maps of torque and encoder error by least squares.
 
 Each map is a sum of hat functions of one coordinate, for example the speed of joint 1. The hat functions are the torque
 of a joint or the error of an encoder. The ratios and initial states are projected out of the influence of a map on the

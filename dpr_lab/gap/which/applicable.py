@@ -10,7 +10,7 @@ from dpr_lab.fitting.problem import Problem
 
 
 def applicable(library: Mapping[str, Effect], problem: Problem, *, of_points: bool = False) -> dict[str, Effect]:
-    """Return those effects of a library that can act in these recordings and are not free in every fit.
+    """Return the library effects that can act in these recordings and are not always free.
 
     Args:
         library: effects by name

@@ -1,4 +1,4 @@
-"""Effort of the fits of a search: numbers of iterations and of initial shapes, limits for further attempts."""
+"""Effort of a search: iterations, initial shapes, and limits for further attempts."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Forward selection: the score test ranks candidates, the best of them are fitted, and two sets are extended."""
+"""Forward selection: rank candidates by score tests, fit the best, and extend two sets."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -101,7 +101,7 @@ def _larger_sets(sets: FittedSets, start: Hypothesis, max_effects: int, to_floor
 
 
 def refutes_process_noise(sets: FittedSets, model: Hypothesis) -> bool:
-    """Return whether the residual far exceeds the noise of readings and known torques, whichever effects are added.
+    """Return whether the residual far exceeds the noise of readings and torques with any effects.
 
     As far as the effects are linear, all candidates of the score test together reduce chi2 at least as much as any few
     of them.

@@ -1,4 +1,4 @@
-"""Moves that remove effects that the recordings do not require, that do not carry over, or that merely compensate."""
+"""Moves that remove effects which are unnecessary, do not transfer, or only compensate."""
 
 from collections.abc import Iterator
 

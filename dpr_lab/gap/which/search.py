@@ -51,7 +51,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """State of the search; a move returns a new state and does not change the old one."""
+    """Immutable state of the search; a move returns a new state."""
 
     current: Hypothesis
     """Current set of effects, the best one so far."""

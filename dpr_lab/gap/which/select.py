@@ -79,7 +79,7 @@ def _one_search(state: SearchState) -> Selection:
 
 
 def short_segments(max_effects: int) -> Move:
-    """Create the move that searches in short segments and refits the selected set in the full segments.
+    """Create the move that searches in short segments and refits in full segments.
 
     The move applies far from the noise.
 

@@ -1,4 +1,4 @@
-"""Result of the search: the selected set of effects, the compared sets, and the trials of the search."""
+"""Result of the search: selected set, compared sets, and trials."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from dpr_lab.gap.result.search_step import SearchStep
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Result of the search: the selected set of effects, and the fitted sets from which it was selected."""
+    """Selected set of effects, and the fitted sets from which it was selected."""
 
     bare: Hypothesis
     """Bare model: ratios and initial states, without effects of the library."""
@@ -68,13 +68,16 @@ class Selection:
         return float(np.clip(1 - max(after, 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 
     def unique_share(self, name: str) -> float:
-        """Return the unique contribution of an effect: the share of the bare model's excess that only it removes."""
+        """Return the unique contribution of an effect.
+
+        It is the share of the bare model's excess that only this effect removes.
+        """
         before, after = self.bare.residuals.excess, max(self.chosen.residuals.excess, 0.0)
         returned = self.without_substitute[name].residuals.excess - after
         return float(np.clip(returned / before, 0.0, 1.0)) if before > 0 else float(returned > 0)
 
     def cost_without(self, name: str, members: Iterable[str] = ()) -> float:
-        """Return the lowest cost of a set without an effect: it is removed, or several effects are exchanged at once.
+        """Return the lowest cost of a set without an effect, removed or exchanged.
 
         The set must lack all members of the class, and their simpler and richer forms. If a single effect replaces the
         named one, this effect is an alternative. A set of lower cost than the selected set does not count, because a

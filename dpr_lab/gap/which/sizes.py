@@ -1,4 +1,4 @@
-"""Detection of sizes that are impossible on a rig or typical of another cause, even within the errors of the fit.
+"""Detect sizes that are impossible on a rig or typical of another cause.
 
 Near the noise the amplitudes of an effect are poorly separated. For example, a cable spring with a hardening term must
 have a stiffness. A fit may estimate this stiffness as zero although its interval contains the right value.
@@ -93,7 +93,7 @@ def impossible_together(effect: Effect, sizes: Params, errors: Mapping[str, floa
 
 
 def off_axis(problem: Problem, model: Hypothesis) -> tuple[str, ...]:
-    """Return the effect that shifts the centre of mass of the inner rod sideways, if its offset is implausible.
+    """Return the centre-of-mass offset of the inner rod if its size is implausible.
 
     The offset is implausible if it is significantly larger than the distance of the centre of mass along the rod. Such
     a rod would hang at more than 45 degrees of its readings. A wrong zero of the angles, or a constant torque, is more
@@ -136,7 +136,7 @@ def _gravity_torque(problem: Problem, model: Hypothesis) -> float | None:
 
 
 def springs_like_scale(problem: Problem, library: Container[str], model: Hypothesis) -> tuple[str, ...]:
-    """Return the springs of a single rod that soften significantly, with the ratio k3 / k of a scale error.
+    """Return significantly softening springs whose ratio k3 / k is that of a scale error.
 
     An encoder of a single rod that reads q = (1 + x) theta changes the acceleration of the reading by
 

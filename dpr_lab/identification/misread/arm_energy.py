@@ -53,7 +53,7 @@ ARM_ENERGY = ArmEnergySettings()
 
 
 def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
-    """Return a message if an arm that is described as free gains energy; otherwise return an empty text."""
+    """Return a message if an arm described as free gains energy, otherwise an empty text."""
     rise = arm_energy_rise([run for run in runs if run.arm_mode == "free"], rig)
     if rise < ARM_ENERGY.entering:
         return ""
@@ -65,7 +65,7 @@ def undescribed_drive(runs: Sequence[Run], rig: Rig) -> str:
 
 
 def arm_energy_rise(runs: Sequence[Run], rig: Rig) -> float:
-    """Compute the smallest sum of energy increases of rods and arm, relative to the range of the energy.
+    """Compute the smallest sum of energy increases, relative to the range of the energy.
 
     The sum is minimised over all permitted parameters. The result is 0 for a passive arm, or if the sum cannot be
     computed.

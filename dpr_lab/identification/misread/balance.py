@@ -1,4 +1,4 @@
-"""Test, by an energy balance, whether the angles and times of a table are consistent with a free swing of the rig.
+"""Energy balance test: are the angles and times of a table a free swing of the rig?
 
 The energy of the rods is a function of the base parameters a, b, d, e1 (docs/theory.md):
 
@@ -91,7 +91,7 @@ class EnergyFit:
 
 
 def mounted_base(rig: Rig, Z: ArrayLike) -> Array:
-    """Convert parameters (..., 9) to the base parameters (..., 6) of the mounted rods, in the order of `BASE`."""
+    """Convert parameters (..., 9) to base parameters (..., 6) of the mounted rods."""
     whole = whole_parameters(Z, rig.L1, rig.g)
     return base_of_run(whole, Setup(mounting=rig.rods.mounting), rig.L1, rig.g)
 
@@ -112,7 +112,7 @@ def periods(rig: Rig) -> tuple[float, float]:
 
 
 def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> EnergyFit | None:
-    """Compute the energy balance of one interpretation of a table; return None if the motion is too small.
+    """Compute the energy balance of an interpretation; None if the motion is too small.
 
     Args:
         t: (n,) s
@@ -133,12 +133,12 @@ def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> Energy
 
 
 def energy_zeros(t: Array, rods: Array, rig: Rig) -> tuple[float, float] | None:
-    """Find the angles to be added to both rods so that the energy of a free swing balances best.
+    """Find the zero corrections of both rods with the best energy balance, rad.
 
     The angles are less than one turn. The result is None if the motion is too small.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
     """
@@ -178,7 +178,7 @@ def other_pace(t: Array, rods: Array, rig: Rig) -> float:
     for a slow-motion video, in which the camera recorded more frames per second than the video plays.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         rods: (n, 2) absolute angles, rad
         rig: the recorded rig
     """

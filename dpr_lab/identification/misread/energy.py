@@ -1,4 +1,4 @@
-"""Test whether the rods are driven by an energy source that is missing in the description of the recordings.
+"""Test whether the rods gain energy from a drive that is not described.
 
 The energy E of the rods, divided by the base parameter b, is linear in the ratios of the rods. The work of known
 torques, divided by b, is linear in 1/b:
@@ -51,7 +51,9 @@ ENERGY = EnergyRiseSettings()
 
 
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseSettings = ENERGY) -> float:
-    """Compute the smallest sum of energy increases for any ratios, relative to the range of the energy.
+    """Compute the smallest sum of energy increases, relative to the range of the energy.
+
+    The sum is minimised over all ratios.
 
     The result is 0 for passive rods. Runs with a moving arm, with a single rod, or with much noise are ignored. If no
     other run remains, the result is 0.
@@ -71,7 +73,7 @@ def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig, settings: EnergyRiseS
 
 
 def energy_remedy(runs: Sequence[Run], rig: Rig) -> str:
-    """Compose sentences on the probable causes of an energy increase on this rig, and on their remedies.
+    """Describe the probable causes of an energy increase and their remedies.
 
     A known torque, a motor in the rig file and a moving encoder 0 are evidence for their own cause. Without such
     evidence, an undescribed drive and wrong readings are both possible.

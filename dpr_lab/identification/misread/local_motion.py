@@ -52,7 +52,7 @@ class LocalMotion:
     near: NDArray[np.intp]
     """(k,) indices of the rows at the centres of the windows."""
     t: Array
-    """(k,) instants, s."""
+    """(k,) times, s."""
     rods: Array
     """(k, 2) angles, rad."""
     omega: Array
@@ -67,7 +67,7 @@ def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSe
     The result is None if there are too few rows, or if instants are numerically equal.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         rods: (n, 2) angles, rad
         period_s: period of the faster oscillation, s
         settings: settings of the polynomials

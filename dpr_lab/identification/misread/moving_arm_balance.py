@@ -1,4 +1,4 @@
-"""Test, by a torque balance, whether the motion of the arm explains the acceleration of the last rod.
+"""Torque balance test: does the arm's motion explain the acceleration of the last rod?
 
 The last rod is the outer rod, or the only rod. th is the angle of this rod, w its speed and al its acceleration. q is
 the angle of the arm. If there are two rods, th1, w1 and al1 belong to the inner rod; otherwise, these terms are
@@ -79,7 +79,7 @@ class ArmBalance:
 
     @property
     def arm_scale(self) -> float | None:
-        """Ratio of the true angle of the arm to its reading; None if the two estimates disagree.
+        """True arm angle divided by its reading; None if the two estimates disagree.
 
         The ratio is 1 unless it differs significantly from 1.
         """
@@ -93,7 +93,7 @@ class ArmBalance:
 
     @property
     def is_right(self) -> bool:
-        """Whether the coefficients agree with the rig; signs, zeros and scales of the angles are then right."""
+        """Whether the coefficients agree with the rig, so that signs, zeros and scales are correct."""
         near_one = self.gravity > 0.0 < self.coupled and abs(log(self.coupled)) < log(ARM_BALANCE.scaled)
         return near_one and self.arm_scale == 1.0
 
@@ -141,7 +141,7 @@ def angles_are_right(runs: Iterable[Run], rig: Rig) -> bool:
 
 
 def wrong_unit(residual: float, converted: float) -> bool:
-    """Check whether the residual is large in the stated unit of the angles and much smaller in the other unit."""
+    """Check whether the residual is large in the stated unit of angles but small in the other one."""
     return residual > ARM_BALANCE.broken and ARM_BALANCE.better * converted < residual
 
 
@@ -157,7 +157,7 @@ def wrong_scale(t: Array, theta: Array, rig: Rig) -> ScaledReadings | None:
     undetermined, the arm is assumed to be in degrees as well.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         theta: (n, 3) angles of arm and rods in the stated interpretation, rad
         rig: mounted rods, lengths and gravity
     """

@@ -51,7 +51,7 @@ UNITS = {
 
 
 def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
-    """Return a message if the acceleration of the last rod indicates another scale or unit of the angles.
+    """Return a message if the last rod's acceleration indicates another scale or unit.
 
     Otherwise return an empty text.
     """
@@ -60,7 +60,7 @@ def measured_scale(runs: Iterable[Run], rig: Rig) -> str:
 
 
 def wrong_sign(rig: Rig, before: float, after: float, *, of_rods: bool) -> str:
-    """Compose a message on the incorrect sign if the model fits with the opposite sign of theta0.
+    """Describe the incorrect sign if the model fits with the opposite sign of theta0.
 
     Args:
         rig: rig with its mounted rods

@@ -88,7 +88,7 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
 
 
 def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig, effects: Sequence[str] = ()) -> None:
-    """Check that the ratios of a fit are positive and that the rig can have the fitted inertia b.
+    """Check that the fitted ratios are positive and the inertia b is possible.
 
     Known torques or masses determine b. Torques that contradict the motion result in an infinite b of either sign.
     Torques in another unit result in a b that is far from the value of the rig file.

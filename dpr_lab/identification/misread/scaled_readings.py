@@ -1,4 +1,4 @@
-"""Define other interpretations of the angles of recordings with a moving arm: another sign, zero, unit or scale."""
+"""Other interpretations of moving-arm angles: another sign, zero, unit or scale."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from dpr_lab.arrays import Array
 
 
 def per_degree() -> float:
-    """Return the ratio of a true angle to a reading in degrees that is declared as rad."""
+    """Return the factor of angles in degrees that are declared as rad."""
     return float(np.deg2rad(1.0))
 
 
@@ -49,7 +49,7 @@ class ScaledReadings:
         return sigma * np.abs([self.rods, self.rods, self.arm])[: sigma.shape[-1]]
 
     def cause(self, mounted: str) -> str:
-        """Describe the mistake, and name the option or the key of the rig file that corrects it.
+        """Describe the mistake and its correction: an option or a key of the rig file.
 
         Args:
             mounted: the mounted rods, as in the rig file

@@ -1,4 +1,4 @@
-"""Test, by a torque balance, whether the accelerations in a table are consistent with the rods of the rig.
+"""Torque balance test: do the accelerations in a table agree with the rods of the rig?
 
 The base parameters are a, b, d and e1 (docs/theory.md). c1 and c2 are viscous coefficients, f1 and f2 torques of
 Coulomb friction. th, w and al are the angle, speed and acceleration of a rod, and delta = th1 - th2. s is the sign,
@@ -88,13 +88,13 @@ class TorqueBalance:
 
     @property
     def gravity(self) -> tuple[float, float]:
-        """Largest gravity torques on joint 1 and on joint 2, N m, computed with the values of the rig file."""
+        """Largest gravity torques on joints 1 and 2 according to the rig file, N m."""
         *_, e2 = nominal = self._nominal()
         return nominal[3] + e2, e2
 
     @property
     def elbow(self) -> float:
-        """Angle th2 - th1 of a clamped elbow, rad; it is not used for two free rods."""
+        """Angle th2 - th1 of a clamped elbow, rad; unused for two free rods."""
         return float(np.median(self.moving.rods[:, 1] - self.moving.rods[:, 0]))
 
     def _solution(self, columns: Array, target: Array, least: Array, most: Array) -> tuple[float, Array]:
@@ -184,7 +184,7 @@ def inertias(base: Array, e2: ArrayLike, rig: Rig, elbow: float) -> Array:
 
 
 def inertia_bounds(rig: Rig, elbow: float) -> tuple[Array, Array]:
-    """Return the smallest and the largest result of `inertias` within the bounds of the rig file, s^2.
+    """Return the range of `inertias` within the bounds of the rig file, s^2.
 
     Only the corners of the bounds are evaluated.
     """
@@ -200,7 +200,7 @@ def torque_balance(t: Array, rods: Array, torques: Array | None, rig: Rig) -> To
     The result is None if there are too few rows to estimate accelerations.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         rods: (n, 2) absolute angles, rad
         torques: (n, 2) known torques of the joints, N m; None for a free swing
         rig: the recorded rig

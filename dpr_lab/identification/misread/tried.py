@@ -252,7 +252,7 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted inertia b, kg m^2; return an empty text if the rig can have it.
+    """Explain why the rig cannot have the fitted inertia b, kg m^2; empty if it can.
 
     An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
     motion does not determine b, and only the sign of b can contradict the rig.
@@ -270,7 +270,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the ratios or the inertia b of a fit; return an empty text if it can."""
+    """Explain why the rig cannot have the ratios or inertia b of a fit; empty if it can."""
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)
@@ -282,10 +282,10 @@ def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
 def fitted(
     runs: Sequence[Run], rig: Rig, *, quick: bool = False, worst: float = np.inf, time_factor: float = 1.0
 ) -> RatioFit | None:
-    """Fit the rods without effects to the beginning of each run.
+    """Fit the bare model to the beginning of each run.
 
-    The result is None if the fit has no finite result, or if a part of the first run alone has a chi2 far above
-    `worst`. A fit to a part of the segments has at most the chi2 of the fit to all segments.
+    The result is None if the fit fails, or if a part of the first run alone has a chi2 far above `worst`. A fit to a
+    part of the segments has at most the chi2 of the fit to all segments.
 
     Args:
         runs: runs in one interpretation

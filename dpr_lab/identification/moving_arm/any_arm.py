@@ -1,4 +1,4 @@
-"""Identify a rig from recordings with a clamped, prescribed, free or driven arm, and read its models."""
+"""Identify a rig with any mode of the arm, and read its models."""
 
 from __future__ import annotations
 

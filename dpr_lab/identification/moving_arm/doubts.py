@@ -157,7 +157,7 @@ def _of_input(fit: ArmFit, rig: Rig) -> list[str]:
 
 
 def stop_sentence(run: Run, rig: Rig) -> str:
-    """Return a message if the arm hits a stop, or if its cable tightens at one end of its range.
+    """Return a message if the arm hits a stop or tightens its cable.
 
     Otherwise, the text is empty. At a stop, the speed of the arm jumps at least twice, or the speed jumps once and the
     arm then stays at the stop. At a soft stop, a torque acts when the arm exceeds a limit angle.
@@ -195,7 +195,7 @@ def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
     """Find the stops of an arm.
 
     Args:
-        t: (n,) instants, s
+        t: (n,) times, s
         theta0: (n,) angles of the arm, rad
 
     Returns:

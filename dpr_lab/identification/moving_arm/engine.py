@@ -48,7 +48,7 @@ def engine_values(model: MovingArmModel, rig: Rig) -> tuple[Array, Array]:
 
 
 def engine_constants(model: MovingArmModel, rig: Rig) -> RigConstants:
-    """Return the constants of the rig for the simulation; the length L0 of the arm is that of the model."""
+    """Return the rig constants of the simulation, with the arm length L0 of the model."""
     return rig_constants(rig)._replace(L0=model.sizes["L0"])
 
 

@@ -100,7 +100,7 @@ class ArmFit:
 
     @property
     def rms(self) -> Array:
-        """Rms residual (3,) of the readings of each joint, rad; nan if a joint has no readings."""
+        """(3,) rms residual of each joint's readings, rad; nan for a joint without readings."""
         read = self.problem.read
         residuals = self.problem.measured - self.problem.predict(self.estimate)
         squares = np.sum(residuals**2, axis=0, where=read)
@@ -108,7 +108,7 @@ class ArmFit:
 
 
 def fit_moving_arm(recordings: Sequence[ArmRecording], rig: Rig, settings: ArmFitSettings = ARM_FIT) -> ArmFit:
-    """Fit the unknowns to segments of 0.25 s, then merge segments as long as the model follows the readings.
+    """Fit segments of 0.25 s, then merge segments as long as the model follows the readings.
 
     Raises:
         IdentificationError: the values of the rig file cannot be simulated.

@@ -1,4 +1,4 @@
-"""Test whether the recorded input of a driven arm acts with a delay, or varies continuously between its rows.
+"""Test whether the input of a driven arm is delayed, or continuous between its rows.
 
 A row contains the value at one instant; how long this value acts is not recorded (docs/decisions/0025). The fit holds
 each value until the next row. The test repeats the fit with other delays, and with rows interpreted as samples of a

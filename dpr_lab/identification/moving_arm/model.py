@@ -1,4 +1,4 @@
-"""Define the result of an identification with a free or driven arm, which is stored in `model.json`."""
+"""Result of an identification with a moving arm, stored in `model.json`."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ class ArmFitSummary(BaseModel):
 
 
 class MovingArmModel(Shown, BaseModel):
-    """An identified rig with a free or driven arm; the model contains only values that the recordings determine."""
+    """Identified rig with a moving arm; it contains only values that the recordings determine."""
 
     model_config = CONFIG
 
@@ -101,7 +101,7 @@ class MovingArmModel(Shown, BaseModel):
         return {name: value if name == "L0" else value * scale for name, value in values.items()}
 
     def with_arm_effects(self) -> "MovingArmModel":
-        """Return a copy in which effects replace k0 and f0, the stiffness and Coulomb friction of the arm."""
+        """Return a copy in which effects replace the arm's stiffness k0 and Coulomb friction f0."""
         sizes, effects = self.sizes, dict(self.effects)
         for effect, name in ((SPRING_JOINT0, "k0"), (COULOMB_JOINT0, "f0")):
             if sizes[name]:
@@ -124,7 +124,7 @@ class MovingArmModel(Shown, BaseModel):
 
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read `model.json`; return None for a model of another kind, or for a file that is not JSON.
+    """Read `model.json`; None if the file is not JSON, or contains another kind of model.
 
     Raises:
         RunError: the file cannot be read, or is damaged; the message names the key.

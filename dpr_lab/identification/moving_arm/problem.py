@@ -182,7 +182,10 @@ def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
 
 
 def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> tuple[ArmProblem, Array]:
-    """Cut recordings into segments of about one length, s, and estimate rough initial states (segments, 4 or 6)."""
+    """Cut recordings into segments of about one length, s, with rough initial states.
+
+    The initial states have the shape (segments, 4 or 6).
+    """
     cuts = [(i, part) for i, recording in enumerate(recordings) for part in partition(recording.run, length)]
     problem = problem_of(recordings, rig, cuts)
     initial = np.array([_rough_state(recordings[i].run, part) for i, part in cuts])
@@ -192,7 +195,7 @@ def arm_problem(recordings: Sequence[ArmRecording], rig: Rig, length: float) -> 
 def problem_of(
     recordings: Sequence[ArmRecording], rig: Rig, cuts: Sequence[Cut], max_step: float = MAX_STEP
 ) -> ArmProblem:
-    """Set up the problem with the given segments, and with integration steps of at most `max_step` seconds."""
+    """Set up the problem of given segments, with integration steps of at most `max_step`, s."""
     modes = [recordings[i].mode for i, _ in cuts]
     driven = any(recording.run.arm_mode == "driven" and recording.mode != DRIVEN for recording in recordings)
     unknowns = unknowns_of(modes, driven, rig)

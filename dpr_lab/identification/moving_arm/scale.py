@@ -1,4 +1,4 @@
-"""Determine the scale of absolute sizes of rods, arm and motor from a known torque, or from values of the rig file."""
+"""Scale of absolute sizes of rods, arm and motor, from a known torque or the rig file."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class ArmScale:
 
 
 def scale_of_arm(fit: ArmFit, covariance: Array, rig: Rig) -> ArmScale:
-    """Determine the scale of absolute values from the drive if its torque is known, otherwise from the rig file."""
+    """Determine the scale from a drive of known torque, otherwise from the rig file."""
     unknowns, motor = fit.problem.unknowns, rig.motor
     name = unknowns.scale
     if "gain" in unknowns.free and motor is not None:
@@ -107,14 +107,14 @@ def estimated(value: float, std: float, fixed_by: Literal["data", "bound"] = "da
 
 
 def absolute_name(parameter: str, kind: str) -> str:
-    """Return the name of an absolute value; the name of a gain depends on the kind of the input."""
+    """Return the name of an absolute value; that of a gain depends on the kind of input."""
     if parameter != "gain":
         return parameter
     return {"voltage": "kt gear/R", "current": "kt gear"}.get(kind, "gain")
 
 
 def motor_notes(fit: ArmFit, scale: ArmScale, rig: Rig, determined: Collection[str]) -> list[str]:
-    """Compose notes on combinations of motor constants that the input cannot separate.
+    """Describe combinations of motor constants that the input cannot separate.
 
     The notes contain the values that follow from the constants of the rig file.
 

@@ -82,7 +82,7 @@ class _Trial:
 
 
 def soft_stop(run: Run, rig: Rig) -> SoftStop | None:
-    """Find the stop that explains most of the residual of the arm's equation; return None if there is no stop.
+    """Find the stop that explains most of the arm's residual, or return None.
 
     Args:
         run: a recording with a moving arm

@@ -1,4 +1,4 @@
-"""Define the unknowns that recordings with a moving arm determine: ratios to an inertia, and the gain of the input.
+"""Unknowns of moving-arm recordings: ratios to an inertia, and the gain of the input.
 
 For both rods, ratios are divided by the inertia b. For the inner rod alone (a Furuta pendulum), they are divided by a =
 J1 + m1 l1^2. A torque input u enters the equation as u/b, so that its gain is 1/b. The gain of a current is kt gear/b,
@@ -99,7 +99,7 @@ def mode_number(mode: ArmMode, kind: str) -> int:
 
 
 def best(parameter: Parameter | None, otherwise: float) -> float:
-    """Return the measured value of a parameter, or its nominal value if there is no measured one.
+    """Return the measured value of a parameter, otherwise its nominal value.
 
     The result is `otherwise` if the rig file does not contain the parameter.
     """
@@ -119,7 +119,7 @@ def rod_inertias(Z: Array, rig: Rig) -> Array:
 
 
 def arm_start(rig: Rig) -> tuple[float, float]:
-    """Return initial values of the arm: the total inertia, kg m^2, and the viscous friction, N m s/rad."""
+    """Return initial values of the arm: total inertia, kg m^2, and viscous friction, N m s/rad."""
     masses = MASSES if rig.rods.mounted == "both" else ("m1",)
     carried = sum(rig.nominal[PARAMETERS.index(name)] for name in masses) * rig.L0**2
     total = best(rig.arm.A, 2.0 * carried)

@@ -1,1 +1,1 @@
-"""Determine the scale of absolute sizes: the assumed b, and its uncertainty according to the rig file."""
+"""Scale of absolute sizes: the assumed b, and its uncertainty."""

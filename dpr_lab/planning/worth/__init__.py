@@ -1,1 +1,1 @@
-"""Value of the expected information from a release, in bits about causes, library effects, ratios and limits."""
+"""Value of a release in bits about causes, library effects, ratios and limits."""

@@ -73,7 +73,7 @@ WORTH = Worth()
 
 
 def given(F: Array, fitted: Sequence[int], columns: Sequence[int]) -> Array:
-    """Return the information about some unknowns by the Schur complement, if other unknowns are fitted as well.
+    """Return the information about some unknowns if others are fitted (Schur complement).
 
     Args:
         F: (k, k) information about all unknowns
@@ -297,16 +297,16 @@ def ratio_bits(known: Knowledge, F: Array) -> float:
 
 
 def ratio_std(known: Knowledge, F: Array) -> Array:
-    """Return the (5,) expected standard deviations of the ratios if the effects of the model are also fitted."""
+    """Return the (5,) expected standard deviations of the ratios with the model's effects fitted."""
     nuisance = [i for i in known.fitted if i >= len(RATIOS)]
     return np.sqrt(np.diag(np.linalg.inv(given(F, nuisance, range(len(RATIOS))))))
 
 
 def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
-    """Return the standard deviations of those ratios of rods, arm and drive that at least one release determines.
+    """Return the standard deviations of the ratios that a release determines.
 
-    A parameter x of arm or drive is an unknown at the scale b, but a free swing determines only the ratio r = x / b. To
-    first order the variance of b r is the variance of x - r b.
+    These are ratios of rods, arm and drive. A parameter x of arm or drive is an unknown at the scale b, but a free
+    swing determines only the ratio r = x / b. To first order the variance of b r is the variance of x - r b.
     """
     estimate, alone = known.model.estimate, bool(known.hidden_ratios) and known.rig.rods.mounted == "inner"
     of_arm = [place for name in sorted(known.always) for place in known.places.get(name, ())]

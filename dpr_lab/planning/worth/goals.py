@@ -66,7 +66,7 @@ def goal_bits(known: Knowledge, F: Array, limits: Limits) -> float:
 def limit_forecasts(
     known: Knowledge, F: Array, limits: Limits, releases: Sequence[CandidateRelease] = ()
 ) -> list[LimitForecast]:
-    """Forecast for each limit of a file whether the releases will show that it is met or violated.
+    """Forecast which limits the releases will show to be met or violated.
 
     Args:
         known: the present knowledge

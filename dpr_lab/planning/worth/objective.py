@@ -1,4 +1,4 @@
-"""Objective of a plan: weighted sum of the bits about undecided causes, the library, the ratios and the limits."""
+"""Objective of a plan: weighted bits about causes, library, ratios and limits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -61,7 +61,7 @@ class Objective:
         return [pair.gained(before, F) for pair, before in zip(self.pairs, self.before, strict=True)]
 
     def simulated(self, release: CandidateRelease, information: Array) -> float | None:
-        """Return the ratio of the simulated to the linearised Delta D^2 for the least decided pair of causes.
+        """Return the simulated Delta D^2 of the least decided causes, relative to the linearised one.
 
         The result is None if there is no such pair.
         """
@@ -96,5 +96,5 @@ class Objective:
         return Gain(self.bits(F), open_bits(self.known, F), library_bits(self.known, F), ratios, limits)
 
     def worth(self, F: Array) -> float:
-        """Return the value of the objective if the information is F: the weighted sum of the bits."""
+        """Return the weighted sum of the bits at the information F."""
         return self.gain(F).weighed

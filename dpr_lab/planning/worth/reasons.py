@@ -1,4 +1,4 @@
-"""Compose the reason for a release of a plan: a text that states the contribution of the release."""
+"""Reason for a release of a plan: its contribution in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
