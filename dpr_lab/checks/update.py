@@ -16,7 +16,7 @@ probability does not change. The earlier recordings are not fitted again. Source
 (58).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -132,6 +132,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
     moved = {**diagnosis.probabilities, **after, NONE_OF_THEM: _outside(diagnosis, done)}
     moved[check.about] = next(effect.probability for effect in effects if effect.name == check.about)
     kind, sentence = conclusion(diagnosis, done, result.explained)
+    remaining_checks = remaining(diagnosis, done)
     return diagnosis.model_copy(
         update={
             "verdict": kind,
@@ -140,7 +141,8 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "probabilities": moved,
             "sentence": sentence,
             "remedies": _remedies(diagnosis, check.about, done),
-            "checks": remaining(diagnosis, done),
+            "advice": _advice(diagnosis, remaining_checks),
+            "checks": remaining_checks,
             "checks_done": [*diagnosis.checks_done, done],
         }
     )
@@ -154,6 +156,17 @@ def remaining(diagnosis: Diagnosis, done: CheckDone) -> list[AdvisedCheck]:
     """
     open_checks = [_reweighed(check, done) for check in diagnosis.checks if check.id != done.check.id]
     return sorted(open_checks, key=lambda check: -check.expected_bits)
+
+
+def _advice(diagnosis: Diagnosis, remaining_checks: Sequence[AdvisedCheck]) -> list[str]:
+    """Return the recommendations of a diagnosis without those whose checks are done or no longer informative."""
+    informative = [check for check in remaining_checks if check.informative]
+    return [
+        text
+        for text in diagnosis.advice
+        if any(check.is_part_of(text) for check in informative)
+        or not any(check.is_part_of(text) for check in diagnosis.checks)
+    ]
 
 
 def _reweighed(check: AdvisedCheck, done: CheckDone) -> AdvisedCheck:

@@ -137,7 +137,7 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
         out: folder of the written files; None if no files were written
         verbose: print all tables of the report
     """
-    from dpr_lab.report.gap import tables
+    from dpr_lab.report.gap import findings, tables
     from dpr_lab.report.gap.sizes import scale_note
     from dpr_lab.report.gap.summary import repeatability_sentences, summary_note
     from dpr_lab.report.gap.trust_trials import trust_words
@@ -164,8 +164,8 @@ def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = Fal
     elif sentences := repeatability_sentences(diagnosis):
         line(" ".join(sentences))
     if verbose and diagnosis.sensor_findings:
-        table("Sensor faults", tables.FINDING_COLUMNS, tables.finding_rows(diagnosis))
-    elif faults := tables.findings_sentence(diagnosis):
+        table("Sensor faults", findings.FINDING_COLUMNS, findings.finding_rows(diagnosis))
+    elif faults := findings.findings_sentence(diagnosis):
         line(faults)
     for sentence in trust_words(diagnosis) if diagnosis.trust else ():
         line(sentence)
@@ -209,10 +209,11 @@ def _show_repeatability(diagnosis: "Diagnosis") -> None:
 def _show_next(diagnosis: "Diagnosis", out: Path | None, *, verbose: bool) -> None:
     """Print the next recordings and checks, and how to record the result of a check."""
     from dpr_lab.gap.result import RECORD
-    from dpr_lab.report.gap import check_tables, tables
+    from dpr_lab.report.gap import check_tables
+    from dpr_lab.report.gap.next_steps import next_steps
 
     line("Next recordings and checks")
-    for number, step in enumerate(tables.next_steps(diagnosis), 1):
+    for number, step in enumerate(next_steps(diagnosis), 1):
         line(f"{number}. {step}")
     if not diagnosis.checks:
         return

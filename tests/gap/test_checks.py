@@ -13,6 +13,7 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.errors import RunError
 from dpr_lab.gap.advice import recording
 from dpr_lab.gap.advice.check_kind import CheckAnswer, expected_bits
+from dpr_lab.gap.conclusion.conclusion import merged
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone
 from dpr_lab.gap.result.diagnosis import Diagnosis, load_diagnosis
@@ -91,6 +92,39 @@ def open_between(diagnosis: Diagnosis, other: str) -> Diagnosis:
     result = diagnosis.to_json() | {"rivals": [rival], "checks": [asked.model_dump()]}
     result["effects"][0]["probability"] = 0.49
     return Diagnosis.model_validate(result)
+
+
+def release_between(about: str, other: str, bits: float) -> AdvisedCheck:
+    return AdvisedCheck(
+        id="", kind="recording", text="a release", about=about, splits=[about, other], expected_bits=bits
+    )
+
+
+def test_one_release_that_answers_two_questions_is_one_check_with_the_larger_information() -> None:
+    (check, other) = merged(
+        [release_between("a", "b", 0.9), release_between("d", "b", 0.5), release_between("a", "c", 0)]
+    )
+    assert (check.splits, check.expected_bits) == (["a", "b", "c"], 0.9)
+    assert other.about == "d"
+
+
+def test_a_recommendation_contains_its_own_check_only() -> None:
+    check = release_between("a", "b", 0.9)
+    assert check.is_part_of("To distinguish a from b, record a release: their predictions differ.")
+    assert not check.is_part_of(
+        "To distinguish a from b, record a release on the other side: their predictions differ."
+    )
+
+
+def test_a_decided_question_is_no_longer_recommended() -> None:
+    checks = [measurement(CLOCK, CLOCK, 1), measurement(LENGTH, CLOCK, 2)]
+    advice = [f"A bench measurement: {' Or: '.join(check['text'] for check in checks)}", "Weigh the rods."]
+    before = made(checks=checks, advice=advice)
+    decided = update(before, before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=1e-6))
+    assert decided.checks[0].expected_bits < 0.05
+    assert decided.advice == ["Weigh the rods."]
+    open_still = update(before, before.checks[0], CheckAnswer(value=SIZES[CLOCK], std=3e-3))
+    assert open_still.advice == advice
 
 
 @pytest.mark.parametrize("std", [3e-3, 3e-4])  # both members remain in the class, or one

@@ -24,8 +24,8 @@ from dpr_lab.planning.summary import inseparable, summed_up
 from dpr_lab.planning.worth.criteria import OpenAmplitudes, open_bits
 from dpr_lab.planning.worth.objective import Gain, Objective
 from dpr_lab.planning.worth.reasons import Expected, Reason, only_ratios_sentence, reason
+from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.sections.exclusions import exclusion_words
-from dpr_lab.report.gap.tables import next_steps
 from dpr_lab.rig import Rig
 
 TWO_NAMED = Path(__file__).parents[1] / "tui" / "data" / "diagnosis.json"

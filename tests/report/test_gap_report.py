@@ -9,8 +9,11 @@ from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
 from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction, ResidualLook, RunBudget, Whiteness
 from dpr_lab.gap.transfer.gap_size import _per_reading
 from dpr_lab.report.gap import tables as gap_tables
+from dpr_lab.report.gap.check_tables import check_rows
 from dpr_lab.report.gap.figures import save_gap_figures, where_figure
+from dpr_lab.report.gap.findings import finding_rows
 from dpr_lab.report.gap.html import write_gap_report
+from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.sections.friction import friction_figure, friction_rows, friction_words
 from dpr_lab.report.gap.sections.metric import metric_figure
 from dpr_lab.report.gap.sections.residuals import RESIDUALS
@@ -106,6 +109,28 @@ def test_the_summary_of_the_report_does_not_list_increments_that_may_be_zero(dia
     assert "0.100 mN m (-0.100 to 0.300)" in details
 
 
+@pytest.mark.parametrize(
+    ("probability", "information", "words"),
+    [
+        (0.3, 0.6, "expected information 0.60 bits]"),
+        (
+            1e-5,
+            2e-4,
+            "expected information < 0.01 bits, because at most one of these causes has a probability above 1 %]",
+        ),
+    ],
+)
+def test_a_recommendation_without_information_states_the_reason(diagnosis, probability, information, words):
+    check = {
+        "id": "1-ab", "kind": "recording", "text": "a release", "about": "coulomb_joint1",
+        "splits": ["coulomb_joint1", "stribeck_joint1"], "expected_bits": information,
+    }  # fmt: skip
+    rivals = [rival("stribeck_joint1", probability, "coulomb_joint1")]
+    result = diagnosis(advice=[RELEASE], rivals=rivals, checks=[check])
+    assert next_steps(result)[0].endswith(f"9 standard deviations. [check 1-ab, {words}")
+    assert check_rows(result)[0][-1] == ("0.60" if information > 0.01 else "< 0.01")
+
+
 def test_the_probabilities_of_the_alternatives_of_an_effect_add_up(diagnosis):
     rows = gap_tables.standing_rows(diagnosis())
 
@@ -127,11 +152,11 @@ def test_each_alternative_has_a_way_to_distinguish_it(diagnosis):
 
 
 def test_next_steps_end_with_the_remainder(diagnosis):
-    steps = gap_tables.next_steps(diagnosis())
+    steps = next_steps(diagnosis())
 
     assert steps[:2] == [in_words(RELEASE), in_words(BENCH)]
     assert "another cause" in steps[2]
-    (undecided,) = gap_tables.next_steps(diagnosis(verdict="named", advice=[]))
+    (undecided,) = next_steps(diagnosis(verdict="named", advice=[]))
     assert undecided.startswith("Record a further release")
     effects = [
         diagnosis().effects[0].model_copy(update={"probability": 0.98, "odds": {}, "members": ["coulomb_joint1"]})
@@ -139,12 +164,12 @@ def test_next_steps_end_with_the_remainder(diagnosis):
     decided = diagnosis(verdict="named", advice=[]).model_copy(
         update={"effects": effects, "rivals": [], "evidence": None}
     )
-    assert gap_tables.next_steps(decided) == ["No further recording or check is needed."]
-    assert "Record further releases" in gap_tables.next_steps(diagnosis(verdict="inconclusive", advice=[]))[0]
+    assert next_steps(decided) == ["No further recording or check is needed."]
+    assert "Record further releases" in next_steps(diagnosis(verdict="inconclusive", advice=[]))[0]
 
 
 def test_without_a_remainder_the_last_step_asks_for_more_releases(diagnosis):
-    steps = gap_tables.next_steps(diagnosis(sentence=f"The gap is partly explained by {TILT}. {UNCERTAIN}"))
+    steps = next_steps(diagnosis(sentence=f"The gap is partly explained by {TILT}. {UNCERTAIN}"))
 
     assert "dpr-lab plan" in steps[2]
 
@@ -153,7 +178,7 @@ def test_a_remainder_below_the_noise_needs_no_inspection(diagnosis):
     gap = diagnosis().gap
     small = gap.model_copy(update={"after_rad": {joint: 0.5 * noise for joint, noise in gap.floor_rad.items()}})
 
-    assert "smaller than the noise" in gap_tables.next_steps(diagnosis(gap=small))[2]
+    assert "smaller than the noise" in next_steps(diagnosis(gap=small))[2]
 
 
 def test_an_effect_whose_name_is_a_prefix_of_another_does_not_match(diagnosis):
@@ -211,7 +236,7 @@ def test_repeated_faults_share_one_row(diagnosis):
 
     few = [fault("repeated_sample", 0.1 * i) for i in range(3)]
     many = [fault("outlier", 1.0 + i, run) for run in ("first", "second") for i in range(40)]
-    rows = gap_tables.finding_rows(diagnosis(sensor_findings=[*few, *many]))
+    rows = finding_rows(diagnosis(sensor_findings=[*few, *many]))
     assert [row[3:] for row in rows[:3]] == [("0.000", "It is off."), ("0.100", "It is off."), ("0.200", "It is off.")]
     assert [row[3:] for row in rows[3:]] == [("1.000", "It is off; 80 times in 2 runs; this is the first")]
 

@@ -7,8 +7,8 @@ import pytest
 
 from dpr_lab.errors import DprError
 from dpr_lab.gap.result.evidence import Evidence, JointFriction
+from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.sections.friction import friction_figure, friction_words
-from dpr_lab.report.gap.tables import next_steps
 from dpr_lab.report.pages.page import Section, page_html
 from dpr_lab.report.tables import interval_words
 from dpr_lab.workflows import diagnose as diagnose_job

@@ -53,7 +53,8 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         )
         text = (
             f"To distinguish {about} from {other}, record {release.text}: their predictions differ by"
-            f" {separations[best]:.0f} standard deviations."
+            f" {separations[best]:.0f} standard deviations of the noise ({separations[best] / spread:.1f} with the"
+            " correlation of the residuals)."
         )
         steps.append(NextStep(text, (check.model_copy(update={"release": advised}),)))
     return steps

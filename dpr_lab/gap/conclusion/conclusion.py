@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE
@@ -101,18 +101,30 @@ def _shutter(state: Transferred) -> RollingShutter | None:
 
 
 def _checks(state: Transferred, advice: Sequence[NextStep], named: Sequence[str], scale: Scale) -> list[AdvisedCheck]:
-    """Return all checks of the advice in their order, without repetitions.
-
-    The identifier of a check is unique among diagnoses.
-    """
+    """Return all checks of the advice in their order, with an identifier that is unique among diagnoses."""
     estimate = state.selection.chosen.fit.estimate
     digest = hashlib.sha256(estimate.ratios.tobytes() + estimate.params.tobytes()).hexdigest()[:4]
-    checks = {(check.kind, check.text, check.about): check for step in advice for check in step.checks}
-    checks = {key: check for key, check in checks.items() if check.about in named and check.expected_bits > 0}
+    checks = merged(check for step in advice for check in step.checks if check.about in named)
     return [
         check.model_copy(update={"id": f"{k}-{digest}", "expected": expected_size(state.selection, scale, check)})
-        for k, check in enumerate(checks.values(), 1)
+        for k, check in enumerate((check for check in checks if check.expected_bits > 0), 1)
     ]
+
+
+def merged(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:
+    """Merge checks that are the same action for the same effect, in the order of their first occurrence.
+
+    A merged check distinguishes all causes that the single checks distinguish. Its expected information is the largest
+    of theirs, which is a lower bound.
+    """
+    actions: dict[tuple[str, str, str], AdvisedCheck] = {}
+    for check in checks:
+        action = check.kind, check.text, check.about
+        former = actions.get(action, check)
+        splits = list(dict.fromkeys([*former.splits, *check.splits]))
+        bits = max(former.expected_bits, check.expected_bits)
+        actions[action] = former.model_copy(update={"splits": splits, "expected_bits": bits})
+    return [*actions.values()]
 
 
 def _sensor_findings(state: Transferred) -> list[SensorFinding]:

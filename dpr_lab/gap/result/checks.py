@@ -94,8 +94,17 @@ class AdvisedCheck(Saved):
     """Release to record; None for a measurement."""
 
     def is_part_of(self, advice: str) -> bool:
-        """Return whether a recommendation contains every sentence of the instruction of this check."""
-        return all(sentence in advice for sentence in SENTENCE_END.split(self.text))
+        """Return whether a recommendation contains every sentence of the instruction of this check.
+
+        A sentence without a full stop must end there as well: a longer description is another release.
+        """
+        sentences = SENTENCE_END.split(self.text)
+        return all(re.search(rf"{re.escape(text)}((?<=\.)|(?![\w ]))", advice) for text in sentences)
+
+    @property
+    def informative(self) -> bool:
+        """Whether the expected information is at least 0.05 bits, the entropy of the probabilities 0.994 and 0.006."""
+        return self.expected_bits >= 0.05
 
     @property
     def measurand(self) -> Quantity:

@@ -18,7 +18,9 @@ MOVED_NOTE = (
 CHECK_COLUMNS = ("check", "kind", "action", "expected result", "distinguished effects", "expected information (bits)")
 EXPECTED_NOTE = (
     "Expected result: size and 90 % interval if the measured effect is the cause. If it is not"
-    " the cause, the expected result is about zero."
+    " the cause, the expected result is about zero. Expected information: at most the entropy of the probabilities. It"
+    " is nearly zero if one cause is already far more probable, also if the predictions differ by many standard"
+    " deviations."
 )
 
 
@@ -54,11 +56,13 @@ def moved_rows(done: CheckDone) -> list[tuple[str, ...]]:
 
 
 def informative(checks: Sequence[AdvisedCheck]) -> bool:
-    """Check whether a check has an expected information of at least 0.05 bits.
+    """Check whether at least one of the checks is informative."""
+    return any(check.informative for check in checks)
 
-    This information is the entropy of the probabilities 0.994 and 0.006.
-    """
-    return any(check.expected_bits >= 0.05 for check in checks)
+
+def bits(information: float) -> str:
+    """Format an expected information with two decimals, for example `0.98` or `< 0.01`."""
+    return f"{information:.2f}" if information >= 0.005 else "< 0.01"
 
 
 def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -70,7 +74,7 @@ def check_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
             in_words(check.text),
             _expected(check),
             ", ".join(map(named, check.splits)),
-            f"{check.expected_bits:.2f}",
+            bits(check.expected_bits),
         )
         for check in diagnosis.checks
     ]

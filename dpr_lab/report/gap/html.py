@@ -7,6 +7,8 @@ from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.report.gap import check_tables, tables
 from dpr_lab.report.gap.acceptance import LIMIT_COLUMNS, RULE, answer_sentence, deciding_sentence, limit_rows
+from dpr_lab.report.gap.findings import FINDING_COLUMNS, finding_rows
+from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.section import evidence_blocks
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
@@ -116,7 +118,7 @@ def _actions(diagnosis: Diagnosis) -> Iterator[Block]:
     if diagnosis.remedies:
         yield Items([in_words(text) for text in diagnosis.remedies])
         yield Heading("Next recordings and checks")
-    yield Items(tables.next_steps(diagnosis), numbered=True)
+    yield Items(next_steps(diagnosis), numbered=True)
     if diagnosis.checks:
         rows = check_tables.check_rows(diagnosis)
         note = f"{check_tables.EXPECTED_NOTE} {check_tables.how_to_record(diagnosis, 'diagnosis.json')}"
@@ -162,8 +164,8 @@ def _maps(diagnosis: Diagnosis) -> Iterator[Block]:
 
 
 def _faults(diagnosis: Diagnosis) -> Block:
-    rows = tables.finding_rows(diagnosis)
-    return PageTable(tables.FINDING_COLUMNS, rows, _FAULTS, "prose") if rows else "No sensor fault was found."
+    rows = finding_rows(diagnosis)
+    return PageTable(FINDING_COLUMNS, rows, _FAULTS, "prose") if rows else "No sensor fault was found."
 
 
 def _detectable(diagnosis: Diagnosis) -> PageTable:

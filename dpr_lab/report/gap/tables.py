@@ -11,10 +11,9 @@ from dpr_lab.effects import EFFECTS
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.result.causes import PROBABLE, NamedEffect, RivalEffect
 from dpr_lab.gap.result.checks import NONE_OF_THEM
-from dpr_lab.gap.result.diagnosis import Diagnosis, SensorFinding
+from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.gap_size import Gap, Where
 from dpr_lab.gap.screen.pieces import whole
-from dpr_lab.planning.stopping import reservation, undecided
 from dpr_lab.report.angles import RADIANS, AngleUnit
 from dpr_lab.report.digits import NONE, three
 from dpr_lab.report.gap.sizes import sizes_cell
@@ -32,7 +31,6 @@ CLOSED_COLUMNS = ("run", "gap reduction", "free run, bare model (mrad)", "free r
 DETECTABLE_COLUMNS = ("effect", "minimum detectable size")
 HORIZON_COLUMNS = ("segment length (s)", "gap, bare model (mrad rms)", "gap, corrected model (mrad rms)")
 MAP_COLUMNS = ("place", "coordinate", "coordinate value", "quantity", "value", "90 % half width")
-FINDING_COLUMNS = ("fault", "run", "axis", "time (s)", "evidence")
 
 EFFECT_NOTE = (
     "Unique contribution: share of the excess chi-square that returns when this effect is removed and the"
@@ -280,44 +278,6 @@ def run_words(name: str, held_out: bool = False) -> str:
     return run_label(whole(name)) + name.removeprefix(whole(name)) + (" (held out)" if held_out else "")
 
 
-def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """Return recommended recordings and checks with their identifiers, and advice for an open verdict."""
-    partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
-    if diagnosis.only_uncertain:
-        partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
-    elif per_reading(diagnosis.gap, "after_rad") < per_reading(diagnosis.gap, "floor_rad"):
-        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
-    likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
-    more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
-    cause = more if likely else "No effect of the library is the cause:"
-    unexplained = {
-        "partly_explained": partly,
-        "unexplained": f"{cause} inspect the rig where the gap is largest, joint by joint.",
-        "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
-    }
-    last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
-    advised = [f"{in_words(text)}{_check_words(diagnosis, text)}" for text in diagnosis.advice]
-    if advised or last:
-        return [*advised, *last]
-    if reason := undecided(diagnosis):
-        return [f"Record a further release (dpr-lab plan proposes it): {in_words(reason)}."]
-    if untested := reservation(diagnosis):
-        optional = "Optional: record a further release to test this (dpr-lab plan proposes it)."
-        return [f"The causes are decided. {in_words(untested)} {optional}"]
-    return ["No further recording or check is needed."]
-
-
-def _check_words(diagnosis: Diagnosis, advice: str) -> str:
-    """Return the checks that belong to a recommendation, for example ` [check 1-47d7, expected information 0.98 bits]`.
-
-    The text is empty if there are none.
-    """
-    checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
-    ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
-    most = max((check.expected_bits for check in checks), default=0.0)
-    return f" [{ids}, expected information {most:.2f} bits]" if checks else ""
-
-
 def place_rows(diagnosis: Diagnosis, count: int = 4) -> list[tuple[str, ...]]:
     """Return the locations that contribute most to the excess chi-square, in the columns `PLACE_COLUMNS`."""
     return [
@@ -387,39 +347,3 @@ def detectable_rows(diagnosis: Diagnosis, angles: AngleUnit = RADIANS) -> list[t
         )
         for name, sizes in diagnosis.detectable.items()
     ]
-
-
-def findings_sentence(diagnosis: Diagnosis) -> str:
-    """Count the sensor faults by kind, for example `Sensor faults: outlier (236), jitter (2).`.
-
-    The text is empty without faults.
-    """
-    counts: dict[str, int] = {}
-    for finding in diagnosis.sensor_findings:
-        fault = named(finding.name) if finding.name in EFFECTS else finding.name.replace("_", " ")
-        counts[fault] = counts.get(fault, 0) + finding.count
-    return f"Sensor faults: {', '.join(f'{fault} ({count})' for fault, count in counts.items())}." if counts else ""
-
-
-def finding_rows(diagnosis: Diagnosis, most: int = 3) -> list[tuple[str, ...]]:
-    """Return the sensor faults, in the columns `FINDING_COLUMNS`.
-
-    More than `most` similar faults share one row.
-    """
-    similar: dict[tuple[str, ...], list[SensorFinding]] = {}
-    for finding in diagnosis.sensor_findings:
-        fault = (named(finding.name).replace("_", " "), in_words(finding.axis or NONE), finding.evidence)
-        similar.setdefault(fault, []).append(finding)
-    rows: list[tuple[str, ...]] = []
-    for (name, axis, evidence), findings in similar.items():
-        places = [
-            (run_words(finding.run), NONE if finding.at_s is None else f"{finding.at_s:.3f}") for finding in findings
-        ]
-        if (total := sum(finding.count for finding in findings)) > most:
-            runs = len({finding.run for finding in findings})
-            times = f"{total} times" + (f" in {runs} runs" if runs > 1 else "")
-            run, instant = places[0]
-            rows.append((name, run, axis, instant, f"{evidence.rstrip('.')}; {times}; this is the first"))
-        else:
-            rows += [(name, run, axis, instant, evidence) for run, instant in places]
-    return rows

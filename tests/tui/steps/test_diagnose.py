@@ -21,13 +21,15 @@ from dpr_lab.kernel_cache import COMPILING
 from dpr_lab.progress import StageBegan
 from dpr_lab.report.angles import RADIANS
 from dpr_lab.report.envelope import signal_scale
-from dpr_lab.report.gap.tables import next_steps, sentence
+from dpr_lab.report.gap.next_steps import next_steps
+from dpr_lab.report.gap.tables import sentence
 from dpr_lab.report.run_names import run_name
 from dpr_lab.report.words import in_words, named
 from dpr_lab.shown import percent
 from dpr_lab.tui.jobs.job_events import JobCompiling, JobEvent, JobProgress
 from dpr_lab.tui.jobs.job_process import JobHeard, JobProcess
-from dpr_lab.tui.steps.diagnose import STAGES_S, STEADY, DiagnoseStep, _far
+from dpr_lab.tui.steps.diagnose import STAGES_S, STEADY, DiagnoseStep
+from dpr_lab.tui.steps.diagnosis_views import far_view
 from dpr_lab.tui.texts import Bars
 from dpr_lab.tui.widgets.chart import Chart
 from dpr_lab.tui.widgets.stepper import Stepper
@@ -108,7 +110,7 @@ async def test_a_diagnosis_is_resumed_with_all_that_it_says(lab, fixed_diagnosis
 
 def test_each_bar_is_as_long_as_the_gap_that_it_states() -> None:
     """The noise is already subtracted from the gap, so a gap below the noise floor has a bar."""
-    group = _far(made(), RADIANS)
+    group = far_view(made(), RADIANS)
     (bars,) = (part for part in group.renderables if isinstance(part, Bars) and part.top is None)
     assert [value for _, value, *_ in bars.rows] == pytest.approx([1.0])  # mrad, the size of the noise floor
 

@@ -1,0 +1,57 @@
+"""Compose the next steps after a diagnosis: recordings and checks, and advice for an open verdict."""
+
+from dpr_lab.checks.update import candidates
+from dpr_lab.gap.result.causes import PROBABLE
+from dpr_lab.gap.result.checks import AdvisedCheck
+from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.planning.stopping import reservation, undecided
+from dpr_lab.report.gap.check_tables import bits
+from dpr_lab.report.gap.tables import per_reading
+from dpr_lab.report.words import in_words, named
+
+
+def next_steps(diagnosis: Diagnosis) -> list[str]:
+    """Return recommended recordings and checks with their identifiers, and advice for an open verdict."""
+    partly = "The remainder has another cause, or the named effect has another form: inspect the rig."
+    if diagnosis.only_uncertain:
+        partly = "The causes are uncertain: record further releases (dpr-lab plan proposes them)."
+    elif per_reading(diagnosis.gap, "after_rad") < per_reading(diagnosis.gap, "floor_rad"):
+        partly = "The remainder is smaller than the noise of a reading: inspect the rig only if it matters to you."
+    likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
+    more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
+    cause = more if likely else "No effect of the library is the cause:"
+    unexplained = {
+        "partly_explained": partly,
+        "unexplained": f"{cause} inspect the rig where the gap is largest, joint by joint.",
+        "inconclusive": "Record further releases as the verdict says (dpr-lab plan proposes them).",
+    }
+    last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained else []
+    advised = [f"{in_words(text)}{_check_words(diagnosis, text)}" for text in diagnosis.advice]
+    if advised or last:
+        return [*advised, *last]
+    if reason := undecided(diagnosis):
+        return [f"Record a further release (dpr-lab plan proposes it): {in_words(reason)}."]
+    if untested := reservation(diagnosis):
+        optional = "Optional: record a further release to test this (dpr-lab plan proposes it)."
+        return [f"The causes are decided. {in_words(untested)} {optional}"]
+    return ["No further recording or check is needed."]
+
+
+def _check_words(diagnosis: Diagnosis, advice: str) -> str:
+    """Return the checks that belong to a recommendation, for example ` [check 1-47d7, expected information 0.98 bits]`.
+
+    The text is empty if there are none. If the causes are decided, the text states so.
+    """
+    checks = [check for check in diagnosis.checks if check.is_part_of(advice)]
+    ids = f"check{'s' if len(checks) > 1 else ''} {' or '.join(check.id for check in checks)}"
+    if not checks:
+        return ""
+    decided = all(_decided(diagnosis, check) for check in checks)
+    reason = ", because at most one of these causes has a probability above 1 %" if decided else ""
+    return f" [{ids}, expected information {bits(max(check.expected_bits for check in checks))} bits{reason}]"
+
+
+def _decided(diagnosis: Diagnosis, check: AdvisedCheck) -> bool:
+    """Check whether at most one of the causes that a check distinguishes has a probability above 1 %."""
+    probabilities = candidates(diagnosis, check.about)
+    return sum(probabilities.get(name, 0.0) > 0.01 for name in check.splits) <= 1

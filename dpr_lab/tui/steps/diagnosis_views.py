@@ -1,0 +1,110 @@
+"""Details of a diagnosis on the screen: causes, gap reduction, and next steps."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.text import Text
+
+from dpr_lab.report.angles import AngleUnit
+from dpr_lab.shown import percent
+from dpr_lab.tui.texts import Bars, sentences, table
+
+if TYPE_CHECKING:
+    from dpr_lab.gap.result.diagnosis import Diagnosis
+
+
+def which_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
+    """Draw the named effects, their alternatives, and the sensor faults.
+
+    Each named effect is shown with its probability and its indistinguishable effects.
+    """
+    from dpr_lab.report.gap import findings
+    from dpr_lab.report.gap import tables as gap_tables
+    from dpr_lab.report.words import in_words
+
+    others = {name: p for name, p in diagnosis.probabilities.items() if name in ("no_gap", "unexplained")}
+    shown: list[RenderableType] = [_effect(row) for row in gap_tables.effect_rows(diagnosis, unit)] or [
+        "No effect is named.\n"
+    ]
+    shown.append("  ".join(f"{name.replace('_', ' ')}: {percent(p)}" for name, p in others.items()))
+    shown += [in_words(note) for note in diagnosis.notes]
+    if rows := gap_tables.standing_rows(diagnosis):
+        shown += ["", table("Alternatives", gap_tables.STANDING_COLUMNS, rows)]
+        shown.append(Text(gap_tables.STANDING_NOTE, "dim"))
+    if rows := findings.finding_rows(diagnosis):
+        shown += ["", table("Sensor faults", findings.FINDING_COLUMNS, rows)]
+    return Group(*shown)
+
+
+def _effect(row: Sequence[str]) -> Group:
+    """Draw a named effect with its probability, its indistinguishable effects, and its size with 90 % intervals."""
+    from dpr_lab.report.gap import tables as gap_tables
+
+    name, twins, probability, share, parameters = row
+    figures = f": probability {probability}, unique contribution {share}"
+    below = [f"indistinguishable from: {twins}"] if twins != gap_tables.ALONE else []
+    below.append(f"size, 90 % interval: {parameters}")
+    indented = (Padding(Text(line), (0, 0, 0, 4)) for line in below)
+    return Group(Text(name, "bold").append(figures, "not bold"), *indented, "")
+
+
+def far_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
+    """Draw the gap that remains after each added effect, and the reduction of the gap on held-out data."""
+    from dpr_lab.report.digits import three
+    from dpr_lab.report.gap import tables as gap_tables
+    from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
+
+    words = gap_tables.run_words
+    gap, closed, per_rad = diagnosis.gap, diagnosis.gap.closed_held_out, unit.small_per_rad
+    floor = per_rad * gap_tables.per_reading(gap, "floor_rad")
+    steps = [
+        (name, per_rad * left, None, f"{gap}, {explained}")
+        for (name, left), (_, gap, explained) in zip(
+            gap_tables.steps(diagnosis), gap_tables.step_rows(diagnosis, unit), strict=True
+        )
+    ]
+    shares = [
+        ("all runs", closed.estimate, closed.interval90),
+        *((words(run), s, None) for run, s in closed.per_run.items()),
+    ]
+    shares += [(words(run, held_out=True), share, None) for run, share in closed.held_out.items()]
+    low, high = closed.interval90
+    closing = [
+        f"\nOn held-out data {percent(closed.estimate, 1)} of the gap above the noise closes (90 %"
+        f" interval {percent(low, 1)} to {percent(high, 1)})",
+        Bars([(name, max(share, 0.0), interval, percent(share, 1)) for name, share, interval in shares], top=1.0),
+    ]
+    if not gap.waterfall:
+        reason = "There is no gap" if diagnosis.verdict == "no_gap" else "No effect is named"
+        closing = [f"\n{reason}, so there is no gap reduction"]
+    if parts := repeatability_parts(diagnosis):
+        closing += [
+            f"\nShares of the mean squared residual. {' '.join(repeatability_sentences(diagnosis))}",
+            Bars([(label, share, None, percent(share, 1)) for label, share in parts], top=1.0),
+        ]
+    return Group(
+        f"Gap per reading ({unit.small} rms, segments of 0.5 s) and share of the excess explained, as effects are"
+        f" added. The gap is the residual above the noise floor of {three(floor)} {unit.small}",
+        Bars(steps),
+        *closing,
+        "",
+        table(
+            "Free runs from the release", unit.heads(gap_tables.CLOSED_COLUMNS), gap_tables.closed_rows(diagnosis, unit)
+        ),
+    )
+
+
+def next_view(diagnosis: "Diagnosis", unit: AngleUnit) -> Group:
+    """Draw the recommendations, the minimum detectable effects and the assumptions."""
+    from dpr_lab.report.gap import tables as gap_tables
+    from dpr_lab.report.gap.next_steps import next_steps
+    from dpr_lab.report.words import in_words
+
+    return Group(
+        sentences("Recommended actions", [in_words(text) for text in diagnosis.remedies]),
+        sentences("Next recordings and checks", next_steps(diagnosis), numbered=True),
+        table("Minimum detectable effects", gap_tables.DETECTABLE_COLUMNS, gap_tables.detectable_rows(diagnosis, unit)),
+        sentences("Assumptions", [in_words(text) for text in diagnosis.assumptions]),
+    )
