@@ -9,7 +9,8 @@ from dpr_lab.arrays import Array
 from dpr_lab.dynamics.prediction import predict
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.effects import EFFECTS
-from dpr_lab.fitting.estimate import effect_parameters
+from dpr_lab.fitting.estimate import Estimate, FreeParameter, effect_parameters, moved
+from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.fitting.linearise import linearise
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.fitting.projection import ColumnSpace
@@ -57,6 +58,16 @@ class ExpectedRecording:
     """(n, p) whitened changes of the readings by the parameters of an effect, by effect."""
     sizes: dict[str, Array]
     """(p,) values of the parameters, by effect: fitted, or typical if the effect is not in the model."""
+    compensation: dict[str, Array]
+    """(segments, 4, p) change of the initial states that compensates a change of the parameters, by effect."""
+    problem: Problem
+    """Problem of the simulated release."""
+    estimate: Estimate
+    """Estimate with which the release is simulated."""
+    always_free: Sequence[FreeParameter]
+    """Parameters that are always fitted."""
+    free: dict[str, list[FreeParameter]]
+    """Parameters of each effect."""
 
     def apart(self, name: str, other: str) -> float:
         """Return the distance between the change by effect `name` and its best approximation by effect `other`.
@@ -66,6 +77,28 @@ class ExpectedRecording:
         signal = self.changes[name] @ self.sizes[name]
         explained = ColumnSpace.of(np.hstack([self.known, self.changes[other]]), signal).gain()
         return float(np.sqrt(max(signal @ signal - explained, 0.0)))
+
+    def apart_after_fit(self, name: str, other: str) -> float:
+        """Return the distance between readings simulated with effect `name` and a fit of effect `other` to them.
+
+        The distance is in standard deviations of the noise. Unlike `apart`, it does not depend on the derivatives at
+        the estimate, which are inaccurate near the reversals of a law with memory.
+        """
+        parameters = [*self.free[name], *self.free[other]]
+        present = np.array([parameter.read(self.estimate) for parameter in parameters])
+        absent = np.zeros(len(self.sizes[other]))
+        signal = self.changes[name] @ self.sizes[name]
+        imitation = np.linalg.lstsq(np.hstack([self.known, self.changes[other]]), signal)[0][-len(absent) :]
+        initial = self.compensation[other] @ imitation - self.compensation[name] @ self.sizes[name]
+        with_name, with_other = (
+            moved(self.estimate, parameters, np.concatenate(values) - present, initial_step)
+            for values, initial_step in (
+                ((self.sizes[name], absent), np.zeros(initial.shape)),
+                ((0.0 * self.sizes[name], imitation), initial),
+            )
+        )
+        readings = replace(self.problem, measured=self.problem.predict(with_name))
+        return float(np.sqrt(fit(readings, with_other, [*self.always_free, *self.free[other]]).chi2))
 
 
 def expected_recordings(recordings: Recordings, chosen: Hypothesis, names: Sequence[str]) -> list[ExpectedRecording]:
@@ -84,15 +117,17 @@ def _expected(
 ) -> ExpectedRecording:
     estimate = chosen.fit.estimate
     trial, initial = simulated_release(recordings, chosen, choice)
-    known = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
-    parameters = {name: effect_parameters(EFFECTS[name]) for name in names}
-    known += trial.all_free(())
+    always_free = [p for p in chosen.fit.free if p.block == "ratios" or p.effect in trial.always]
+    parameters = {name: [*effect_parameters(EFFECTS[name])] for name in names}
+    known = [*always_free, *trial.all_free(())]
+    at_release = trial.with_zeros(estimate.changed(initial=initial))
     linear = linearise(
         trial,
-        trial.with_zeros(estimate.changed(initial=initial)),
+        at_release,
         [*known, *(p for of_effect in parameters.values() for p in of_effect)],
     )
     A, _ = linear.flat
+    compensation = -np.linalg.pinv(linear.R, rcond=1e-9) @ linear.initial_state_coefficients
     ends = np.cumsum([len(known), *map(len, parameters.values())])
     fitted = {
         name: np.array([parameter.read(estimate) for parameter in of_effect]) for name, of_effect in parameters.items()
@@ -105,6 +140,11 @@ def _expected(
             name: sizes if sizes.any() else np.array([parameter.size for parameter in parameters[name]])
             for name, sizes in fitted.items()
         },
+        {name: compensation[..., i:j] for name, i, j in zip(parameters, ends[:-1], ends[1:], strict=True)},
+        replace(trial, prior=None),
+        at_release,
+        always_free,
+        parameters,
     )
 
 

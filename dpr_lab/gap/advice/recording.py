@@ -9,6 +9,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
 from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.advice.check_kind import CheckAnswer, NextStep, OpenQuestion, Result, expected_bits, log_mean
+from dpr_lab.gap.advice.expected_recordings import ExpectedRecording
 from dpr_lab.gap.advice.measurement import CHECK
 from dpr_lab.gap.bare_model import fit_bare_model
 from dpr_lab.gap.classes.posterior import CALIBRATION
@@ -39,13 +40,12 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
     for other in (name for name in question.causes if name != about):
         # a richer form may have a size that a simpler form cannot reproduce, so both directions are tested
         pairs = ((about, other), (other, about)) if question.one_class else ((about, other),)
-        separations = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
-        best = int(np.argmax(separations))
-        if separations[best] < DISTINGUISHED:
+        best, separation = _most_different(question, pairs)
+        if best is None:
             continue
-        release = question.expected[best].release
+        release = best.release
         spread = np.sqrt(question.chosen.residuals.inflation * CALIBRATION.temperature)
-        bits = expected_bits([probability[about], probability[other]], separations[best] / spread)
+        bits = expected_bits([probability[about], probability[other]], separation / spread)
         check = question.check("recording", release.text, (about, other), bits)
         theta1, theta2 = release.theta
         advised = AdvisedRelease(
@@ -53,11 +53,38 @@ def propose(question: OpenQuestion, proposed: Sequence[NextStep]) -> list[NextSt
         )
         text = (
             f"To distinguish {about} from {other}, record {release.text}: their predictions differ by"
-            f" {separations[best]:.0f} standard deviations of the noise ({separations[best] / spread:.1f} with the"
+            f" {separation:.0f} standard deviations of the noise ({separation / spread:.1f} with the"
             " correlation of the residuals)."
         )
         steps.append(NextStep(text, (check.model_copy(update={"release": advised}),)))
     return steps
+
+
+def _most_different(question: OpenQuestion, pairs: Sequence[tuple[str, str]]) -> tuple[ExpectedRecording | None, float]:
+    """Return the release in which the predictions of two causes differ most, and their distance.
+
+    The distance is in standard deviations of the noise. For members of a class, which are indistinguishable in the
+    recordings, a fit to simulated readings must confirm it. The release is None if none distinguishes the causes.
+    """
+    separations = [max(expected.apart(*pair) for pair in pairs) for expected in question.expected]
+    for best in np.argsort(separations)[::-1].tolist():
+        expected, separation = question.expected[best], separations[best]
+        if question.one_class and separation >= DISTINGUISHED:
+            separation = min(separation, _apart_after_fits(expected, *pairs[0]))
+        if separation >= DISTINGUISHED:
+            return expected, separation
+    return None, 0.0
+
+
+def _apart_after_fits(expected: ExpectedRecording, name: str, other: str) -> float:
+    """Return the distance of the predictions of two causes after fits of each cause to the readings of the other.
+
+    A richer form can always imitate its simpler form, so the larger distance counts. Other causes are equivalent if
+    one of them can imitate the other. The smaller distance then counts, because a fit may end before its minimum.
+    """
+    distances = expected.apart_after_fit(name, other), expected.apart_after_fit(other, name)
+    one_is_richer = name in EFFECTS[other].nested or other in EFFECTS[name].nested
+    return max(distances) if one_is_richer else min(distances)
 
 
 def result(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, prior: Mapping[str, float]) -> Result:
