@@ -82,3 +82,22 @@ def test_a_film_in_slow_motion_is_asked_about_its_frame_rate(tmp_path: Path) -> 
     asked = f"; much less with --rate-hz {FPS:g}: was this the frame rate of the camera?"
     assert any(note.endswith(asked) for note in import_csv(file, RIG, ImportOptions(rate_hz=FPS / 4)).notes)
     assert not import_csv(file, RIG, ImportOptions(rate_hz=FPS)).notes
+
+
+def test_rows_of_other_quantities_are_no_lost_readings(tmp_path: Path) -> None:
+    """A table with a row for each message keeps the lost readings of the angles as gaps."""
+    empty, angles = np.full(N, np.nan), THETA.copy()
+    angles[40:43] = np.nan
+    times = np.column_stack([T, T + 0.004]).ravel()
+    cable = np.column_stack([empty, np.full(N, 0.42)]).ravel()
+    columns = [np.column_stack([angle, empty]).ravel() for angle in angles.T]
+    run = import_csv(write(tmp_path, "time,cable,theta1,theta2", times, cable, *columns), RIG)
+    np.testing.assert_allclose(run.t, np.delete(T, [40, 41, 42]), atol=1e-9)
+    assert f"rows that contain only other quantities than the angles, removed: {N}" in run.notes
+
+
+def test_angles_that_share_no_row_are_refused_by_name(tmp_path: Path) -> None:
+    empty = np.full(N, np.nan)
+    columns = [np.column_stack(pair).ravel() for pair in ([T, T + 0.004], [THETA[:, 0], empty], [empty, THETA[:, 1]])]
+    with pytest.raises(RunError, match="no row contains theta1 and theta2: the logger writes them in separate rows"):
+        import_csv(write(tmp_path, "t,theta1,theta2", *columns), RIG)

@@ -57,6 +57,8 @@ FORMS = {
     "a name before each row": "".join(
         name + "".join(f"\t{x:.6f}" for x in row) + "\n" for name, row in (("t", T), ("angle", SWING))
     ),
+    "a row for each message": "time,position,angle\n"
+    + "".join(f"{t - 0.004:.3f},{t:.3f},\n{t:.3f},,{angle:.6f}\n" for t, angle in zip(T, SWING, strict=True)),
     "counts of an encoder": "time_ms,encoder\n" + lines("{ms},{angle:.0f}\n", 16384 / 360 * DEG),
 }
 
@@ -217,3 +219,11 @@ def test_a_swing_that_is_appended_after_a_gap_is_named(tmp_path, one, appended):
     named = [sentence for sentence in sentences if "do not belong to one motion" in sentence]
     assert len(named) == appended
     assert all("(--duration-s 2.8; --start-s 2.92)" in sentence for sentence in named)
+
+
+def test_the_example_names_the_only_column_that_sounds_like_an_angle(tmp_path, one):
+    (tmp_path / "a.csv").write_text(
+        "time,/trolley/data,/sway_angle/data\n" + lines("{t:.2f},{angle:.3f},{angle:.6f}\n", SWING)
+    )
+    with pytest.raises(RunError, match="for example --columns theta1=/sway_angle/data"):
+        import_csv(tmp_path / "a.csv", one)

@@ -1,6 +1,7 @@
 """Convert data files to tables; each format has one module and one entry in `READERS`.
 
 arrays        named arrays as columns of a table; limits of their size
+merged        rows of a log that contain only other quantities
 points        points that were tracked in a video (Tracker, DeepLabCut), as angles
 matlab        .mat up to version 7: arrays, structs
 hdf5          HDF5, .mat of version 7.3

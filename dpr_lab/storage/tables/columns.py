@@ -24,6 +24,7 @@ _TIME_NAME = r"(t|(date|clock|host|elapsed)?time(stamp)?|elapsed|tout|zeit|temps
 _TIME_SUFFIX = {"s": "s|sec|seconds", "ms": "ms|msec|milliseconds|millis", "us": "us|usec|microseconds|micros"}
 _ANGLE_UNIT = r"(rad|radians?|deg|degrees?|degr[eé]s|gra(?:us|dos|di|den|d))"
 _ANGLE_WORD = "(theta|th|phi|q|angle|angulo|angolo|winkel|joint|pos|position|θ|φ)"
+_LIKELY = r"theta|angle|angulo|winkel|θ|(?<![a-z])(pitch|roll|tilt)(?![a-z])"
 _MEASURED = "(meas|measured|act|actual|exp|experimental?|obs|observed|real)"
 _ANGLE_NAME = (
     rf"{_ANGLE_WORD}{{axis}}{_ANGLE_UNIT}?|(enc|encoder){{axis}}{_ANGLE_UNIT}"
@@ -321,11 +322,14 @@ def _refuse(table: Table, named: Mapping[str, str], given: Mapping[str, str], ti
 def _example(names: Sequence[str], named: Mapping[str, str], missing: Sequence[str]) -> str:
     """Compose an example of the option that names the missing columns.
 
-    The example contains the remaining columns in their order if there are as many columns as missing quantities.
+    The example contains the remaining columns in their order if there are as many columns as missing quantities, or
+    the only column whose name contains a word for an angle.
     """
     unknown = [name for name in names if name not in named.values() and name != NO_ROD]
+    likely = [name for name in unknown if re.search(_LIKELY, name.lower())]
     # Without the arm: its column may be a guess.
     rest = unknown if len(unknown) == len(missing) else [name for name in names if name not in (named.get("t"), NO_ROD)]
+    rest = likely if len(likely) == len(missing) == 1 and "t" not in missing else rest
     complete = len(rest) == len(missing) and not any(re.search(r"[,=]", name) for name in rest)
     pairs = zip(missing, rest if complete else ["NAME"] * len(missing), strict=True)
     text = ",".join(f"{quantity}={name}" for quantity, name in pairs)

@@ -23,6 +23,7 @@ from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
+from dpr_lab.storage.readers.merged import rows_of_angles
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
 from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
@@ -104,6 +105,7 @@ def understand(
     path = Path(file)
     table, given = _read(path, rig, options, on_progress)
     columns = find_columns(table, given, options.unit, options.time_unit, options.rate_hz)
+    table = rows_of_angles(table, [name for axis, name in columns.names.items() if axis != "t" and name != NO_ROD])
     options = replace(options, unit=columns.unit, time_unit=columns.time_unit)
     options = stated_arm(rig, options, path, columns.names)
     _refuse_conventions(table, options)
@@ -361,7 +363,7 @@ def _check_forwards(table: Table, t: Array, options: ImportOptions, readings: Ma
         if len(backwards) == len(known) - 1:
             raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
         raise RunError(
-            f"{place}: time decreases from {t[before]:g} s to {t[row]:g} s; split the table there, because"
+            f"{place}: time decreases by {t[before] - t[row]:g} s, to {t[row]:.10g} s; split the table there, because"
             f" each recording is a separate run"
         )
 

@@ -1,0 +1,52 @@
+"""Separate the rows of the angles from the rows of other quantities in one table.
+
+Some loggers write a row for each message: it contains the values of one quantity, and the other fields are empty.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dpr_lab.errors import RunError
+from dpr_lab.storage.tables.table import Table
+
+RARE = 0.5
+"""Maximum share of the rows with an angle in which a quantity of other rows has a value."""
+
+
+def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
+    """Remove the rows that contain only quantities which a logger writes in rows of their own.
+
+    A row without an angle is kept if it is empty, or if its quantities are also in most rows with an angle: then its
+    angle was lost.
+
+    Args:
+        table: the table
+        angles: names of the columns of the angles
+
+    Raises:
+        RunError: no row contains all angles, although each angle has values.
+    """
+    known = {name: np.isfinite(column) for name, column in zip(table.names, table.values, strict=True)}
+    present = np.stack([known[name] for name in angles])
+    measured = present.any(axis=0)
+    if present.any(axis=1).all() and not present.all(axis=0).any():
+        raise RunError(
+            f"{table.path}: no row contains {' and '.join(angles)}: the logger writes them in separate rows."
+            " Interpolate them to the same times"
+        )
+    most = RARE * np.count_nonzero(measured)
+    others = [rows for name, rows in known.items() if name not in angles and np.count_nonzero(rows & measured) <= most]
+    kept = measured | ~np.logical_or.reduce([np.zeros_like(measured), *others])
+    removed = int(np.count_nonzero(~kept))
+    if removed in (0, len(kept)):
+        return table
+    note = f"rows that contain only other quantities than the angles, removed: {removed}"
+    return replace(
+        table,
+        values=tuple(column[kept] for column in table.values),
+        lines=table.lines[kept],
+        notes=(*table.notes, note),
+        frames=None if table.frames is None else table.frames[kept],
+    )
