@@ -227,3 +227,11 @@ def test_the_example_names_the_only_column_that_sounds_like_an_angle(tmp_path, o
     )
     with pytest.raises(RunError, match="for example --columns theta1=/sway_angle/data"):
         import_csv(tmp_path / "a.csv", one)
+
+
+def test_frames_under_the_name_of_a_time_are_explained(tmp_path, one):
+    swing = 1.2 * np.cos(0.09 * np.arange(1000))
+    rows = "".join(f"{frame},{angle:.6f}\n" for frame, angle in enumerate(swing))
+    (tmp_path / "a.csv").write_text("t,angle\n" + rows)
+    with pytest.raises(RunError, match=r"or the column numbers the rows or frames \(--rate-hz\)"):
+        import_csv(tmp_path / "a.csv", one)

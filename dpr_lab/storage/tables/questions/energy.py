@@ -160,9 +160,12 @@ def _refuse_unit_of_time(table: InterpretedTable, scale: float) -> None:
 
 def _unit_of_time(table: InterpretedTable, unit: str) -> str:
     lasts = table.t[-1] - table.t[0]
+    steps = np.diff(table.t) / TO_SECONDS[table.options.time_unit or "s"]
+    counted = steps.min() == 1 and (steps == np.rint(steps)).all()
+    numbers = ", or the column numbers the rows or frames (--rate-hz)" if counted else ""
     return (
         f"{table.path}: in {table.options.time_unit or 's'} the table lasts {lasts:.4g} s and its rods"
         f" {'hardly move' if unit != 's' else 'turn far too fast'}; the rods of the rig swing with periods of"
         f" {' and '.join(f'{period:.2g} s' for period in periods(table.rig))}: the times are in {unit}"
-        f" (--time-unit {unit}), or the angles in another unit (--unit)"
+        f" (--time-unit {unit}){numbers}, or the angles in another unit (--unit)"
     )
