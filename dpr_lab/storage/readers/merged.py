@@ -11,9 +11,6 @@ import numpy as np
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.table import Table
 
-RARE = 0.5
-"""Maximum share of the rows with an angle in which a quantity of other rows has a value."""
-
 
 def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
     """Remove the rows that contain only quantities which a logger writes in rows of their own.
@@ -36,17 +33,17 @@ def rows_of_angles(table: Table, angles: Sequence[str]) -> Table:
             f"{table.path}: no row contains {' and '.join(angles)}: the logger writes them in separate rows."
             " Interpolate them to the same times"
         )
-    most = RARE * np.count_nonzero(measured)
-    others = [rows for name, rows in known.items() if name not in angles and np.count_nonzero(rows & measured) <= most]
-    kept = measured | ~np.logical_or.reduce([np.zeros_like(measured), *others])
-    removed = int(np.count_nonzero(~kept))
-    if removed in (0, len(kept)):
+    often = np.count_nonzero(measured) / 2
+    others = [rows for name, rows in known.items() if name not in angles and np.count_nonzero(rows & measured) <= often]
+    remaining = measured | ~np.logical_or.reduce([np.zeros_like(measured), *others])
+    removed = int(np.count_nonzero(~remaining))
+    if removed in (0, len(remaining)):
         return table
     note = f"rows that contain only other quantities than the angles, removed: {removed}"
     return replace(
         table,
-        values=tuple(column[kept] for column in table.values),
-        lines=table.lines[kept],
+        values=tuple(column[remaining] for column in table.values),
+        lines=table.lines[remaining],
         notes=(*table.notes, note),
-        frames=None if table.frames is None else table.frames[kept],
+        frames=None if table.frames is None else table.frames[remaining],
     )
