@@ -65,16 +65,18 @@ def _each_held_out(runs: list[Run]) -> list[tuple[Run, Run]]:
     return [(runs[0], runs[1]), (runs[1], runs[0])]
 
 
-def _claims(found: Diagnosis) -> bool:
-    named = found.verdict in ("named", "partly_explained")
-    return named and any(effect.probability > CLAIMED for effect in found.effects)
+def _claims(diagnosis: Diagnosis) -> bool:
+    named = diagnosis.verdict in ("named", "partly_explained")
+    return named and any(effect.probability > CLAIMED for effect in diagnosis.effects)
 
 
-def unphysical(found: Diagnosis) -> float:
+def unphysical(diagnosis: Diagnosis) -> float:
     """Return the number of friction coefficients and positive amplitudes that a diagnosis estimates below zero."""
     signs = {(e.name, p.name) for e in EFFECTS.values() for p in e.amplitudes if p.sign == "positive"}
-    effects = [v.value for e in found.effects for name, v in e.parameters.items() if (e.name, name) in signs]
-    return float(sum(value < 0 for value in [*effects, *(found.all_ratios[name].value for name in ("c1/b", "c2/b"))]))
+    effects = [v.value for e in diagnosis.effects for name, v in e.parameters.items() if (e.name, name) in signs]
+    return float(
+        sum(value < 0 for value in [*effects, *(diagnosis.all_ratios[name].value for name in ("c1/b", "c2/b"))])
+    )
 
 
 def geared(rig: Rig) -> Rig:

@@ -24,7 +24,7 @@ PLACES = {"identify": ("dpr_lab.identification.identify", "dpr_lab.identify"), "
 """Modules that have contained each function, the newest first."""
 
 
-def found(name: str) -> Callable[..., Any]:
+def lookup(name: str) -> Callable[..., Any]:
     """Import a function of the code base from the first module that exists."""
     for place in PLACES[name]:
         with contextlib.suppress(ModuleNotFoundError):
@@ -53,7 +53,7 @@ def recorded(folder: Path) -> tuple[list[Any], Any]:
 def answer(job: dict[str, Any]) -> dict[str, Any]:
     """Execute one request and measure its cost."""
     runs, rig = recorded(Path(job["folder"]))
-    work = found(job["do"])
+    work = lookup(job["do"])
     with event.install_recorder("numba:compile") as compiled:
         began = time.process_time()
         document = work(runs, rig, seed=job.get("seed", 0))

@@ -40,7 +40,7 @@ class Scored:
 
     case: Case
     outcome: TrialOutcome
-    said: dict[str, Any]
+    diagnosis: dict[str, Any]
     """The diagnosis as JSON."""
     true: tuple[bool, ...]
     """Whether each effect that the diagnosis lists is a true cause, independent of the verdict."""

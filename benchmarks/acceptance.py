@@ -112,8 +112,8 @@ def answers(seed: int, level: str) -> Iterator[tuple[str, str, Answer, str]]:
                 yield judged("absent", limit_of(name, p.name, p.typical))
 
 
-def _words(found: Diagnosis) -> str:
-    return f"{found.verdict} {[(e.name, round(e.probability, 2)) for e in found.effects]}"
+def _words(diagnosis: Diagnosis) -> str:
+    return f"{diagnosis.verdict} {[(e.name, round(e.probability, 2)) for e in diagnosis.effects]}"
 
 
 def main() -> None:

@@ -57,7 +57,7 @@ def statements(done: Sequence[Scored]) -> list[Statement]:
 
 
 def _of(scored: Scored) -> list[Statement]:
-    result, true = scored.said, scored.true
+    result, true = scored.diagnosis, scored.true
     left = 1 - result["gap"]["explained_share"]
     remainder = 0.0 if result["verdict"] == "named" else math.sqrt(max(result["chi2_per_dof"] - 1, 0.0))
     made: list[Statement] = []

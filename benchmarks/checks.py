@@ -45,47 +45,47 @@ def cases_of(count: int, seed: int) -> list[Case]:
     ]
 
 
-def still_open(found: Diagnosis) -> list[str]:
+def still_open(diagnosis: Diagnosis) -> list[str]:
     """Named effects with more than one possible cause."""
-    shares = {effect.name: list(candidates(found, effect.name).values()) for effect in found.effects}
+    shares = {effect.name: list(candidates(diagnosis, effect.name).values()) for effect in diagnosis.effects}
     return [name for name, share in shares.items() if max(share) < LEFT * sum(share)]
 
 
-def right(found: Diagnosis, truth: Truth) -> bool:
+def right(diagnosis: Diagnosis, truth: Truth) -> bool:
     """Whether the most probable cause of every named effect is a true cause."""
     answers = {name for names in truth.answers for name in names}
-    likeliest = [max(share, key=lambda name: share[name]) for share in _shares(found)]
+    likeliest = [max(share, key=lambda name: share[name]) for share in _shares(diagnosis)]
     return all(name in answers for name in likeliest)
 
 
-def _shares(found: Diagnosis) -> list[dict[str, float]]:
-    return [candidates(found, effect.name) for effect in found.effects]
+def _shares(diagnosis: Diagnosis) -> list[dict[str, float]]:
+    return [candidates(diagnosis, effect.name) for effect in diagnosis.effects]
 
 
 def played(
-    found: Diagnosis, plant: PlantConfig, rig: Rig, truth: Truth, choice: Choice, rng: np.random.Generator
+    diagnosis: Diagnosis, plant: PlantConfig, rig: Rig, truth: Truth, choice: Choice, rng: np.random.Generator
 ) -> tuple[Diagnosis, int]:
     """Perform checks until one cause is left or no check remains.
 
     Returns the final diagnosis and the number of checks.
     """
     count = 0
-    while names := still_open(found):
-        asked = [check for check in found.checks if check.about in names]
+    while names := still_open(diagnosis):
+        asked = [check for check in diagnosis.checks if check.about in names]
         if not asked:
             break
         check, count = choice(asked), count + 1
         if check.release is not None:
-            found = update(found, check, CheckAnswer((released(plant, rig, check.release),), rig))
+            diagnosis = update(diagnosis, check, CheckAnswer((released(plant, rig, check.release),), rig))
         else:
-            sizes = truth.sizes(rig, found.scale_b).get(check.measures, {})
+            sizes = truth.sizes(rig, diagnosis.scale_b).get(check.measures, {})
             true = sizes.get(check.amplitudes[0].name, 0.0)
             if len(check.amplitudes) > 1:
                 true = float(np.linalg.norm([sizes.get(amplitude.name, 0.0) for amplitude in check.amplitudes]))
             std = READ * check.amplitudes[0].typical
             measured = true + std * rng.standard_normal()
-            found = update(found, check, CheckAnswer(value=measured, std=std, confirmed=True))
-    return found, count
+            diagnosis = update(diagnosis, check, CheckAnswer(value=measured, std=std, confirmed=True))
+    return diagnosis, count
 
 
 def released(plant: PlantConfig, rig: Rig, asked: AdvisedRelease) -> Run:

@@ -41,12 +41,12 @@ from dpr_lab.workflows.rig_file import RigMeasures, draft_rig
 from dpr_lab.workflows.rig_toml import Measure
 
 Array = NDArray[np.float64]
-Foretell = Callable[[Array, Array], Array]
-"""Function from instants (n,) and the state (4,) before the first of them to the angles of both rods (n, 2), rad."""
+Predictor = Callable[[Array, Array], Array]
+"""Function from times (n,), s, and the state (4,) before the first of them to the angles of both rods (n, 2), rad."""
 
 DESIGNS = ("A.0", "C.0", "C.1")
 WINDOW_S, SETTLE_S, STEP_S = 2.0, 0.3, 1e-3
-BEGUN = 0.01
+INITIAL_SHARE = 0.01
 """Initial value in the fit of an effect, relative to its typical size."""
 DRIVE = (
     ["coulomb_joint1", "coulomb_joint2", "rotor_inertia_joint2"],
@@ -76,12 +76,14 @@ def windows(run: Run) -> list[tuple[Array, Array]]:
     return [(run.t[some], run.theta[some, 1:]) for some in inside]
 
 
-def begun(foretell: Foretell, t: Array, theta: Array) -> Array:
+def initial_state(predicted_angles: Predictor, t: Array, theta: Array) -> Array:
     """Fit the state (4,) of a model at `PAD` before t[0] to the first readings."""
     head = t < t[0] + SETTLE_S
     line = np.polynomial.polynomial.polyfit(t[head] - t[0] + PAD, theta[head], 4)
     result = least_squares(
-        lambda x: (foretell(t[head], x) - theta[head]).ravel(), np.concatenate([line[0], line[1]]), diff_step=1e-5
+        lambda x: (predicted_angles(t[head], x) - theta[head]).ravel(),
+        np.concatenate([line[0], line[1]]),
+        diff_step=1e-5,
     )
     return result.x
 
@@ -136,12 +138,12 @@ def ours(at: tuple[Array, Array], rig: Rig, run: Run, t: Array, state: Array) ->
     return np.column_stack([read[:, 0], read.sum(axis=1)])
 
 
-def errors(run: Run, foretell: Foretell) -> Array:
+def errors(run: Run, predicted_angles: Predictor) -> Array:
     """Rms errors (windows,) of both angles, without the first readings of each window, rad."""
     result = []
     for t, theta in windows(run)[1:]:
         later = t >= t[0] + SETTLE_S
-        angles = foretell(t, begun(foretell, t, theta))
+        angles = predicted_angles(t, initial_state(predicted_angles, t, theta))
         result.append(np.sqrt(np.mean((angles - theta)[later] ** 2)))
     return np.array(result)
 
@@ -159,8 +161,10 @@ def fitted(runs: Sequence[Run], rig: Rig) -> Estimate:
     at, names = bare.fit.estimate, list[str]()
     for some in DRIVE:  # one after another, each from a small value
         names += some
-        begun = effect_params({name: {p.name: BEGUN * p.typical for p in EFFECTS[name].amplitudes} for name in some})
-        at = at.changed(params=at.params + begun - effect_params({}))
+        small = effect_params(
+            {name: {p.name: INITIAL_SHARE * p.typical for p in EFFECTS[name].amplitudes} for name in some}
+        )
+        at = at.changed(params=at.params + small - effect_params({}))
         at = fit(problem, at, free_parameters(at, names, problem), iterations=25).estimate
     return at
 

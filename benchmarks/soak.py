@@ -92,17 +92,17 @@ def _verified(run_file: Path) -> bool:
     return subprocess.run(command, check=False, capture_output=True).returncode == 0
 
 
-def _bars(name: str, minutes: float, found: dict[str, float]) -> list[Bar]:
+def _bars(name: str, minutes: float, figures: dict[str, float]) -> list[Bar]:
     wanted = 60 * minutes
-    growth = at_most(f"{name}: memory growth, MB/h", found["growth_mb_per_hour"], 5)
+    growth = at_most(f"{name}: memory growth, MB/h", figures["growth_mb_per_hour"], 5)
     if minutes < SHORTEST_FOR_MEMORY_MIN:  # one megabyte of the allocator would count as 60 MB/h
         growth = Bar(growth.bar, growth.target, growth.measured, None)
-    core = at_most(f"{name}: share of a core, %", found["core_percent"], 25)
-    sound = bool(found["verified"] and found["ok"])
+    core = at_most(f"{name}: share of a core, %", figures["core_percent"], 25)
+    sound = bool(figures["verified"] and figures["ok"])
     return [
-        at_most(f"{name}: samples lost", found["lost"], 0),
-        Bar(f"{name}: recorded, s", f">= {wanted:g}", found["seconds"], found["seconds"] >= wanted - 0.02),
-        Bar(f"{name}: host late at most, ms", "< 500", found["late_ms"], found["late_ms"] < 500),
+        at_most(f"{name}: samples lost", figures["lost"], 0),
+        Bar(f"{name}: recorded, s", f">= {wanted:g}", figures["seconds"], figures["seconds"] >= wanted - 0.02),
+        Bar(f"{name}: host late at most, ms", "< 500", figures["late_ms"], figures["late_ms"] < 500),
         core if JOBS[name].rate_hz <= 1000 else Bar(core.bar, "-", core.measured, None),
         growth,
         Bar(f"{name}: file verified and gate passed", "1", float(sound), sound),

@@ -62,17 +62,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     import_module("tests.one_compiler")
     import_module("tests.valid_files")
-    for item in items:
-        if LIVE.intersection(item.nodeid.split("/")):
-            item.add_marker(pytest.mark.flaky(reruns=1))
-        if item.get_closest_marker("long") is not None:
-            item.add_marker(pytest.mark.slow)
+    for test in items:
+        if LIVE.intersection(test.nodeid.split("/")):
+            test.add_marker(pytest.mark.flaky(reruns=1))
+        if test.get_closest_marker("long") is not None:
+            test.add_marker(pytest.mark.slow)
     limits, slow = dict[Path, float](), Counter[Path]()
-    for item in items:
-        marker = item.get_closest_marker("timeout")
-        limits[item.path] = max(limits.get(item.path, 0.0), marker.args[0] if marker else 0.0)
-        slow[item.path] += item.get_closest_marker("slow") is not None
-    items.sort(key=lambda item: (item.get_closest_marker("slow") is not None, -limits[item.path], -slow[item.path]))
+    for test in items:
+        marker = test.get_closest_marker("timeout")
+        limits[test.path] = max(limits.get(test.path, 0.0), marker.args[0] if marker else 0.0)
+        slow[test.path] += test.get_closest_marker("slow") is not None
+    items.sort(key=lambda test: (test.get_closest_marker("slow") is not None, -limits[test.path], -slow[test.path]))
 
 
 @pytest.hookimpl(optionalhook=True)

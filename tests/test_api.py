@@ -60,14 +60,14 @@ def results(runs: list[Run]):
 
 
 @pytest.fixture(scope="module")
-def found(runs: list[Run]) -> dpr.Diagnosis:
+def diagnosis(runs: list[Run]) -> dpr.Diagnosis:
     return dpr.diagnose(runs, dpr.load_rig("paper"), library={FRICTION: EFFECTS[FRICTION]})
 
 
 @pytest.mark.slow
-def test_results_show_themselves_on_a_few_lines(results, found) -> None:
+def test_results_show_themselves_on_a_few_lines(results, diagnosis) -> None:
     rig = dpr.load_rig("paper")
-    for result in (rig, dpr.identifiability([results[0]], rig), *results, found):
+    for result in (rig, dpr.identifiability([results[0]], rig), *results, diagnosis):
         assert str(result) == repr(result)
         outcome, page = repr(result), result._repr_html_()
         assert 1 <= len(outcome.splitlines()) < 25
@@ -75,14 +75,14 @@ def test_results_show_themselves_on_a_few_lines(results, found) -> None:
         assert "array(" not in outcome
         assert page.startswith("<p>")
     assert "a/b" in repr(results[1])
-    assert found.effects[0].name in repr(found)
+    assert diagnosis.effects[0].name in repr(diagnosis)
 
 
 def test_a_name_cannot_write_into_a_notebook(results) -> None:
     assert "<script>" not in replace(results[0], name="<script>")._repr_html_()
 
 
-def test_results_become_data_frames(results, found) -> None:
+def test_results_become_data_frames(results, diagnosis) -> None:
     run, model, comparison = results
     frame = dpr.to_dataframe(run)
     assert list(frame.columns)[:3] == ["theta0_rad", "theta1_rad", "theta2_rad"]
@@ -90,21 +90,21 @@ def test_results_become_data_frames(results, found) -> None:
     assert dpr.to_dataframe(model).loc["a/b", "value"] == model.ratios["a/b"].value
     assert dpr.to_dataframe(model).index.is_unique
     assert len(dpr.to_dataframe(comparison)) == len(comparison.t)
-    assert set(dpr.to_dataframe(found).index) == {effect.name for effect in found.effects}
+    assert set(dpr.to_dataframe(diagnosis).index) == {effect.name for effect in diagnosis.effects}
     with pytest.raises(TypeError, match="cannot convert str"):
         dpr.to_dataframe("run")  # type: ignore[arg-type]
 
 
-def test_plots_are_figures(results, found) -> None:
+def test_plots_are_figures(results, diagnosis) -> None:
     run, model, comparison = results
     figures = [
         dpr.plot_run(run),
         dpr.plot_response([comparison]),
         dpr.plot_error([comparison]),
         dpr.plot_search(model),
-        dpr.plot_waterfall(found),
-        dpr.plot_where(found),
-        dpr.plot_horizon(found),
+        dpr.plot_waterfall(diagnosis),
+        dpr.plot_where(diagnosis),
+        dpr.plot_horizon(diagnosis),
     ]
     assert all(isinstance(figure, Figure) for figure in figures)
 

@@ -34,7 +34,9 @@ def impatience(source: str) -> Iterator[int]:
     tree = ast.parse(source)
     assigned = [(node.targets[0], node.value) for node in tree.body if isinstance(node, ast.Assign)]
     constants = {
-        target.id: value for target, it in assigned if isinstance(target, ast.Name) and (value := number(it, {}))
+        target.id: value
+        for target, value_node in assigned
+        if isinstance(target, ast.Name) and (value := number(value_node, {}))
     }
 
     def short(node: ast.expr | None) -> bool:

@@ -15,7 +15,7 @@ def changed(old: str, new: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("L1 = 0.4", "L1 = 172.7", "rig.L1 = 172.7: is too large for a length in m; 172.7 mm is 0.1727 m"),
         ("L1 = 0.4", "L1 = 0,4", "(at line 6, column 7): L1 = 0,4; write numbers with a decimal point"),
@@ -28,10 +28,10 @@ def changed(old: str, new: str) -> str:
         ("theta1 = 0.1", "theta1 = 1e300", "theta1 = 1e+300"),
     ],
 )
-def test_values_that_no_bench_has_are_refused(old: str, new: str, said: str) -> None:
+def test_values_that_no_bench_has_are_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(ConfigError) as error:
         parse_rig(changed(old, new))
-    assert said in str(error.value)
+    assert message in str(error.value)
     assert len(str(error.value)) < 400
 
 

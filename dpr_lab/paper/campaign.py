@@ -40,7 +40,7 @@ class SearchCase:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SearchResult:
     """Result of one search."""
 
     case: SearchCase
@@ -76,7 +76,9 @@ class Found:
     def record(self, rig: Rig) -> dict[str, Any]:
         """Return the result as lists and numbers for JSON."""
         case = {field.name: getattr(self.case, field.name) for field in fields(SearchCase)}
-        values = {field.name: getattr(self, field.name) for field in fields(Found) if field.name not in ("case", "E")}
+        values = {
+            field.name: getattr(self, field.name) for field in fields(SearchResult) if field.name not in ("case", "E")
+        }
         return (
             case
             | values
@@ -102,14 +104,14 @@ def search_cases(seeds: int, readings: Sequence[str]) -> list[SearchCase]:
     return [SearchCase(reading, grid, seed) for reading in readings for grid in grids for seed in range(seeds)]
 
 
-def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> Found:
+def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> SearchResult:
     """Run one search; the result does not depend on the number of cores."""
     reading, truth = READINGS[case.reading], swings(TRUTHS[case.grid], rig)
     wall, cpu = time.perf_counter(), time.process_time()
     history = list(iga(objective(reading, truth, rig), rig.bounds, settings, np.random.default_rng(case.seed)))
     last = history[-1]
     opened = (g.number for g in history if g.population_fitness > settings.alpha and g.best_fitness > settings.sigma)
-    return Found(
+    return SearchResult(
         case=case,
         best=last.best,
         H=last.best_cost,
@@ -123,7 +125,7 @@ def run_search(case: SearchCase, rig: Rig, settings: IgaSettings) -> Found:
     )
 
 
-def run_searches(wanted: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[Found]:
+def run_searches(wanted: Sequence[SearchCase], rig: Rig, settings: IgaSettings, workers: int) -> Iterator[SearchResult]:
     """Run searches in parallel, each on one core, and yield their results as they end.
 
     Separate processes are more efficient than the threads of one search, whose batches are often too small for all

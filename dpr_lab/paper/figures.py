@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dpr_lab.paper.campaign import TRUTHS, Found
+from dpr_lab.paper.campaign import TRUTHS, SearchResult
 from dpr_lab.paper.printed import POSES
 from dpr_lab.paper.swings import INSTANTS, swings
 from dpr_lab.report import style
@@ -16,7 +16,7 @@ from dpr_lab.rig import Rig
 from dpr_lab.whole_file import write_whole
 
 
-def response_figure(search: Found, rig: Rig) -> Figure:
+def response_figure(search: SearchResult, rig: Rig) -> Figure:
     """Draw figure 2: angles with true and identified parameters, one row per pose."""
     true, ours = swings(TRUTHS[search.case.grid], rig), swings(search.best, rig)
 
@@ -27,7 +27,7 @@ def response_figure(search: Found, rig: Rig) -> Figure:
     return _by_pose("angle (rad)", draw)
 
 
-def error_figure(search: Found, rig: Rig) -> Figure:
+def error_figure(search: SearchResult, rig: Rig) -> Figure:
     """Draw figure 3: the difference between the angles of figure 2."""
     error = swings(TRUTHS[search.case.grid], rig) - swings(search.best, rig)
 
@@ -37,7 +37,7 @@ def error_figure(search: Found, rig: Rig) -> Figure:
     return _by_pose("error (rad)", draw)
 
 
-def evolution_figure(search: Found) -> Figure:
+def evolution_figure(search: SearchResult) -> Figure:
     """Draw figure 4: H and fitness of the best individual in each generation."""
     with style.house_style():
         figure = _new_figure(4.2)
@@ -54,7 +54,7 @@ def evolution_figure(search: Found) -> Figure:
         return figure
 
 
-def save_figures(search: Found, rig: Rig, out_dir: Path) -> dict[str, Path]:
+def save_figures(search: SearchResult, rig: Rig, out_dir: Path) -> dict[str, Path]:
     """Write `figure2.png`, `figure3.png` and `figure4.png`.
 
     Returns:

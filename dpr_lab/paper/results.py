@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from dpr_lab.paper.campaign import TRUTHS, Found, SearchCase, run_searches, search_cases
+from dpr_lab.paper.campaign import TRUTHS, SearchCase, SearchResult, run_searches, search_cases
 from dpr_lab.paper.contradictions import Contradiction, contradictions
 from dpr_lab.paper.figures import save_figures
 from dpr_lab.paper.printed import BEST_H, FIGURES, PERCENT_ERRORS
@@ -25,7 +25,7 @@ class Reproduction:
     """All computed results of the reproduction."""
 
     settings: IgaSettings
-    results: tuple[Found, ...]
+    results: tuple[SearchResult, ...]
     """Results of the searches, in the order of `campaign.search_cases`."""
     ours: Recomputed
     tables: tuple[PaperTable, ...]
@@ -33,7 +33,7 @@ class Reproduction:
     contradictions: tuple[Contradiction, ...]
 
     @property
-    def best(self) -> Found:
+    def best(self) -> SearchResult:
         """Search shown in the figures: the one with the smallest angle error E from X1.
 
         Only searches with the true values on the coding grid are considered. Values of the objective H in different
@@ -49,7 +49,7 @@ def reproduce(
     seeds: int = 5,
     readings: Sequence[str] = tuple(READINGS),
     workers: int = 1,
-    on_search: Callable[[Found], None] | None = None,
+    on_search: Callable[[SearchResult], None] | None = None,
 ) -> Reproduction:
     """Run the published experiment.
 
@@ -67,7 +67,7 @@ def reproduce(
     if seeds < 1 or not readings or not set(readings) <= set(READINGS):
         raise ValueError(f"needs at least one seed and readings among {', '.join(READINGS)}")
     wanted = search_cases(seeds, readings)
-    finished: dict[SearchCase, Found] = {}
+    finished: dict[SearchCase, SearchResult] = {}
     for search in run_searches(wanted, rig, settings, min(workers, len(wanted))):
         finished[search.case] = search
         if on_search:

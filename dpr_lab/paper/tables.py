@@ -7,7 +7,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.dynamics.base import RATIOS
-from dpr_lab.paper.campaign import TRUTHS, Found, ratio_percent
+from dpr_lab.paper.campaign import TRUTHS, SearchResult, ratio_percent
 from dpr_lab.paper.printed import BEST_H, POSES, TABLE_1, TABLE_2, TABLE_3, TRUE
 from dpr_lab.paper.swings import READINGS, TERMS, errors, swings
 from dpr_lab.rig import PARAMETERS, Rig
@@ -39,7 +39,7 @@ def recompute(rig: Rig) -> Recomputed:
     return Recomputed(*(_by_term([errors(row[:9], truth, rig) for row in table]) for table in (TABLE_1, TABLE_3)))
 
 
-def all_tables(ours: Recomputed, results: Sequence[Found], rig: Rig) -> list[PaperTable]:
+def all_tables(ours: Recomputed, results: Sequence[SearchResult], rig: Rig) -> list[PaperTable]:
     """Build all tables of the reproduction, in the order of the publication."""
     return [
         table1(ours),
@@ -102,7 +102,7 @@ def table3(ours: Recomputed, rig: Rig) -> PaperTable:
     return PaperTable("table3", "Table 3: printed rows, H recomputed (angles unless stated)", columns, tuple(rows))
 
 
-def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
+def searches(results: Sequence[SearchResult], rig: Rig) -> PaperTable:
     """Build the table of the repeated searches: H, and errors of parameters and ratios."""
     columns = (
         "H",
@@ -130,19 +130,19 @@ def searches(results: Sequence[Found], rig: Rig) -> PaperTable:
     return PaperTable("searches", f"Our searches (the paper's best H is {BEST_H})", columns, tuple(rows))
 
 
-def parameters(results: Sequence[Found]) -> PaperTable:
+def parameters(results: Sequence[SearchResult]) -> PaperTable:
     """Build the table of the errors of the nine parameters in each search, %."""
     rows = [(*_head(f), *_signed(f.percent)) for f in results]
     return PaperTable("parameters", "Errors of the nine parameters, %", ("H", "grid", "seed", *PARAMETERS), tuple(rows))
 
 
-def ratios(results: Sequence[Found], rig: Rig) -> PaperTable:
+def ratios(results: Sequence[SearchResult], rig: Rig) -> PaperTable:
     """Build the table of the errors of the five ratios in each search, %."""
     rows = [(*_head(f), *_signed(f.ratio_percent(rig))) for f in results]
     return PaperTable("ratios", "Errors of the five ratios, %", ("H", "grid", "seed", *RATIOS), tuple(rows))
 
 
-def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
+def verdicts(results: Sequence[SearchResult], rig: Rig) -> list[str]:
     """Describe the agreement with the publication, one sentence per interpretation of H and grid."""
     return [
         _verdict(reading, grid, group, rig)
@@ -152,7 +152,7 @@ def verdicts(results: Sequence[Found], rig: Rig) -> list[str]:
     ]
 
 
-def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_percent: float = 1.0) -> str:
+def _verdict(reading: str, grid: str, group: Sequence[SearchResult], rig: Rig, within_percent: float = 1.0) -> str:
     """State how many searches of a group reach the published H and the published accuracy of all parameters."""
     costs = [f.H for f in group]
     nine = sum(bool((np.abs(f.percent) <= within_percent).all()) for f in group)
@@ -166,7 +166,7 @@ def _verdict(reading: str, grid: str, group: Sequence[Found], rig: Rig, within_p
     )
 
 
-def _head(search: Found) -> tuple[str, str, str]:
+def _head(search: SearchResult) -> tuple[str, str, str]:
     return search.case.reading, search.case.grid, str(search.case.seed)
 
 

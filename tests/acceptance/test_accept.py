@@ -36,7 +36,7 @@ UNCORRECTED = {"exact_torques": False, "torques_earlier": 0.0, "shutter": None}
 
 
 @pytest.fixture(scope="module")
-def found(recorded: Callable[..., list], paper: Rig) -> Diagnosis:
+def diagnosis(recorded: Callable[..., list], paper: Rig) -> Diagnosis:
     return diagnose(recorded({"coulomb_joint1": {"torque_Nm": TORQUE_NM}}), paper)
 
 
@@ -44,112 +44,112 @@ def limit(effect: str, parameter: str, size: float, unit: str) -> Limits:
     return Limits.model_validate({"effects": {effect: {parameter: {"max": size, "unit": unit}}}})
 
 
-def answer(found: Diagnosis, size: float) -> str:
-    return judge(found, limit("coulomb_joint1", "torque_Nm", size, "N m")).answer
+def answer(diagnosis: Diagnosis, size: float) -> str:
+    return judge(diagnosis, limit("coulomb_joint1", "torque_Nm", size, "N m")).answer
 
 
 @pytest.mark.slow
-def test_an_effect_just_above_its_limit_does_not_pass(found: Diagnosis) -> None:
-    assert answer(found, TORQUE_NM / 1.02) != "pass"
+def test_an_effect_just_above_its_limit_does_not_pass(diagnosis: Diagnosis) -> None:
+    assert answer(diagnosis, TORQUE_NM / 1.02) != "pass"
 
 
 @pytest.mark.slow
-def test_a_named_effect_is_judged_by_its_interval(found: Diagnosis) -> None:
-    (named,) = found.effects
+def test_a_named_effect_is_judged_by_its_interval(diagnosis: Diagnosis) -> None:
+    (named,) = diagnosis.effects
     low, high = named.parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)
     assert 0 < low < TORQUE_NM < high
-    assert answer(found, 1.1 * high) == "pass"
+    assert answer(diagnosis, 1.1 * high) == "pass"
     alone = named.model_copy(update={"members": [named.name], "odds": {}})
-    assert answer(found.model_copy(update={"effects": [alone]}), 0.9 * low) == "fail"
+    assert answer(diagnosis.model_copy(update={"effects": [alone]}), 0.9 * low) == "fail"
 
 
 @pytest.mark.slow
-def test_an_effect_does_not_fail_where_another_may_be_the_cause(found: Diagnosis) -> None:
-    (named,) = found.effects
+def test_an_effect_does_not_fail_where_another_may_be_the_cause(diagnosis: Diagnosis) -> None:
+    (named,) = diagnosis.effects
     low, _ = named.parameters["torque_Nm"].interval90_with_scale or (0.0, 0.0)
     shared = named.model_copy(update={"members": [named.name, "stribeck_joint1"], "odds": {}})
-    shared_cause = found.model_copy(update={"effects": [shared]})
+    shared_cause = diagnosis.model_copy(update={"effects": [shared]})
     (judged,) = judge(shared_cause, limit("coulomb_joint1", "torque_Nm", 0.9 * low, "N m")).limits
     assert judged.answer == "not decidable"
     assert "the probability that it is the cause" in judged.reason
 
 
-def test_an_effect_that_was_not_named_passes_only_by_its_interval(found: Diagnosis) -> None:
-    (seen,) = judge(found, limit("latency_joint2", "delay_s", 1e-3, "s")).limits
+def test_an_effect_that_was_not_named_passes_only_by_its_interval(diagnosis: Diagnosis) -> None:
+    (seen,) = judge(diagnosis, limit("latency_joint2", "delay_s", 1e-3, "s")).limits
     assert seen.answer == "pass"
     assert seen.interval90 is not None
     low, high = seen.interval90
     assert low < 0 < high
-    (strict,) = judge(found, limit("latency_joint2", "delay_s", (high - low) / 20, "s")).limits
+    (strict,) = judge(diagnosis, limit("latency_joint2", "delay_s", (high - low) / 20, "s")).limits
     assert strict.answer == "not decidable"
     assert strict.reason
 
 
-def test_a_cable_is_judged_with_its_other_amplitudes_free(found: Diagnosis) -> None:
+def test_a_cable_is_judged_with_its_other_amplitudes_free(diagnosis: Diagnosis) -> None:
     """Each interval of stiffness, hardening and constant torque holds for any values of the other amplitudes."""
-    (loose,) = judge(found, limit("spring_joint2", "stiffness_Nm_per_rad", 1.0, "N m/rad")).limits
+    (loose,) = judge(diagnosis, limit("spring_joint2", "stiffness_Nm_per_rad", 1.0, "N m/rad")).limits
     assert loose.answer == "pass"
     assert loose.interval90 is not None
     low, high = loose.interval90
-    assert found.evidence is not None
+    assert diagnosis.evidence is not None
     alone = next(
-        e for e in found.evidence.exclusions if (e.effect, e.parameter) == ("spring_joint2", "stiffness_Nm_per_rad")
+        e for e in diagnosis.evidence.exclusions if (e.effect, e.parameter) == ("spring_joint2", "stiffness_Nm_per_rad")
     )
     assert high - low > 2 * 1.645 * alone.size / SIGMAS
-    (strict,) = judge(found, limit("spring_joint2", "stiffness_Nm_per_rad", (high + low) / 2, "N m/rad")).limits
+    (strict,) = judge(diagnosis, limit("spring_joint2", "stiffness_Nm_per_rad", (high + low) / 2, "N m/rad")).limits
     assert strict.answer == "not decidable"
 
 
-def test_absent_cogging_is_judged_in_every_order(found: Diagnosis) -> None:
+def test_absent_cogging_is_judged_in_every_order(diagnosis: Diagnosis) -> None:
     """A limit that is passed in the order of the scan need not be passed in the other orders."""
-    (loose,) = judge(found, limit("detent_joint2", "cos1_Nm", 1.0, "N m")).limits
+    (loose,) = judge(diagnosis, limit("detent_joint2", "cos1_Nm", 1.0, "N m")).limits
     assert (loose.answer, loose.reason) == ("pass", "")
     assert loose.interval90 is not None
-    assert found.evidence is not None
-    alone = next(e for e in found.evidence.exclusions if (e.effect, e.parameter) == ("detent_joint2", "cos1_Nm"))
+    assert diagnosis.evidence is not None
+    alone = next(e for e in diagnosis.evidence.exclusions if (e.effect, e.parameter) == ("detent_joint2", "cos1_Nm"))
     low, high = loose.interval90
     assert high - low > 2 * 1.645 * alone.size / SIGMAS
-    (strict,) = judge(found, limit("detent_joint2", "cos1_Nm", max(-low, high) / 2, "N m")).limits
+    (strict,) = judge(diagnosis, limit("detent_joint2", "cos1_Nm", max(-low, high) / 2, "N m")).limits
     assert strict.answer == "not decidable"
 
 
-def test_nothing_passes_where_the_gap_is_not_explained(found: Diagnosis) -> None:
-    unexplained = found.model_copy(update={"verdict": "unexplained"})
+def test_nothing_passes_where_the_gap_is_not_explained(diagnosis: Diagnosis) -> None:
+    unexplained = diagnosis.model_copy(update={"verdict": "unexplained"})
     (judged,) = judge(unexplained, limit("latency_joint2", "delay_s", 1e-3, "s")).limits
     assert judged.answer == "not decidable"
     assert "no effect explains" in judged.reason
 
 
-def test_an_alternative_of_the_named_effect_does_not_pass(found: Diagnosis) -> None:
-    named = found.effects[0].model_copy(update={"members": ["coulomb_joint1", "latency_joint2"]})
+def test_an_alternative_of_the_named_effect_does_not_pass(diagnosis: Diagnosis) -> None:
+    named = diagnosis.effects[0].model_copy(update={"members": ["coulomb_joint1", "latency_joint2"]})
     (judged,) = judge(
-        found.model_copy(update={"effects": [named]}), limit("latency_joint2", "delay_s", 1e-3, "s")
+        diagnosis.model_copy(update={"effects": [named]}), limit("latency_joint2", "delay_s", 1e-3, "s")
     ).limits
     assert judged.answer == "not decidable"
     assert "coulomb_joint1" in judged.reason
 
 
 @pytest.mark.parametrize(("factor", "expected"), [(0.0, "pass"), (10.0, "fail"), (1.0, "not decidable")])
-def test_a_ratio_is_judged_by_its_interval(found: Diagnosis, factor: float, expected: str) -> None:
-    low, high = found.ratios["c2/b"].interval90
+def test_a_ratio_is_judged_by_its_interval(diagnosis: Diagnosis, factor: float, expected: str) -> None:
+    low, high = diagnosis.ratios["c2/b"].interval90
     width = high - low
     nominal = (low + high) / 2 + factor * width
     within = {"nominal": nominal, "tolerance": width, "unit": "1/s"}
-    assert judge(found, Limits.model_validate({"ratios": {"c2/b": within}})).answer == expected
+    assert judge(diagnosis, Limits.model_validate({"ratios": {"c2/b": within}})).answer == expected
 
 
-def test_a_ratio_that_the_recordings_do_not_determine_is_not_decidable(found: Diagnosis) -> None:
-    alone = found.model_copy(update={"determined": {"e1/a": found.ratios["e1/b"]}})
+def test_a_ratio_that_the_recordings_do_not_determine_is_not_decidable(diagnosis: Diagnosis) -> None:
+    alone = diagnosis.model_copy(update={"determined": {"e1/a": diagnosis.ratios["e1/b"]}})
     wide = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
     (judged,) = judge(alone, wide).limits
     assert (judged.answer, judged.reason) == ("not decidable", "these recordings determine e1/a, not c2/b")
 
 
-def test_an_amplitude_that_the_fit_left_out_does_not_pass(found: Diagnosis) -> None:
-    (named,) = found.effects
+def test_an_amplitude_that_the_fit_left_out_does_not_pass(diagnosis: Diagnosis) -> None:
+    (named,) = diagnosis.effects
     left_out = EffectSize(value=0.0, interval90=(0.0, 0.0), interval90_with_scale=(0.0, 0.0))
     without = named.model_copy(update={"parameters": {"torque_Nm": left_out}})
-    without = found.model_copy(update={"effects": [without]})
+    without = diagnosis.model_copy(update={"effects": [without]})
     (judged,) = judge(without, limit("coulomb_joint1", "torque_Nm", 1.0, "N m")).limits
     assert (judged.answer, judged.interval90) == ("not decidable", None)
     assert "this amplitude was not fitted" in judged.reason
@@ -164,19 +164,19 @@ def test_the_interval_of_a_ratio_has_the_digits_that_show_its_width() -> None:
 UNITS = ("1/s^2", "1", "1/(s^2 V)")
 
 
-def test_a_ratio_of_one_rod_or_of_the_arm_is_judged(found: Diagnosis, tmp_path: Path) -> None:
-    arm = {"e1/a": found.ratios["e1/b"], "A/a": found.ratios["a/b"], "kt/(R a)": found.ratios["c2/b"]}
+def test_a_ratio_of_one_rod_or_of_the_arm_is_judged(diagnosis: Diagnosis, tmp_path: Path) -> None:
+    arm = {"e1/a": diagnosis.ratios["e1/b"], "A/a": diagnosis.ratios["a/b"], "kt/(R a)": diagnosis.ratios["c2/b"]}
     wide = "".join(f'"{name}" = {{min = 0.0, unit = "{unit}"}}\n' for name, unit in zip(arm, UNITS, strict=True))
     (tmp_path / "limits.toml").write_text(f"[ratios]\n{wide}")
-    acceptance = judge(found.model_copy(update={"determined": arm}), load_limits(tmp_path / "limits.toml", Limits))
+    acceptance = judge(diagnosis.model_copy(update={"determined": arm}), load_limits(tmp_path / "limits.toml", Limits))
     assert [limit.answer for limit in acceptance.limits] == ["pass"] * 3
 
 
-def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(found: Diagnosis) -> None:
-    (named,) = found.effects
-    unsure = found.model_copy(update={"effects": [named.model_copy(update={"probability": 0.8})]})
+def test_a_ratio_is_not_decidable_where_the_cause_is_unsure(diagnosis: Diagnosis) -> None:
+    (named,) = diagnosis.effects
+    unsure = diagnosis.model_copy(update={"effects": [named.model_copy(update={"probability": 0.8})]})
     wide = Limits.model_validate({"ratios": {"c2/b": {"min": 0.0, "unit": "1/s"}}})
-    assert judge(found, wide).answer == "pass"
+    assert judge(diagnosis, wide).answer == "pass"
     (judged,) = judge(unsure, wide).limits
     assert judged.answer == "not decidable"
     assert "depend on the cause" in judged.reason
@@ -213,15 +213,15 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         load_limits(tmp_path / "none.toml", Limits)
 
 
-def test_a_free_run_is_judged_by_its_spread_over_releases(found: Diagnosis) -> None:
+def test_a_free_run_is_judged_by_its_spread_over_releases(diagnosis: Diagnosis) -> None:
     limit = {"max": 0.05, "horizon_s": 2.0, "unit": "rad"}
     kept = Limits.model_validate({"free_run": limit})
     answers = {
-        name: judge(found, kept, dict(enumerate_runs(errors))).answer
+        name: judge(diagnosis, kept, dict(enumerate_runs(errors))).answer
         for name, errors in {"small": (0.010, 0.012, 0.011), "large": (0.2, 0.25, 0.3), "wide": (0.01, 0.2)}.items()
     }
     assert answers == {"small": "pass", "large": "fail", "wide": "not decidable"}
-    (alone,) = judge(found, kept, {"X1": 0.01}).limits
+    (alone,) = judge(diagnosis, kept, {"X1": 0.01}).limits
     assert alone.answer == "not decidable"
     assert "fewer than two recordings" in alone.reason
 
@@ -262,12 +262,12 @@ def enumerate_runs(errors: tuple[float, ...]) -> list[tuple[str, float]]:
 
 
 @pytest.mark.slow
-def test_free_run_errors_grow_with_the_horizon(recorded: Callable[..., list], found: Diagnosis, paper: Rig) -> None:
+def test_free_run_errors_grow_with_the_horizon(recorded: Callable[..., list], diagnosis: Diagnosis, paper: Rig) -> None:
     runs = recorded({"coulomb_joint1": {"torque_Nm": TORQUE_NM}})
-    short, long = (free_run_errors(runs, paper, found, horizon) for horizon in (0.6, 2.0))
+    short, long = (free_run_errors(runs, paper, diagnosis, horizon) for horizon in (0.6, 2.0))
     assert short.keys() == long.keys() == {run.name for run in runs}
     assert sum(short.values()) < sum(long.values()) < 0.5
-    assert free_run_errors(runs, paper, found, 59.0) == {}
+    assert free_run_errors(runs, paper, diagnosis, 59.0) == {}
 
 
 def test_missed_counts_of_one_run_are_not_applied_to_another_run(paper: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -310,39 +310,41 @@ def friction(size: float, speed: float = 3.0) -> Limits:
     return Limits.model_validate({"friction": {"joint1": {"max": size, "speed_rad_s": speed, "unit": "N m"}}})
 
 
-def test_the_friction_torque_of_a_joint_is_limited_up_to_a_speed(found: Diagnosis, paper: Rig) -> None:
+def test_the_friction_torque_of_a_joint_is_limited_up_to_a_speed(diagnosis: Diagnosis, paper: Rig) -> None:
     viscous = float(paper.nominal[PARAMETERS.index("c1")])
     true = TORQUE_NM + 3.0 * viscous
-    answers = [judge(found, friction(size * true)).answer for size in (0.5, 1 / 1.02, 2.0)]
+    answers = [judge(diagnosis, friction(size * true)).answer for size in (0.5, 1 / 1.02, 2.0)]
     assert answers[0] == "fail"
     assert answers[1] != "pass"
     assert answers[2] == "pass"
-    (fast,) = judge(found, friction(2.0, 500.0)).limits
+    (fast,) = judge(diagnosis, friction(2.0, 500.0)).limits
     assert fast.answer == "not decidable"
     assert "joint1 reaches" in fast.reason
 
 
-def test_the_friction_torque_is_undecided_where_its_law_may_be_another_effect(found: Diagnosis) -> None:
-    named = found.effects[0].model_copy(update={"name": "load_friction_joint1", "members": ["load_friction_joint1"]})
-    (other,) = judge(found.model_copy(update={"effects": [named]}), friction(1.0)).limits
+def test_the_friction_torque_is_undecided_where_its_law_may_be_another_effect(diagnosis: Diagnosis) -> None:
+    named = diagnosis.effects[0].model_copy(
+        update={"name": "load_friction_joint1", "members": ["load_friction_joint1"]}
+    )
+    (other,) = judge(diagnosis.model_copy(update={"effects": [named]}), friction(1.0)).limits
     assert other.answer == "not decidable"
     assert "does not depend on the speed alone" in other.reason
-    doubted = found.effects[0].model_copy(update={"probability": 0.5})
-    (other,) = judge(found.model_copy(update={"effects": [doubted], "rivals": []}), friction(1.0)).limits
+    doubted = diagnosis.effects[0].model_copy(update={"probability": 0.5})
+    (other,) = judge(diagnosis.model_copy(update={"effects": [doubted], "rivals": []}), friction(1.0)).limits
     assert "is a friction law of joint 1 is 50 %" in other.reason
 
 
 @pytest.mark.parametrize(("back_emf", "above"), [(False, "fail"), (True, "not decidable")])
 def test_the_friction_of_an_arm_with_back_emf_can_pass_its_limit_but_not_fail(
-    found: Diagnosis, back_emf: bool, above: str
+    diagnosis: Diagnosis, back_emf: bool, above: str
 ) -> None:
     speeds, torques = [-3.0, -1.0, 1.0, 3.0], [-0.3, -0.1, 0.1, 0.3]
     curve = JointFriction(
         speed_rad_per_s=speeds, torque_Nm=torques, std_Nm=[1e-3] * 4, coefficients=2, back_emf=back_emf
     )
-    assert found.evidence is not None
-    with_arm = found.evidence.model_copy(update={"friction": {"joint0": curve}})
-    of_arm = found.model_copy(update={"evidence": with_arm})
+    assert diagnosis.evidence is not None
+    with_arm = diagnosis.evidence.model_copy(update={"friction": {"joint0": curve}})
+    of_arm = diagnosis.model_copy(update={"evidence": with_arm})
     for size, expected in ((0.1, above), (1.0, "pass")):
         limit = {"friction": {"joint0": {"max": size, "speed_rad_s": 3.0, "unit": "N m"}}}
         (judged,) = judge(of_arm, Limits.model_validate(limit)).limits

@@ -82,13 +82,13 @@ def test_a_release_from_before_it_was_ordered_is_not_believed(lying, paper: Rig,
     assert kept.is_file()
 
 
-def while_streaming(**said: object) -> Lie:
+def while_streaming(**reported: object) -> Lie:
     """Replace every STATUS of a device that streams and holds the rods."""
-    return lambda m: [replace(m, **said) if isinstance(m, Status) and m.state is State.STREAMING else m]
+    return lambda m: [replace(m, **reported) if isinstance(m, Status) and m.state is State.STREAMING else m]
 
 
 @pytest.mark.parametrize(
-    ("lie", "error", "said"),
+    ("lie", "error", "reported"),
     [
         (while_streaming(latched=False), DeviceFault, "reports an open latch"),
         (while_streaming(state=State.IDLE, latched=False), DeviceFault, "reports an open latch"),
@@ -96,10 +96,10 @@ def while_streaming(**said: object) -> Lie:
     ],
 )
 def test_no_release_is_sent_if_the_device_reports_a_reason_against_it(
-    lying, paper, tmp_path, agree, lie, error, said
+    lying, paper, tmp_path, agree, lie, error, reported
 ) -> None:
     with lying(lie) as (device, liar):
-        with pytest.raises(error, match=said):
+        with pytest.raises(error, match=reported):
             capture(device, paper, "X1", replace(SHORT, rest_timeout=1.5), tmp_path, confirm=agree)
         assert not liar.released
 

@@ -26,7 +26,7 @@ def capture(cli, link: str, tmp_path: Path, rig: object = "paper"):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("lower = 0.16", "lower = 0.3", "bounds are reversed"),
         ('name = "paper"', 'name = "paper"\ncolour = "red"', "unknown key"),
@@ -37,11 +37,11 @@ def capture(cli, link: str, tmp_path: Path, rig: object = "paper"):
         ("lower = 0.16\nupper = 0.24", "measured = 0.2", "std"),
     ],
 )
-def test_a_wrong_rig_file_names_file_key_and_value(tmp_path: Path, cli, old: str, new: str, said: str) -> None:
+def test_a_wrong_rig_file_names_file_key_and_value(tmp_path: Path, cli, old: str, new: str, message: str) -> None:
     rig = changed_rig(tmp_path, old, new)
     done = capture(cli, "sim://", tmp_path, rig)
     assert done.code == 3
-    assert said in done.err
+    assert message in done.err
     assert str(rig) in done.err
     assert "Traceback" not in done.err
 
@@ -160,7 +160,7 @@ def imported(cli, tmp_path: Path, text: str | bytes, *options: str):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", "table.csv"),
         ("", "table.csv"),
@@ -171,10 +171,10 @@ def imported(cli, tmp_path: Path, text: str | bytes, *options: str):
     ],
     ids=["not a CSV", "empty", "zero length", "one axis missing", "time going backwards", "NaN rows"],
 )
-def test_a_wrong_table_is_refused_with_a_sentence(tmp_path: Path, cli, text: str | bytes, said: str) -> None:
+def test_a_wrong_table_is_refused_with_a_sentence(tmp_path: Path, cli, text: str | bytes, message: str) -> None:
     done = imported(cli, tmp_path, text)
     assert done.code == 3
-    assert said in done.err
+    assert message in done.err
     assert "Traceback" not in done.err
     assert not list(tmp_path.rglob("*.mcap"))
 

@@ -121,7 +121,7 @@ def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         ((*ONE, "--arm", "free"), 3, "an arm that is free needs its length: give --l0"),
         ((*ONE, "--l0", "0.1", "--arm", "driven"), 3, "needs the quantity of its input column: give --input"),
@@ -142,10 +142,10 @@ def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> 
         ((*FLAGS, "--out", "rig.txt"), 3, "ends in .toml"),
     ],
 )
-def test_what_no_rig_file_may_hold(cli, tmp_path: Path, words: tuple[str, ...], code: int, said: str) -> None:
+def test_what_no_rig_file_may_hold(cli, tmp_path: Path, words: tuple[str, ...], code: int, message: str) -> None:
     done = cli("rig", "new", *words, cwd=tmp_path)
     assert (done.code, list(tmp_path.iterdir())) == (code, [])
-    assert said in " ".join(done.err.split())
+    assert message in " ".join(done.err.split())
     assert "Traceback" not in done.err
 
 

@@ -148,7 +148,7 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         (("draw", "--rig", "nonesuch", "--out", "t"), 3, "nor the name of a built-in rig"),
         (("draw", "--plant", "nonesuch", "--out", "t"), 3, "nor the name of a built-in plant"),
@@ -164,10 +164,10 @@ def test_wrong_words_are_refused(tmp_path: Path, cli) -> None:
         (("campaign", "--n", "1", "--scheduler", "tcp://0.0.0.0:1", "--out", "t"), 4, "can run any code"),
     ],
 )
-def test_bad_input_is_answered_with_a_sentence(tmp_path: Path, cli, words, code: int, said: str) -> None:
+def test_bad_input_is_answered_with_a_sentence(tmp_path: Path, cli, words, code: int, message: str) -> None:
     done = cli("trials", *words, cwd=tmp_path)
     assert done.code == code
-    assert said in done.err
+    assert message in done.err
     assert "Traceback" not in done.err
 
 

@@ -35,7 +35,7 @@ _stepped_of = compiled(["def folded(internal):", f"    return ({', '.join(f'inte
 def read_segments(base, params, constants, segments, initial, internal=None):
     """Compute readings (N, 3) of both joints and of the arm, rad, and internal states (S, k) at the starts of the
     segments."""
-    angles, begun = np.empty((len(segments.t), 3)), np.empty((len(segments), len(INTERNAL)))
+    angles, internal_starts = np.empty((len(segments.t), 3)), np.empty((len(segments), len(INTERNAL)))
     params = np.broadcast_to(params, (len(segments.setups), params.shape[-1]))
     after = np.zeros(len(INTERNAL))
     for s, run in enumerate(segments.run):
@@ -48,10 +48,12 @@ def read_segments(base, params, constants, segments, initial, internal=None):
         if s in segments.chains:
             after = _begins(initial[s], segment_start(segments.t[i]))
         given = np.full(len(INTERNAL), np.nan) if internal is None else internal[s]
-        begun[s] = np.where(np.isnan(given), after, given)
+        internal_starts[s] = np.where(np.isnan(given), after, given)
         until = segments.t[min(j, len(segments.t) - 1)]
-        _segment(segments.t[i:j], run, until, initial[s], begun[s], after, model, segments.step[s], angles[i:j])
-    return angles, begun
+        _segment(
+            segments.t[i:j], run, until, initial[s], internal_starts[s], after, model, segments.step[s], angles[i:j]
+        )
+    return angles, internal_starts
 
 
 @njit

@@ -43,15 +43,15 @@ def typical(*names, factor=1.0):
     )
 
 
-def compare(params, constants=CONSTANTS, laid=SEGMENTS, internal=None):
+def compare(params, constants=CONSTANTS, layout=SEGMENTS, internal=None):
     """Compare many candidates in one call with each candidate in a separate call."""
     bases = BASE * RNG.uniform(0.95, 1.05, (len(params), 6))
     initial = INITIAL + RNG.normal(0, 0.01, (len(params), 6, 4))
-    together = predict_batch(bases, params, constants, laid, initial, internal, arm=True)
+    together = predict_batch(bases, params, constants, layout, initial, internal, arm=True)
     for i in range(len(params)):
-        alone, begun = read_segments(bases[i], params[i], constants, laid, initial[i], internal)
+        alone, internal_starts = read_segments(bases[i], params[i], constants, layout, initial[i], internal)
         np.testing.assert_allclose(together[i], alone, atol=EXACT, rtol=0)
-        yield begun, internal_states(bases[i], params[i], constants, laid, initial[i])
+        yield internal_starts, internal_states(bases[i], params[i], constants, layout, initial[i])
 
 
 def test_every_effect_alone_and_none():
@@ -98,8 +98,8 @@ def test_effects_that_differ_between_runs():
 
 
 def test_steps_that_differ_between_segments():
-    laid = segments(TIMES, SEGMENTS.run, SETUPS, step=[2.5e-3, 1e-3, 4e-3, 2.5e-3, 3e-3, 7e-4])
-    for _ in compare(np.array([*map(typical, OF_FREE_SWINGS), typical(*REMEMBERING)]), laid=laid):
+    layout = segments(TIMES, SEGMENTS.run, SETUPS, step=[2.5e-3, 1e-3, 4e-3, 2.5e-3, 3e-3, 7e-4])
+    for _ in compare(np.array([*map(typical, OF_FREE_SWINGS), typical(*REMEMBERING)]), layout=layout):
         pass
 
 

@@ -243,7 +243,7 @@ def test_a_candidate_that_fails_is_not_finite_and_spoils_no_other():
 
 
 @pytest.mark.parametrize(
-    ("times", "run", "said"),
+    ("times", "run", "message"),
     [
         ([], [], "at least one segment"),
         ([[0.0, 1.0]], [0, 1], "one run index for each"),
@@ -252,8 +252,8 @@ def test_a_candidate_that_fails_is_not_finite_and_spoils_no_other():
         ([[1.0], [0.0]], [0, 0], "order of runs"),
     ],
 )
-def test_segments_out_of_order_are_refused(times, run, said):
-    with pytest.raises(ValueError, match=said):
+def test_segments_out_of_order_are_refused(times, run, message):
+    with pytest.raises(ValueError, match=message):
         segments(times, run)
 
 

@@ -239,11 +239,11 @@ def test_effects_of_one_stage_add_up(record):
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    ("values", "message"),
     [({"stiction": {"torque_Nm": 1.0}}, "no effect 'stiction'"), ({"coulomb_joint1": {"torque": 1.0}}, "torque_Nm")],
 )
-def test_unknown_names_are_refused(values, said):
-    with pytest.raises(ValueError, match=said):
+def test_unknown_names_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
         effect_params(values)
 
 

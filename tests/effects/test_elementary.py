@@ -28,10 +28,10 @@ SIZES = 10.0 ** RNG.uniform(-12, 1.3, 3000) * RNG.choice([-1, 1], 3000)
 ULPS = 2.5
 
 
-def off(found, exact):
+def off(computed, exact):
     """Distance from the exact value, in units in the last place."""
     with mpmath.workdps(40):
-        return float(abs(mpmath.mpf(float(found)) - exact) / np.spacing(abs(float(exact))))
+        return float(abs(mpmath.mpf(float(computed)) - exact) / np.spacing(abs(float(exact))))
 
 
 @pytest.mark.parametrize(("own", "exact"), [(exp, mpmath.exp), (tanh, mpmath.tanh)])

@@ -15,12 +15,12 @@ from dpr_lab.exports.urdf import urdf
 from dpr_lab.rig import Rig
 from tests.exports.models import X0, lab_states, model_of, typical
 
-SAID = {name: values for effect in ("coulomb_joint1", "base_tilt") for name, values in typical(effect).items()}
+EFFECT_VALUES = {name: values for effect in ("coulomb_joint1", "base_tilt") for name, values in typical(effect).items()}
 
 
 @pytest.fixture(scope="module")
 def bent() -> dict:
-    return SAID | typical("com_offset_link2") | typical("stribeck_joint2") | typical("latency_joint2")
+    return EFFECT_VALUES | typical("com_offset_link2") | typical("stribeck_joint2") | typical("latency_joint2")
 
 
 def test_urdf_is_read_by_its_parser(paper: Rig, bent: dict):
@@ -109,5 +109,5 @@ def test_each_loss_is_listed_with_its_reason(paper: Rig, bent: dict, name: str):
     assert "not encoder readings" in lost["latency_joint2"]
     root = ElementTree.fromstring(files[FORMATS[name].main])
     assert root.find("x") is None
-    whole = FORMATS[name].written(model_of(paper, SAID), paper)
+    whole = FORMATS[name].written(model_of(paper, EFFECT_VALUES), paper)
     assert list(whole) == [FORMATS[name].main]

@@ -109,7 +109,7 @@ def test_every_format_is_in_the_help_and_on_its_page() -> None:
     assert [name for name in FORMATS if f"| `{name}` |" not in page] == []
 
 
-def in_xml(said: str) -> str:
+def in_xml(original: str) -> str:
     """Characters of a text that XML can contain."""
     gone = {"\x00", "\x1b", "\ufffe", "\ud800"}
-    return "".join("\N{REPLACEMENT CHARACTER}" if character in gone else character for character in said)
+    return "".join("\N{REPLACEMENT CHARACTER}" if character in gone else character for character in original)

@@ -32,7 +32,7 @@ class Done:
     """Result of a command."""
 
     code: int
-    said: str
+    message: str
     """Last line on stderr."""
     runs: list[Path]
 
@@ -120,8 +120,8 @@ class Matrix:
         self.rows = [line for line in DOC.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
         self.seen: dict[str, str] = {}
 
-    def show(self, fault: str, link: str, said: str, code: int, survives: str) -> None:
-        row = f"| {fault} | {link} | {_plain(said)} | {code} | {survives} |"
+    def show(self, fault: str, link: str, message: str, code: int, survives: str) -> None:
+        row = f"| {fault} | {link} | {_plain(message)} | {code} | {survives} |"
         self.seen[f"| {fault} | {link} |"] = row
         if not self.write:
             assert row in self.rows, f"not in {DOC.name}: run the tests once with {WRITE}=1 and read what changed"
@@ -137,15 +137,15 @@ class Matrix:
         DOC.write_text(text[:start] + "\n".join([header, rule, *known.values()]) + text[end:], encoding="utf-8")
 
 
-def _plain(said: str) -> str:
+def _plain(message: str) -> str:
     """Replace the parts of a sentence that differ between runs: places and numbers."""
-    said = re.sub(r"(serial|can|socket|sim)://\S+?(?=[:;,]? |$)", "LINK", said.removeprefix("dpr-lab: "))
-    said = re.sub(r"\S+\.mcap", "FILE", said)
-    said = re.sub(r"\b[0-9a-f]{8,16}\b", "N", said)
-    said = re.sub(r"(/[\w.-]+){2,}", "PATH", said)
-    said = re.sub(r"(?<![A-Za-z\d])[+-]?\d[\d,.]*(?<![,.])", "N", said).replace("|", "/")
+    message = re.sub(r"(serial|can|socket|sim)://\S+?(?=[:;,]? |$)", "LINK", message.removeprefix("dpr-lab: "))
+    message = re.sub(r"\S+\.mcap", "FILE", message)
+    message = re.sub(r"\b[0-9a-f]{8,16}\b", "N", message)
+    message = re.sub(r"(/[\w.-]+){2,}", "PATH", message)
+    message = re.sub(r"(?<![A-Za-z\d])[+-]?\d[\d,.]*(?<![,.])", "N", message).replace("|", "/")
     # A damaged frame can be counted under any of these, and can take its neighbour along.
-    return re.sub(r"(?:(?:crc|framing) N, )+(?:tick_gap N, )?", "crc / framing / tick_gap N, ", said)
+    return re.sub(r"(?:(?:crc|framing) N, )+(?:tick_gap N, )?", "crc / framing / tick_gap N, ", message)
 
 
 @pytest.fixture(scope="session")

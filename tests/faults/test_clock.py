@@ -32,7 +32,7 @@ def test_injected_drift_is_recovered_within_the_stated_interval(drift_ppm: float
     before = time.time()
     done = operate(serve(link=LINKS[link], clock="realtime", drift_ppm=drift_ppm), "--duration", "5")
     after = time.time()
-    assert done.code == 0, done.said
+    assert done.code == 0, done.message
     clock = info(done.runs[0]).clock
     assert abs(clock["rate_ppm"] - drift_ppm) < 4 * clock["rate_ppm_std"]
     assert clock["rate_ppm_std"] > 0
@@ -58,7 +58,7 @@ def test_a_clock_before_1970_records_and_reads_as_any_other(
     for module in (capture, metadata):
         monkeypatch.setattr(module, "datetime", Early)
     done = operate(serve(), "--duration", "0.5")
-    assert (done.code, len(done.runs)) == (0, 1), done.said
+    assert (done.code, len(done.runs)) == (0, 1), done.message
     (file,) = done.runs
     assert file.name.startswith("196")
     assert info(file).created_utc.startswith("196")
@@ -89,18 +89,18 @@ def test_lost_host_times_do_not_change_device_time(link: str, serve, operate, wr
 
 
 @pytest.mark.parametrize(
-    ("link", "baud", "said"),
+    ("link", "baud", "message"),
     [
         ("pty", 115_200, "1000 Hz needs 140,000 bit/s, 122 % of 115200 baud (at most 80 % may be used)"),
         ("slcan", 125_000, "1000 Hz needs 135,000 bit/s, 108 % of a 125000 bit/s bus (at most 80 % may be used)"),
     ],
 )
 def test_a_rate_the_link_cannot_carry_is_refused_with_the_arithmetic(
-    link: str, baud: int, said: str, serve, operate, matrix, tmp_path: Path
+    link: str, baud: int, message: str, serve, operate, matrix, tmp_path: Path
 ) -> None:
     done = operate(serve(link=link, baud=baud))
     assert (done.code, done.runs) == (4, [])
-    assert said in done.said
-    assert "choose at most" in done.said
+    assert message in done.message
+    assert "choose at most" in done.message
     shown = {"pty": "serial", "slcan": "CAN"}[link]
-    matrix.show("a rate that the link cannot carry", shown, done.said, done.code, "no RELEASE sent, no file created")
+    matrix.show("a rate that the link cannot carry", shown, done.message, done.code, "no RELEASE sent, no file created")

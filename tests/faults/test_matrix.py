@@ -135,8 +135,8 @@ def test_fault(case: Case, link: str, serve, operate, wrong_samples, matrix, tmp
     survives = _what_survives(done.runs, wrong_samples, case.device, tmp_path)
     if survives == ALL and case.survives == COUNTED:
         survives = COUNTED  # a fault so rare that it may not strike
-    assert (done.code, survives) == (case.code, case.survives), done.said
-    matrix.show(case.what, link, done.said, done.code, survives)
+    assert (done.code, survives) == (case.code, case.survives), done.message
+    matrix.show(case.what, link, done.message, done.code, survives)
 
 
 def _what_survives(runs: list[Path], wrong_samples: Any, device: dict[str, Any], tmp_path: Path) -> str:

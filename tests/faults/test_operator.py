@@ -123,14 +123,14 @@ def test_a_disk_that_fills_up(link: str, tmp_path: Path, wrong_samples, matrix) 
 def test_a_folder_that_cannot_be_written(operate, serve, matrix) -> None:
     done = operate(serve(), out=Path("/proc/runs"))
     assert (done.code, done.runs) == (3, [])
-    matrix.show("a folder that cannot be written", "any", done.said, done.code, "no RELEASE sent, no file created")
+    matrix.show("a folder that cannot be written", "any", done.message, done.code, "no RELEASE sent, no file created")
 
 
 def test_a_disk_without_room(operate, serve, matrix) -> None:
     done = operate(serve(), "--duration", "1e12")
     assert (done.code, done.runs) == (3, [])
-    assert "MB are free" in done.said
-    matrix.show("a disk without enough free space", "any", done.said, done.code, "no RELEASE sent, no file created")
+    assert "MB are free" in done.message
+    matrix.show("a disk without enough free space", "any", done.message, done.code, "no RELEASE sent, no file created")
 
 
 @pytest.mark.long

@@ -33,7 +33,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture
 def run_file(serve, operate) -> Path:
     done = operate(serve(clock="realtime"), "--duration", "2")
-    assert done.code == 0, done.said
+    assert done.code == 0, done.message
     return done.runs[0]
 
 

@@ -185,9 +185,9 @@ class QemuRole:
 
     def fall_silent(self, seconds: float, answers: int) -> list[Message]:
         """Until the device has said as much as it should, for it counts its own time; else as long as it takes."""
-        begun, before = time.monotonic(), len(self._answers(self.heard))
-        while len(self._answers(self.heard)) < before + answers if answers else time.monotonic() < begun + seconds:
-            assert time.monotonic() < begun + PATIENCE_S, "the device said nothing"
+        started, before = time.monotonic(), len(self._answers(self.heard))
+        while len(self._answers(self.heard)) < before + answers if answers else time.monotonic() < started + seconds:
+            assert time.monotonic() < started + PATIENCE_S, "the device said nothing"
             self._read()
         return self._answers(self._barrier())
 
@@ -228,10 +228,10 @@ class QemuRole:
     def _errors(self) -> int:
         return self.decoder.crc_errors + self.decoder.framing_errors
 
-    def _answers(self, said: list[Message]) -> list[Message]:
+    def _answers(self, received: list[Message]) -> list[Message]:
         """Messages without reports, samples and markers. Of a repeated release, only the first is kept."""
         answers: list[Message] = []
-        for message in said:
+        for message in received:
             if isinstance(message, Sample | Position | Status) or (
                 isinstance(message, Pong) and message.token & 0xFF00 == 0xBA00
             ):

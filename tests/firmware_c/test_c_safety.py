@@ -26,7 +26,7 @@ from firmware_protocol.messages import (
 from sim_device.firmware.c_firmware import READINGS, Firmware
 
 INFO = DeviceInfo("1.0.0", "00000000000000ff", (16384, 16384, 16384), rate_max_hz=4000, rate_default_hz=100)
-BEGUN = (Hello(1), Hold(2), Stream(3, 1000))
+START_UP = (Hello(1), Hold(2), Stream(3, 1000))
 
 tokens = st.integers(0, 255)
 good = st.one_of(
@@ -47,7 +47,7 @@ happenings = st.one_of(
 @given(st.lists(happenings, max_size=60), st.integers(0, 2**32 - 1))
 def test_only_a_release_opens_the_latch(library, sequence: list, start_ms: int):
     firmware, now = Firmware(INFO, library=library), start_ms
-    for message in BEGUN:
+    for message in START_UP:
         firmware.receive(encode(message), now, 0.0)
     for happening in sequence:
         before = firmware.latched
@@ -83,7 +83,7 @@ def handle(firmware: Firmware, happening: tuple[str, int], now: int) -> None:
 @pytest.mark.parametrize("now", [1000, 2**32 - 300], ids=["", "the clock wraps"])
 def test_the_lease_ends_to_the_millisecond(library, now: int):
     firmware = Firmware(INFO, library=library)
-    for message in BEGUN:
+    for message in START_UP:
         firmware.receive(encode(message), now, 0.0)
     assert firmware.poll(now + 499) == []
     assert firmware.state is State.STREAMING
@@ -102,7 +102,7 @@ def test_the_highest_rate_is_allowed_and_none_above_it(library, rate_hz: int, st
 
 def test_a_fault_that_is_still_there_stops_the_device_again(library):
     firmware = Firmware(INFO, library=library)
-    for message in BEGUN:
+    for message in START_UP:
         firmware.receive(encode(message), 0, 0.0)
     firmware.set_fault(4)
     firmware.poll(1)

@@ -8,8 +8,8 @@ import pytest
 import firmware_protocol
 from tests.thinned import FULL
 
-TOLD = json.loads(Path(firmware_protocol.__file__).with_name("traces.json").read_text(encoding="utf-8"))
-TRACES = {trace["why"]: trace for trace in TOLD["traces"]}
+RECORDED = json.loads(Path(firmware_protocol.__file__).with_name("traces.json").read_text(encoding="utf-8"))
+TRACES = {trace["why"]: trace for trace in RECORDED["traces"]}
 
 
 @pytest.mark.parametrize("why", TRACES)

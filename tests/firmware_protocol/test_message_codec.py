@@ -114,7 +114,7 @@ def test_a_value_out_of_range_is_our_fault(message: Message):
 
 
 @pytest.mark.parametrize(
-    ("frame", "said"),
+    ("frame", "reason"),
     [
         (Frame(frame_id(1, 63), b""), "63 is not in dpr.dbc"),
         (Frame(frame_id(1, NUMBERS[Sample]), bytes(7)), "SAMPLE has 7 bytes, not 8"),
@@ -124,8 +124,8 @@ def test_a_value_out_of_range_is_our_fault(message: Message):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_an_invalid_frame_is_refused_with_a_reason(frame: Frame, said: str):
-    with pytest.raises(RemoteProtocolError, match=said):
+def test_an_invalid_frame_is_refused_with_a_reason(frame: Frame, reason: str):
+    with pytest.raises(RemoteProtocolError, match=reason):
         decode(frame)
 
 

@@ -23,11 +23,11 @@ NOT_SEEN = ("rotor_inertia_joint1",)
 """The base parameter a takes it up exactly."""
 
 
-def scaled(found: Diagnosis, effect: str, parameter: str) -> float:
+def scaled(diagnosis: Diagnosis, effect: str, parameter: str) -> float:
     """A torque at the plant's own scale: a free swing fixes none."""
     b = load_plant("paper", 1).parameters
-    (result,) = [result for result in found.effects if effect in result.members]
-    return result.parameters[parameter].value * (b["J2"] + b["m2"] * b["l2"] ** 2) / found.scale_b
+    (result,) = [result for result in diagnosis.effects if effect in result.members]
+    return result.parameters[parameter].value * (b["J2"] + b["m2"] * b["l2"] ** 2) / diagnosis.scale_b
 
 
 @pytest.mark.slow

@@ -24,8 +24,8 @@ def share_beside(bare, tested):
 
     def share_of(runs, first: str, second: str) -> float:
         problem, base = bare(runs)
-        begun = tested(problem, base.fit, OF_FREE_SWINGS.values())
-        one = refit_with(problem, base, begun, begun.shaped[first][0], iterations=10)
+        first_test = tested(problem, base.fit, OF_FREE_SWINGS.values())
+        one = refit_with(problem, base, first_test, first_test.shaped[first][0], iterations=10)
         test = tested(problem, one.fit, [EFFECTS[second]])
         share = own_share(problem, one, test, second)
         assert share is not None

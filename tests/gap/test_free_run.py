@@ -34,8 +34,8 @@ def true_model(rig: Rig) -> Estimate:
     return Estimate.of(unknown_ratios(base), np.zeros(SIZE), np.zeros((0, 4)))
 
 
-def error(rig: Rig, item: Record) -> float:
-    return free_runs(Recordings((item,), rig), true_model(rig)).errors_rad["x"]
+def error(rig: Rig, swing_record: Record) -> float:
+    return free_runs(Recordings((swing_record,), rig), true_model(rig)).errors_rad["x"]
 
 
 @pytest.mark.parametrize("rate_hz", [200.0, 20.0, 10.0])

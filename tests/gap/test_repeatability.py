@@ -30,8 +30,8 @@ def each_its_own(laws: Sequence[Law], seed: int, **library: str) -> Diagnosis:
     return diagnose([replace(run, name="swing") for run in runs], rig, library=names)
 
 
-def of(found: Diagnosis) -> GapBudget:
-    budget = found.gap.budget
+def of(diagnosis: Diagnosis) -> GapBudget:
+    budget = diagnosis.gap.budget
     assert budget is not None
     shares = [budget.explained, budget.varying, budget.unmodelled, budget.not_reproducible, budget.noise]
     assert sum(shares) == pytest.approx(1.0)

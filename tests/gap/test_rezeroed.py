@@ -60,8 +60,8 @@ def test_each_recording_has_zeros_of_its_own(runs: list[Run]) -> None:
     assert bare.residuals.chi2 < 2 * bare.residuals.dof
     unseen = recordings(runs[2:], REZEROED)
     assert max(free_runs(unseen, at).errors_rad.values()) < 5e-3
-    foretold = left_out(kept, problem)
-    assert (foretold.chi2(bare) < 4 * foretold.dof).all()
+    predicted = left_out(kept, problem)
+    assert (predicted.chi2(bare) < 4 * predicted.dof).all()
     _, _, staying = fit_bare_model(recordings(runs[:2], STAYING), nominal_ratios(STAYING))
     assert staying.residuals.chi2 > 10 * bare.residuals.chi2
     assert staying.fit.estimate.zeros.size == 0

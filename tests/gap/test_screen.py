@@ -242,21 +242,21 @@ def test_a_burst_of_impossible_readings_is_masked(clean: Run, paper: Rig, rng: n
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "planted", "found"), [(40, 0, False), (84, 0, False), (100, 0, False), (100, 40, True)]
+    ("rate_hz", "planted", "detected"), [(40, 0, False), (84, 0, False), (100, 0, False), (100, 40, True)]
 )
 def test_a_swing_sampled_at_a_low_rate_contains_no_missed_counts(
-    paper: Rig, rate_hz: int, planted: int, found: bool
+    paper: Rig, rate_hz: int, planted: int, detected: bool
 ) -> None:
     swing = record(load_plant("paper", 11), paper, 5.0, rate_hz)[1].swing
     theta = swing.theta.copy()
     theta[swing.t >= 2.0, 2] += planted * 2 * np.pi / 16384
     findings = screen(replace(swing, theta=theta, counts=None), paper).findings
-    assert any(finding.name == "missed_counts" for finding in findings) == found
+    assert any(finding.name == "missed_counts" for finding in findings) == detected
 
 
-@pytest.mark.parametrize(("rows_in_period", "planted", "found"), [(8, 0, False), (30, 0, False), (30, 60, True)])
+@pytest.mark.parametrize(("rows_in_period", "planted", "detected"), [(8, 0, False), (30, 0, False), (30, 60, True)])
 def test_few_rows_of_a_rod_contain_no_missed_counts(
-    tmp_path: Path, rows_in_period: int, planted: int, found: bool
+    tmp_path: Path, rows_in_period: int, planted: int, detected: bool
 ) -> None:
     rig = load_rig("paper").model_copy(update={"rods": Rods(mounted="inner")})
     t = np.arange(0.0, 8.0, periods(rig)[0] / rows_in_period)
@@ -267,4 +267,4 @@ def test_few_rows_of_a_rod_contain_no_missed_counts(
     angle[len(t) // 2 :] += planted * count
     np.savetxt(tmp_path / "a.csv", np.column_stack([t, angle]), delimiter=",", header="t,theta1", comments="")
     findings = screen(import_csv(tmp_path / "a.csv", rig, ImportOptions(zero="hanging")), rig).findings
-    assert any(finding.name == "missed_counts" for finding in findings) == found
+    assert any(finding.name == "missed_counts" for finding in findings) == detected

@@ -44,7 +44,7 @@ def information(rig: Rig) -> NDArray:
 
 
 @pytest.fixture(scope="module")
-def found(rig: Rig, information: NDArray) -> Identifiability:
+def analysis(rig: Rig, information: NDArray) -> Identifiability:
     return identifiability(information, rig)
 
 
@@ -99,9 +99,9 @@ def test_rank_and_singular_values_are_those_of_finite_differences(rig: Rig) -> N
 
 @pytest.mark.parametrize("index", range(4))
 def test_along_a_free_direction_the_swing_changes_in_second_order_only(
-    found: Identifiability, rig: Rig, index: int
+    analysis: Identifiability, rig: Rig, index: int
 ) -> None:
-    n = np.array([found.null_space[index].get(name, 0.0) for name in PARAMETERS])
+    n = np.array([analysis.null_space[index].get(name, 0.0) for name in PARAMETERS])
     lanes = np.transpose([0 * n, n, 2 * n, 0.01 * (np.arange(9) == PARAMETERS.index("J2"))])
     start = np.repeat(np.array([[np.pi], [0.1], [0.0], [0.0]]), 4, axis=1)
     theta = swings(TRUE[:, None] * (1 + lanes), start, np.arange(0.0, 2.0, 0.01), rig)
@@ -110,19 +110,19 @@ def test_along_a_free_direction_the_swing_changes_in_second_order_only(
     assert alone > 50 * once
 
 
-def test_the_common_scale_is_one_of_four_free_directions(found: Identifiability, information: NDArray) -> None:
-    assert len(found.null_space) == 4
-    assert found.null_space[0] == pytest.approx(dict.fromkeys(sorted(SCALE, key=PARAMETERS.index), 0.01))
-    assert described(found.null_space[0]) == "m1, m2, mb, c1, c2, J1, J2 +1 %"
-    assert max(len(direction) for direction in found.null_space[1:]) <= 5
-    rows = np.array([[direction.get(name, 0.0) for name in PARAMETERS] for direction in found.null_space])
+def test_the_common_scale_is_one_of_four_free_directions(analysis: Identifiability, information: NDArray) -> None:
+    assert len(analysis.null_space) == 4
+    assert analysis.null_space[0] == pytest.approx(dict.fromkeys(sorted(SCALE, key=PARAMETERS.index), 0.01))
+    assert described(analysis.null_space[0]) == "m1, m2, mb, c1, c2, J1, J2 +1 %"
+    assert max(len(direction) for direction in analysis.null_space[1:]) <= 5
+    rows = np.array([[direction.get(name, 0.0) for name in PARAMETERS] for direction in analysis.null_space])
     assert np.linalg.matrix_rank(rows, tol=1e-4) == 4
 
 
-def test_cramer_rao_std_is_the_root_of_the_inverse_information(found: Identifiability, information: NDArray) -> None:
+def test_cramer_rao_std_is_the_root_of_the_inverse_information(analysis: Identifiability, information: NDArray) -> None:
     std = np.sqrt(np.diag(np.linalg.inv(information)))
-    assert list(found.cramer_rao_std) == list(RATIOS)
-    assert list(found.cramer_rao_std.values()) == pytest.approx(std, rel=1e-6)
+    assert list(analysis.cramer_rao_std) == list(RATIOS)
+    assert list(analysis.cramer_rao_std.values()) == pytest.approx(std, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -171,11 +171,11 @@ def test_four_measured_values_leave_no_free_direction_and_state_which_parameters
     assert set(closed.fixed_by.values()) == {"data", "measured"}
 
 
-def test_following_the_sequence_fixes_all_nine(found: Identifiability) -> None:
-    assert len(found.sequence) == 4
-    assert {name for advice in found.sequence for name in advice.frees} == set(PARAMETERS)
-    assert sum(len(advice.frees) for advice in found.sequence) == 9
-    assert found.sequence[0] == found.advice[0]
+def test_following_the_sequence_fixes_all_nine(analysis: Identifiability) -> None:
+    assert len(analysis.sequence) == 4
+    assert {name for advice in analysis.sequence for name in advice.frees} == set(PARAMETERS)
+    assert sum(len(advice.frees) for advice in analysis.sequence) == 9
+    assert analysis.sequence[0] == analysis.advice[0]
 
 
 def loaded_base(Z: NDArray, rod: str, mass: float, r: float, rig: Rig) -> NDArray:
@@ -227,13 +227,13 @@ def brute_force_gains(information: NDArray, rig: Rig) -> dict[str, float]:
 
 
 def test_advice_gains_are_those_of_brute_force_covariances(
-    found: Identifiability, rig: Rig, information: NDArray
+    analysis: Identifiability, rig: Rig, information: NDArray
 ) -> None:
     brute = brute_force_gains(information, rig)
     assert {i.name for i in INSTRUMENTS} == set(brute)
-    for advice in found.advice:
+    for advice in analysis.advice:
         assert advice.gain_bits == pytest.approx(brute[advice.name], rel=1e-3, abs=1e-3)
-    ranked = [(len(advice.frees), brute[advice.name]) for advice in found.advice]
+    ranked = [(len(advice.frees), brute[advice.name]) for advice in analysis.advice]
     assert ranked == sorted(ranked, reverse=True)
 
 
@@ -251,10 +251,10 @@ def test_runs_with_a_known_mass_see_a_sixth_direction(rig: Rig, information: NDA
     assert result.fixed_by["c1"] == result.fixed_by["c2"] == "data"
 
 
-def test_a_length_error_moves_the_ratios_and_shows_as_residual(found: Identifiability) -> None:
-    assert found.length_error is not None
-    assert found.length_error.residual_over_noise > 1.1
-    assert 1e-4 < abs(found.length_error.ratio_shift["d/b"]) < 0.02
+def test_a_length_error_moves_the_ratios_and_shows_as_residual(analysis: Identifiability) -> None:
+    assert analysis.length_error is not None
+    assert analysis.length_error.residual_over_noise > 1.1
+    assert 1e-4 < abs(analysis.length_error.ratio_shift["d/b"]) < 0.02
 
 
 def test_recordings_without_information_are_reported_without_an_exception(rig: Rig) -> None:
@@ -267,11 +267,11 @@ def test_recordings_without_information_are_reported_without_an_exception(rig: R
     assert json.loads(text)["unknowns"]["a/b"]["cramer_rao_std"] is None
 
 
-def test_json_and_summary_hold_what_was_found(found: Identifiability) -> None:
-    whole = json.loads(json.dumps(found.to_json(), allow_nan=False))
+def test_json_and_summary_hold_what_was_found(analysis: Identifiability) -> None:
+    whole = json.loads(json.dumps(analysis.to_json(), allow_nan=False))
     assert whole["rank"] == 5
     assert list(whole["parameters"]) == list(PARAMETERS)
-    assert whole["advice"][0]["frees"] == list(found.advice[0].frees)
-    short = summary(found)
+    assert whole["advice"][0]["frees"] == list(analysis.advice[0].frees)
+    short = summary(analysis)
     assert short["null_space"] == whole["null_space"]
-    assert short["advice"][0] == found.advice[0].sentence
+    assert short["advice"][0] == analysis.advice[0].sentence

@@ -61,7 +61,7 @@ def test_friction_that_the_bare_model_lacks_passes(recorded, paper: Rig) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("angles", "said"),
+    ("angles", "message"),
     [
         pytest.param(lambda a, b: (a - PI, b - PI), "zero of the angles", marks=pytest.mark.long),
         pytest.param(lambda a, b: (2 * PI - a, b), "one rod's sign", marks=pytest.mark.long),
@@ -84,8 +84,8 @@ def test_friction_that_the_bare_model_lacks_passes(recorded, paper: Rig) -> None
     ],
 )
 @pytest.mark.filterwarnings("error")
-def test_a_wrong_interpretation_is_refused_with_its_cause(swings, paper: Rig, angles: Callable, said: str) -> None:
-    with pytest.raises(IdentificationError, match=said):
+def test_a_wrong_interpretation_is_refused_with_its_cause(swings, paper: Rig, angles: Callable, message: str) -> None:
+    with pytest.raises(IdentificationError, match=message):
         refuse_misread(read_as(swings, angles), paper)
 
 

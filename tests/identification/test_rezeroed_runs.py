@@ -35,11 +35,11 @@ def test_runs_with_zeros_of_their_own_are_identified_and_compared(recorded, pape
     assert np.abs((result[:, 0] - truth) / result[:, 1]).max() < 4
     assert model.fit.chi2_per_dof == pytest.approx(1.0, abs=0.1)
     assert np.array([run.zeros_rad for run in model.runs]) == pytest.approx(ZEROS[:2], abs=1e-3)
-    beside = compare_run(runs[2], rezeroed, model)
-    assert (beside.segment_rms_rad < 1.2 * beside.noise_rad).all()
-    assert beside.free_run_rms_rad.max() < 0.02
+    comparison = compare_run(runs[2], rezeroed, model)
+    assert (comparison.segment_rms_rad < 1.2 * comparison.noise_rad).all()
+    assert comparison.free_run_rms_rad.max() < 0.02
     as_read = compare_run(runs[2], paper, model)
-    assert as_read.segment_rms_rad.max() > 10 * beside.segment_rms_rad.max()
+    assert as_read.segment_rms_rad.max() > 10 * comparison.segment_rms_rad.max()
 
 
 def test_a_segment_continues_from_the_angle_of_the_rods_not_from_the_reading(recorded, paper: Rig) -> None:

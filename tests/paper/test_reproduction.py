@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dpr_lab.cli.app import app
-from dpr_lab.paper.campaign import TRUTHS, Found, SearchCase, run_search, run_searches, search_cases
+from dpr_lab.paper.campaign import TRUTHS, SearchCase, SearchResult, run_search, run_searches, search_cases
 from dpr_lab.paper.contradictions import contradictions
 from dpr_lab.paper.printed import BEST_H, TRUE
 from dpr_lab.paper.results import Reproduction, record, reproduce, save
@@ -61,7 +61,7 @@ def test_processes_change_nothing(paper: Rig, result: Reproduction):
 
 def test_percent_errors_are_against_the_truth_of_the_grid(paper: Rig):
     Z = TRUTHS["off"] * 1.01
-    outcome = Found(SearchCase("X1", "off", 0), Z, 0.0, {}, 0, 0, None, 0.0, 0.0, {})
+    outcome = SearchResult(SearchCase("X1", "off", 0), Z, 0.0, {}, 0, 0, None, 0.0, 0.0, {})
     np.testing.assert_allclose(outcome.percent, 1.0)
     l2, m2, c1, J2 = TRUTHS["off"][[1, 3, 5, 8]]
     b, b_found = J2 + m2 * l2**2, 1.01 * J2 + 1.01**3 * m2 * l2**2
@@ -70,8 +70,8 @@ def test_percent_errors_are_against_the_truth_of_the_grid(paper: Rig):
 
 def test_verdicts_count_what_was_reached(paper: Rig):
     E = {term: np.zeros(3) for term in TERMS}
-    good = Found(SearchCase("X1", "on", 0), TRUE, BEST_H, E, 1, 1, None, 0.0, 0.0, {})
-    bad = Found(SearchCase("X1", "on", 1), TRUE * 1.02, BEST_H + 1e-6, E, 1, 1, None, 0.0, 0.0, {})
+    good = SearchResult(SearchCase("X1", "on", 0), TRUE, BEST_H, E, 1, 1, None, 0.0, 0.0, {})
+    bad = SearchResult(SearchCase("X1", "on", 1), TRUE * 1.02, BEST_H + 1e-6, E, 1, 1, None, 0.0, 0.0, {})
     (sentence,) = verdicts([good, bad], paper)
     assert "reached in 1 of 2 seeds" in sentence
     assert "within 1 % in 1 of 2" in sentence

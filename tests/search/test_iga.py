@@ -87,7 +87,7 @@ def test_built_in_segments_file_stops_on_stagnation():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ('algorithm = "simplex"', r"bad\.toml: algorithm = 'simplex': unknown; available: .*iga"),
         ("population = 10", r"bad\.toml: algorithm: is missing"),
@@ -96,8 +96,8 @@ def test_built_in_segments_file_stops_on_stagnation():
         ('algorithm = "iga"\ndelta = 0', r"bad\.toml: delta = 0: .*greater than 0"),
     ],
 )
-def test_bad_search_file_names_file_key_and_value(tmp_path, text, said):
+def test_bad_search_file_names_file_key_and_value(tmp_path, text, message):
     path = tmp_path / "bad.toml"
     path.write_text(text)
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=message):
         load_search(path)

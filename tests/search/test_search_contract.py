@@ -200,7 +200,7 @@ def test_aggregate_decides_between_poses(algorithm, aggregate, optimum, worse):
 
 @every_algorithm
 @pytest.mark.parametrize(
-    ("box", "said"),
+    ("box", "message"),
     [
         (BOX[0], r"\(2, d\)"),
         (BOX[::-1], "reversed for gene 0"),
@@ -208,15 +208,15 @@ def test_aggregate_decides_between_poses(algorithm, aggregate, optimum, worse):
         (np.array([[1.0, 2.0], [1.0, 2.0]]), "nothing to search"),
     ],
 )
-def test_refuses_bounds_it_cannot_search(algorithm, box, said):
-    with pytest.raises(ValueError, match=said):
+def test_refuses_bounds_it_cannot_search(algorithm, box, message):
+    with pytest.raises(ValueError, match=message):
         run(algorithm, bowl, 1, box=box)
 
 
 @every_algorithm
 @pytest.mark.parametrize(
-    ("answer", "said"), [(np.zeros(7), "poses"), (np.zeros((3, 2)), "poses"), (-1.0, "sum of squares")]
+    ("answer", "message"), [(np.zeros(7), "poses"), (np.zeros((3, 2)), "poses"), (-1.0, "sum of squares")]
 )
-def test_refuses_an_invalid_objective(algorithm, answer, said):
-    with pytest.raises(ValueError, match=said):
+def test_refuses_an_invalid_objective(algorithm, answer, message):
+    with pytest.raises(ValueError, match=message):
         run(algorithm, lambda z: np.full((len(z), 3), answer) if np.isscalar(answer) else answer, 1)

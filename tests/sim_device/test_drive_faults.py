@@ -27,7 +27,7 @@ from sim_device.trials.trial import sealed_trial
 
 def test_the_torque_of_a_faulty_drive_differs_from_the_reported_one() -> None:
     table = np.array([0.0, 1.0]), np.array([[0.1, 0.2], [0.1, 0.2]])
-    config = DriveConfig(tells=("measured",), gain=(1.1, 1.0), offset_Nm=(0.0, -0.02))
+    config = DriveConfig(reports=("measured",), gain=(1.1, 1.0), offset_Nm=(0.0, -0.02))
     drives = JointDrives(*table, config, 1)
     assert np.allclose(drives.exerted(0, 2, 1000.0), [[0.11, 0.18]] * 2)
     assert np.allclose(drives.reported(0, 0, 2, 1000.0)[:, 0] * drives.unit, [[0.1, 0.2]] * 2)
@@ -73,10 +73,11 @@ def test_a_drive_that_ripples_swings_as_the_library_says(paper: Rig, fault: str)
     torques = Torques(t, drives.exerted(0, len(t), rate))
     read = slice(30, None)  # a segment that is read so soon starts at the release
     laid_out = segments([t[read]], setups=[Setup(torques=torques)], step=1e-3)
-    begun = np.array([[*start[1:], 0.0, 0.0]])
+    initial = np.array([[*start[1:], 0.0, 0.0]])
     whole, rig = whole_parameters(config.Z, paper.L1, paper.g), rig_constants(paper)
     rippling, still = (
-        predict(whole, effect_params(effects), rig, laid_out, begun) for effects in (done_by_drives(config.drives), {})
+        predict(whole, effect_params(effects), rig, laid_out, initial)
+        for effects in (done_by_drives(config.drives), {})
     )
     angles = paper.encoders.joint_angles.of_rods(swing.theta(0, len(t))[read, 1:])
     assert np.abs(angles - rippling).max() < 1e-5

@@ -34,13 +34,13 @@ def test_a_torque_holds_from_its_tick_on_and_equals_the_reported_one(table: Path
     assert drives.reported(1, 11, 3, 1000.0)[:, 0].tolist() == [[1000, 200], [1000, 200], [-2000, 200]]  # 2 ms later
     assert drives.exerted(11, 3, 1000.0) == pytest.approx(drives.reported(1, 11, 3, 1000.0)[:, 0] * 1e-4)
     assert drives.exerted(0, 3, 1000.0)[:, 0] == pytest.approx([0.0, 0.0, 0.1])
-    noisy = JointDrives(drives.t, drives.joints, DriveConfig(noise_Nm=0.01, tells=("measured",)), 1)
+    noisy = JointDrives(drives.t, drives.joints, DriveConfig(noise_Nm=0.01, reports=("measured",)), 1)
     assert noisy.kinds == (TorqueKind.MEASURED,)
     assert noisy.reported(1, 20, 400, 1000.0)[:, 0, 0].std() == pytest.approx(100.0, rel=0.15)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reason"),
     [
         ("t_s,tau1_Nm\n0,1\n1,1\n", "needs a line with the names t_s, tau1_Nm, tau2_Nm"),
         ("x,tau1_Nm,tau2_Nm\n0,1,1\n1,1,1\n", "needs a line with the names"),
@@ -50,10 +50,10 @@ def test_a_torque_holds_from_its_tick_on_and_equals_the_reported_one(table: Path
         ("t_s,tau1_Nm,tau2_Nm\n0,1,1\n1,4,1\n", "4 N m is more than a message can contain in units of 100 uN m"),
     ],
 )
-def test_what_cannot_be_replayed_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_what_cannot_be_replayed_is_refused(tmp_path: Path, text: str, reason: str) -> None:
     file = tmp_path / "bad.csv"
     file.write_text(text)
-    with pytest.raises(ConfigError, match=said):
+    with pytest.raises(ConfigError, match=reason):
         load_drives(file, DriveConfig(), 1)
     with pytest.raises(ConfigError, match="cannot be read"):
         load_drives(tmp_path / "none.csv", DriveConfig(), 1)

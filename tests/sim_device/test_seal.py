@@ -34,16 +34,16 @@ def device(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def told(device: Path) -> dict[str, Any]:
+def public_data(device: Path) -> dict[str, Any]:
     """Public data of a plant that is sealed in the folder `device`."""
     return sealed_trial(WANTED, device)
 
 
-def test_the_seal_is_a_hash_that_anybody_can_check(told, device: Path) -> None:
+def test_the_seal_is_a_hash_that_anybody_can_check(public_data, device: Path) -> None:
     kept = opened(device)
     text = kept["salt"] + json.dumps(kept["truth"], sort_keys=True, separators=(",", ":"))
-    assert told["seal"] == hashlib.sha256(text.encode()).hexdigest() == seal(kept["truth"], kept["salt"])
-    assert seal(kept["truth"] | {"effects": {}}, kept["salt"]) != told["seal"]
+    assert public_data["seal"] == hashlib.sha256(text.encode()).hexdigest() == seal(kept["truth"], kept["salt"])
+    assert seal(kept["truth"] | {"effects": {}}, kept["salt"]) != public_data["seal"]
     assert kept["truth"]["drawn"] == {"kind": "single", "level": "clear", "seed": 9}
 
 
@@ -99,21 +99,21 @@ def test_a_plant_held_in_memory_is_revealed_on_request_and_never_written(tmp_pat
 
 
 @pytest.mark.slow
-def test_the_kept_plant_is_the_one_that_was_drawn(told, device: Path, tmp_path: Path) -> None:
+def test_the_kept_plant_is_the_one_that_was_drawn(public_data, device: Path, tmp_path: Path) -> None:
     base, rig = weighed(load_plant("paper", 9), load_rig("paper"), SPREAD.scales_step)
     drawn = draw_plant(parse_request("single:clear:coulomb_joint1"), base, rig)
     assert load_plant(device / "plant.toml") == drawn
     assert opened(device)["truth"]["effects"] == drawn.effects
-    (tmp_path / "rig.toml").write_text(told["rig"])
+    (tmp_path / "rig.toml").write_text(public_data["rig"])
     assert load_rig(tmp_path / "rig.toml").model_dump() == rig.model_dump()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="other systems have no mode bits")
-def test_the_folder_is_the_devices_alone(told, device: Path) -> None:
+def test_the_folder_is_the_devices_alone(public_data, device: Path) -> None:
     assert device.stat().st_mode & 0o077 == 0
 
 
-def test_a_sealed_plant_is_never_replaced(told, device: Path) -> None:
+def test_a_sealed_plant_is_never_replaced(public_data, device: Path) -> None:
     before = (device / "truth.json").read_bytes()
     with pytest.raises(ConfigError, match="never replaced"):
         sealed_trial(Options(draw_effects="clean"), device)
@@ -132,19 +132,19 @@ def test_the_program_seals_and_unseals(program, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("--unseal", "nowhere"), "contains no sealed plant"),
         (("--draw-effects", "gremlins", "--seal", "device"), "draw 'gremlins'"),
         (("--draw-effects", "clean", "--seal", "a_file/device"), "cannot be written there"),
     ],
 )
-def test_seals_that_cannot_be_made_or_opened_are_reported(program, words, said, tmp_path: Path, monkeypatch) -> None:
+def test_seals_that_cannot_be_made_or_opened_are_reported(program, words, message, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a_file").touch()
     done = program(*words)
     assert done.code == 3
-    assert said in done.err
+    assert message in done.err
     assert "Traceback" not in done.err
 
 

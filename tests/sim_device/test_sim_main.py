@@ -64,7 +64,7 @@ def test_reveal_prints_the_truth_of_the_same_arguments(program):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"),
+    ("arguments", "code", "message"),
     [
         (("--link", "tcp:0.0.0.0:5000"), 4, "on this machine only"),
         (("--plant", "none"), 3, "nor the name of a built-in plant"),
@@ -74,10 +74,10 @@ def test_reveal_prints_the_truth_of_the_same_arguments(program):
         (("--uid", "xyz"), 2, "not a hexadecimal number"),
     ],
 )
-def test_errors_are_reported_on_stderr(program, arguments, code, said):
+def test_errors_are_reported_on_stderr(program, arguments, code, message):
     done = program(*arguments)
     assert done.code == code
-    assert said in done.err
+    assert message in done.err
     assert "Traceback" not in done.err
     assert done.out == ""
 

@@ -61,7 +61,7 @@ def test_a_run_without_release_or_samples_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("tables", "said"),
+    ("tables", "message"),
     [
         ({"rig": {"name": "other"}}, "another rig: paper, not other. Give the rig file"),
         ({"rig": {"L1": 0.39}}, "rig.L1 is 0.4 in the run, 0.39 in the rig file"),
@@ -71,11 +71,11 @@ def test_a_run_without_release_or_samples_is_refused(tmp_path):
         ({"encoders": {"direction": [1, 1, -1]}}, "encoders.direction"),
     ],
 )
-def test_a_run_of_another_rig_is_refused(tmp_path, tables, said):
+def test_a_run_of_another_rig_is_refused(tmp_path, tables, message):
     path = record(tmp_path / "a.mcap", np.full((5, 3), 0.1))
     with pytest.raises(RunError, match="run of another rig: ") as caught:
         load_run(path, changed(**tables))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_other_bounds_or_a_new_zero_are_the_same_rig(tmp_path):

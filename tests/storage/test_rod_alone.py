@@ -131,11 +131,11 @@ def test_a_question_about_one_rod_says_one_rod(one: Rig, tmp_path: Path) -> None
     assert any(note.startswith("the rod points upwards most of the time") for note in notes)
 
 
-@pytest.mark.parametrize("said", [{"mounted": "inner"}, {"elbow": "clamped"}], ids=str)
-def test_a_table_in_which_both_rods_swing_contradicts_one(paper: Rig, tmp_path: Path, said: dict[str, str]) -> None:
+@pytest.mark.parametrize("mounting", [{"mounted": "inner"}, {"elbow": "clamped"}], ids=str)
+def test_a_table_in_which_both_rods_swing_contradicts_one(paper: Rig, tmp_path: Path, mounting: dict[str, str]) -> None:
     file = table(tmp_path, "t,theta1,theta2", T, SWING, np.cos(9 * T))
     with pytest.raises(RunError, match=r"joint 2 turns by .* If both rods swing"):
-        import_csv(file, paper.with_rods(**said), ImportOptions(zero="hanging"), tmp_path / "b.mcap")
+        import_csv(file, paper.with_rods(**mounting), ImportOptions(zero="hanging"), tmp_path / "b.mcap")
     assert not (tmp_path / "b.mcap").exists()
 
 

@@ -38,7 +38,7 @@ def named(name: str, probability: float = 0.9, twins=(), **values: float) -> dic
     return {"name": name, "class": [name, *twins], "probability": probability, "parameters": parameters}
 
 
-def said(verdict: str, *effects: dict, rivals=(), findings=()) -> dict:
+def diagnosis_of(verdict: str, *effects: dict, rivals=(), findings=()) -> dict:
     return {
         "verdict": verdict,
         "effects": list(effects),
@@ -59,7 +59,7 @@ COULOMB = truth_of({"coulomb_joint1": {"torque_Nm": 0.002}})
 
 
 def test_the_right_name_is_right():
-    outcome = scored(said("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB)
+    outcome = scored(diagnosis_of("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB)
     assert outcome.first
     assert outcome.top3
     assert outcome.exact
@@ -70,13 +70,15 @@ def test_the_right_name_is_right():
 
 def test_a_twin_in_the_class_is_right_but_its_size_is_not_compared():
     truth = truth_of({"base_tilt": {"tilt_rad": 0.004}})
-    outcome = scored(said("named", named("encoder_offset_joint1", twins=["base_tilt"], offset_rad=-0.004)), truth)
+    outcome = scored(
+        diagnosis_of("named", named("encoder_offset_joint1", twins=["base_tilt"], offset_rad=-0.004)), truth
+    )
     assert outcome.exact
     assert outcome.sizes == ()
 
 
 def test_a_wrong_name_is_wrong_even_with_the_truth_among_its_rivals():
-    outcome = scored(said("named", named("spring_joint1", 0.7), rivals=[named("coulomb_joint1", 0.2)]), COULOMB)
+    outcome = scored(diagnosis_of("named", named("spring_joint1", 0.7), rivals=[named("coulomb_joint1", 0.2)]), COULOMB)
     assert not outcome.first
     assert outcome.top3
     assert outcome.wrong_name
@@ -84,7 +86,7 @@ def test_a_wrong_name_is_wrong_even_with_the_truth_among_its_rivals():
 
 
 def test_a_candidate_listed_under_unexplained_does_not_count_as_named():
-    outcome = scored(said("unexplained", named("spring_joint1", 0.7)), truth_of(foreign="cable_snag"))
+    outcome = scored(diagnosis_of("unexplained", named("spring_joint1", 0.7)), truth_of(foreign="cable_snag"))
     assert outcome.named == ()
     assert not outcome.wrong_name
     assert outcome.admitted
@@ -93,7 +95,7 @@ def test_a_candidate_listed_under_unexplained_does_not_count_as_named():
 
 def test_a_foreign_form_is_scored_by_its_family():
     truth = truth_of(foreign="power_drag_outer", family=["air_drag_outer", "air_drag_both"])
-    outcome = scored(said("partly_explained", named("air_drag_both"), named("spring_joint2", 0.4)), truth)
+    outcome = scored(diagnosis_of("partly_explained", named("air_drag_both"), named("spring_joint2", 0.4)), truth)
     assert outcome.first
     assert outcome.invented
     assert not outcome.exact
@@ -101,21 +103,21 @@ def test_a_foreign_form_is_scored_by_its_family():
 
 
 def test_two_names_for_one_cause_are_scored_as_wrong():
-    outcome = scored(said("named", named("coulomb_joint1"), named("coulomb_joint1")), COULOMB)
+    outcome = scored(diagnosis_of("named", named("coulomb_joint1"), named("coulomb_joint1")), COULOMB)
     assert outcome.first
     assert not outcome.exact
 
 
 def test_a_step_found_by_the_sensor_screen_is_a_name():
     step = truth_of({"missed_counts": {"counts": 9.0, "joint": 1.0, "run": 0.0, "time_s": 4.0}})
-    assert scored(said("no_gap", findings=["missed_counts"]), step).exact
-    assert not scored(said("no_gap", findings=["missed_counts"]), truth_of()).silent
-    assert scored(said("no_gap"), truth_of()).silent
+    assert scored(diagnosis_of("no_gap", findings=["missed_counts"]), step).exact
+    assert not scored(diagnosis_of("no_gap", findings=["missed_counts"]), truth_of()).silent
+    assert scored(diagnosis_of("no_gap"), truth_of()).silent
 
 
 def test_faults_of_the_encoders_are_to_be_named():
     truth = truth_of(encoders={**CLEAN_ENCODERS, "jitter_ms": 0.2, "missing_share": 0.015})
-    assert scored(said("no_gap", findings=["gap"]), truth).faults_missed == ("jitter",)
+    assert scored(diagnosis_of("no_gap", findings=["gap"]), truth).faults_missed == ("jitter",)
 
 
 @pytest.mark.parametrize(
@@ -130,32 +132,34 @@ def test_faults_of_the_encoders_are_to_be_named():
     ],
 )
 def test_each_fault_of_the_encoders_has_its_own_finding(fault, missed):
-    outcome = scored(said("no_gap"), truth_of(encoders=CLEAN_ENCODERS | fault))
+    outcome = scored(diagnosis_of("no_gap"), truth_of(encoders=CLEAN_ENCODERS | fault))
     assert outcome.faults_missed == missed
 
 
 def test_sizes_are_compared_at_the_scale_that_the_recordings_determine():
     """Everything twice as heavy swings the same; the lab gives half the true torque, at its own scale."""
     heavy = truth_of({"coulomb_joint1": {"torque_Nm": 0.004}}, heavier=2.0)
-    (size,) = scored(said("named", named("coulomb_joint1", torque_Nm=0.00201)), heavy).sizes
+    (size,) = scored(diagnosis_of("named", named("coulomb_joint1", torque_Nm=0.00201)), heavy).sizes
     assert size.relative == pytest.approx(0.005)
     assert size.covered
     angle = truth_of({"base_tilt": {"tilt_rad": 0.004}}, heavier=2.0)
-    (size,) = scored(said("named", named("base_tilt", tilt_rad=0.005)), angle).sizes
+    (size,) = scored(diagnosis_of("named", named("base_tilt", tilt_rad=0.005)), angle).sizes
     assert size.relative == pytest.approx(0.25)
     assert not size.covered
 
 
 def test_all_members_of_a_named_class_are_listed():
-    outcome = scored(said("named", named("coulomb_joint1", twins=["stribeck_joint1"], torque_Nm=0.002)), COULOMB)
+    outcome = scored(
+        diagnosis_of("named", named("coulomb_joint1", twins=["stribeck_joint1"], torque_Nm=0.002)), COULOMB
+    )
     assert "[coulomb_joint1] or " in named_by(outcome)
     assert "[stribeck_joint1] (named)" in named_by(read_outcome(json.loads(json.dumps(outcome.to_json()))))
 
 
 def test_an_outcome_can_be_kept():
-    outcome = scored(said("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB)
+    outcome = scored(diagnosis_of("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB)
     assert read_outcome(json.loads(json.dumps(outcome.to_json()))) == outcome
-    lost = scored(said("no_gap") | {"gap": {}}, COULOMB)
+    lost = scored(diagnosis_of("no_gap") | {"gap": {}}, COULOMB)
     assert math.isnan(read_outcome(json.loads(json.dumps(lost.to_json(), allow_nan=False))).closed)
 
 
@@ -169,31 +173,31 @@ def test_a_broken_seal_does_not_count():
 
 
 def test_the_size_of_a_cause_is_relative_to_the_minimum_detectable_size():
-    (cause,) = scored(said("named", named("coulomb_joint1")), COULOMB).causes
+    (cause,) = scored(diagnosis_of("named", named("coulomb_joint1")), COULOMB).causes
     assert cause == Cause("coulomb_joint1", pytest.approx(5.0), True)
     assert over_limit({"a": -3.0, "b": 1.0}, {"a": 1.0, "b": 0.2, "c": 1e-9}) == pytest.approx(5.0)
     assert over_limit({"a": 1.0}, {"a": None}) is None
-    (foreign,) = scored(said("unexplained"), truth_of(foreign="cable_snag")).causes
+    (foreign,) = scored(diagnosis_of("unexplained"), truth_of(foreign="cable_snag")).causes
     assert foreign == Cause("cable_snag", None, False)
 
 
 @pytest.mark.parametrize(
     ("diagnosis", "truth", "kind", "grade"),
     [
-        (said("named", named("coulomb_joint1")), COULOMB, "single", "right"),
+        (diagnosis_of("named", named("coulomb_joint1")), COULOMB, "single", "right"),
         (
-            said("partly_explained", named("coulomb_joint1"), named("base_tilt", 0.3)),
+            diagnosis_of("partly_explained", named("coulomb_joint1"), named("base_tilt", 0.3)),
             COULOMB,
             "single",
             "right in part",
         ),
-        (said("named", named("coulomb_joint1"), named("base_tilt", 0.9)), COULOMB, "single", "wrong"),
-        (said("unexplained"), COULOMB, "single", "not named"),
-        (said("named", named("base_tilt")), COULOMB, "single", "wrong"),
-        (said("no_gap"), truth_of(), "clean", "right"),
-        (said("named", named("base_tilt")), truth_of(), "clean", "wrong"),
-        (said("unexplained"), truth_of(foreign="cable_snag"), "outside", "right"),
-        (said("partly_explained", named("base_tilt", 0.9)), truth_of(foreign="cable_snag"), "outside", "wrong"),
+        (diagnosis_of("named", named("coulomb_joint1"), named("base_tilt", 0.9)), COULOMB, "single", "wrong"),
+        (diagnosis_of("unexplained"), COULOMB, "single", "not named"),
+        (diagnosis_of("named", named("base_tilt")), COULOMB, "single", "wrong"),
+        (diagnosis_of("no_gap"), truth_of(), "clean", "right"),
+        (diagnosis_of("named", named("base_tilt")), truth_of(), "clean", "wrong"),
+        (diagnosis_of("unexplained"), truth_of(foreign="cable_snag"), "outside", "right"),
+        (diagnosis_of("partly_explained", named("base_tilt", 0.9)), truth_of(foreign="cable_snag"), "outside", "wrong"),
     ],
 )
 def test_each_trial_gets_a_word_for_its_score(diagnosis, truth, kind, grade):
@@ -227,10 +231,10 @@ def test_the_net_calibration_error_contains_no_chance_although_the_claims_of_a_g
 
 def test_a_summary_counts_hidden_and_absent_effects():
     outcomes = [
-        scored(said("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB),
-        scored(said("named", named("spring_joint1")), COULOMB),
-        scored(said("no_gap"), truth_of()),
-        scored(said("unexplained"), truth_of()),
+        scored(diagnosis_of("named", named("coulomb_joint1", torque_Nm=0.002)), COULOMB),
+        scored(diagnosis_of("named", named("spring_joint1")), COULOMB),
+        scored(diagnosis_of("no_gap"), truth_of()),
+        scored(diagnosis_of("unexplained"), truth_of()),
     ]
     counted = summary(outcomes)
     assert counted["first"] == counted["exact"] == counted["false_alarms"] == 0.5

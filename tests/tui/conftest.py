@@ -173,7 +173,7 @@ def app(tmp_path: Path) -> Iterator[DprApp]:
 
 
 @pytest.fixture
-def said() -> Callable[[DprApp], str]:
+def notices_text() -> Callable[[DprApp], str]:
     """Fixture (app) that returns all visible notices as one text."""
     return lambda app: "\n".join(notice.message for notice in app.notices)
 
@@ -233,9 +233,9 @@ def until() -> Until:
     """Fixture (pilot, condition) that waits until the condition holds, and fails only after minutes."""
 
     async def waited(pilot: Pilot[None], condition: Callable[[], object]) -> None:
-        begun = time.monotonic()
+        start_s = time.monotonic()
         while not condition():
-            waited_s = time.monotonic() - begun
+            waited_s = time.monotonic() - start_s
             assert waited_s < PATIENCE_S, "waited in vain"
             await pilot.pause(min(0.02 + waited_s / 8, 0.4))  # each look is drawn anew
         await pilot.pause()

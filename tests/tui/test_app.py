@@ -120,31 +120,31 @@ async def test_the_stepper_says_what_is_missing(app: DprApp) -> None:
         assert "✔2 Rig" in stepper(app)
 
 
-async def test_an_unreadable_rig_file_is_reported_without_a_crash(app: DprApp, said) -> None:
+async def test_an_unreadable_rig_file_is_reported_without_a_crash(app: DprApp, notices_text) -> None:
     app.workspace.rig = "no_such_rig.toml"
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("2")
         assert "no_such_rig.toml: is neither a file nor the name" in str(app.query_one("#description", Static).render())
         await pilot.press("3")
         assert app.current.NAME == "Capture"
-        assert "no_such_rig.toml: is neither a file nor the name" in said(app)
+        assert "no_such_rig.toml: is neither a file nor the name" in notices_text(app)
         assert app.current.missing() == "Capture needs a rig file that can be read: press 2 and choose one"
 
 
-async def test_errors_become_notices_and_the_app_continues(tmp_path: Path, said) -> None:
+async def test_errors_become_notices_and_the_app_continues(tmp_path: Path, notices_text) -> None:
     app = faulty(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("w")
-        assert "[red]no cable[/red]: plug it in" in said(app)
+        assert "[red]no cable[/red]: plug it in" in notices_text(app)
         await pilot.press("escape")
-        assert said(app) == ""
+        assert notices_text(app) == ""
         for key, name in (("y", "ZeroDivisionError: sums"), ("z", "KeyError: 'handler'")):
             await pilot.press(key)
             await pilot.pause()
-            assert f"Unexpected: {name}" in said(app)
+            assert f"Unexpected: {name}" in notices_text(app)
         await pilot.press("escape", "z")
         await pilot.pause()
-        assert said(app).count("KeyError") == 1  # the step still hears
+        assert notices_text(app).count("KeyError") == 1  # the step still hears
     log = (tmp_path / "state" / "errors.log").read_text()
     assert "in action_bug" in log
     assert "in on_faulty_asked" in log
@@ -229,18 +229,18 @@ async def test_every_action_is_in_the_command_palette_with_its_key(tmp_path: Pat
 
 
 @pytest.mark.slow
-async def test_the_palette_goes_to_the_step_and_acts_there(tmp_path: Path, said) -> None:
+async def test_the_palette_goes_to_the_step_and_acts_there(tmp_path: Path, notices_text) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         (release,) = (c for c in app.get_system_commands(app.screen) if c.title == "Capture: release the rods")
         await release.callback()
         await pilot.pause()
         assert app.current.NAME == "Capture"
-        assert "press s to be guided to the pose first" in said(app)
+        assert "press s to be guided to the pose first" in notices_text(app)
 
 
 @pytest.mark.slow
-async def test_a_screenshot_is_saved_next_to_the_results_or_the_reason_is_shown(tmp_path: Path, said) -> None:
+async def test_a_screenshot_is_saved_next_to_the_results_or_the_reason_is_shown(tmp_path: Path, notices_text) -> None:
     app = DprApp(Workspace(out=tmp_path / "bench"), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         app.deliver_screenshot()
@@ -249,7 +249,7 @@ async def test_a_screenshot_is_saved_next_to_the_results_or_the_reason_is_shown(
         app.workspace.out.write_text("")
         app.deliver_screenshot()
         await pilot.pause()
-        assert "the screenshot cannot be saved" in said(app)
+        assert "the screenshot cannot be saved" in notices_text(app)
 
 
 @pytest.mark.slow
@@ -267,7 +267,7 @@ async def test_a_screen_that_is_too_small_says_so_and_keeps_showing_the_state_of
 
 
 @pytest.mark.slow
-async def test_after_the_window_was_too_small_the_keys_work_again(tmp_path: Path, until, said) -> None:
+async def test_after_the_window_was_too_small_the_keys_work_again(tmp_path: Path, until, notices_text) -> None:
     # The step had lost the focus: "r does nothing here now", below "Press r to RELEASE".
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state", steps=STEPS[:3])
     async with app.run_test(size=(80, 24)) as pilot:
@@ -280,7 +280,7 @@ async def test_after_the_window_was_too_small_the_keys_work_again(tmp_path: Path
                 await until(pilot, lambda: not app.query_one("#too-small").display)
                 await until(pilot, lambda focused=focused: app.screen.focused is focused)
         await pilot.press("3", "r")
-        assert "Not released: press s to be guided to the pose first" in said(app)
+        assert "Not released: press s to be guided to the pose first" in notices_text(app)
 
 
 @pytest.mark.slow
@@ -301,29 +301,29 @@ async def test_the_stepper_keeps_its_two_rows(tmp_path: Path) -> None:
             assert "next (n): 2 Rig" in rows[1]
 
 
-async def test_the_same_message_is_not_stacked(tmp_path: Path, said) -> None:
+async def test_the_same_message_is_not_stacked(tmp_path: Path, notices_text) -> None:
     app = faulty(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("w", "w", "w")
-        assert said(app).count("no cable") == 1
+        assert notices_text(app).count("no cable") == 1
 
 
 @pytest.mark.slow
-async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_path: Path, said) -> None:
+async def test_a_key_that_does_nothing_says_so_and_old_notices_make_room(tmp_path: Path, notices_text) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3", "r", "k", "8")
-        assert said(app).splitlines() == [
+        assert notices_text(app).splitlines() == [
             "k has no function here; f1 shows the keys",
             "8 has no function here; f1 shows the keys",
         ]
         await pilot.press("1")  # they were about what is left now
-        assert said(app) == ""
+        assert notices_text(app) == ""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("desktop", thinned([True, False], 2))
-async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, until, desktop: bool) -> None:
+async def test_the_report_is_opened_by_key(tmp_path: Path, notices_text, monkeypatch, until, desktop: bool) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
@@ -332,11 +332,11 @@ async def test_the_report_is_opened_by_key(tmp_path: Path, said, monkeypatch, un
     app = DprApp(Workspace(out=tmp_path / "my bench"), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("5", "f2")
-        assert "This step has no report yet" in said(app)
+        assert "This step has no report yet" in notices_text(app)
         page.parent.mkdir(parents=True)
         page.touch()
         await pilot.press("f2")
-        await until(pilot, lambda: opened or str(page) in said(app).replace("\n", ""))
+        await until(pilot, lambda: opened or str(page) in notices_text(app).replace("\n", ""))
     assert opened == ([page.as_uri()] if desktop or sys.platform != "linux" else [])
 
 

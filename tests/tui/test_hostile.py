@@ -76,7 +76,7 @@ async def test_names_notes_and_devices_cannot_steer_the_terminal(
 
 
 @pytest.mark.slow
-async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, said) -> None:
+async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, notices_text) -> None:
     (tmp_path / "file").write_text("")
     state = tmp_path / "file" / "state"
     workspace, notices = load(state)
@@ -84,11 +84,14 @@ async def test_a_state_folder_that_cannot_be_written_is_a_sentence(tmp_path: Pat
     app = DprApp(workspace, state, notices=notices, steps=STEPS[:3])
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.pause()
-        assert f"{state}: Not a directory: the next session will not remember the current rig" in said(app)
+        assert f"{state}: Not a directory: the next session will not remember the current rig" in notices_text(app)
         await pilot.press("escape", "2", "3", "t")
         await pilot.pause()
-        assert "will not remember" not in said(app)  # once is enough
+        assert "will not remember" not in notices_text(app)  # once is enough
         app.mishap(RuntimeError("sums"))
         await pilot.pause()
-        assert f"Unexpected: RuntimeError: sums. Your work is kept; details cannot be written to {state}" in said(app)
+        assert (
+            f"Unexpected: RuntimeError: sums. Your work is kept; details cannot be written to {state}"
+            in notices_text(app)
+        )
         assert app.current.NAME == "Capture"

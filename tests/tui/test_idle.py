@@ -30,7 +30,7 @@ async def test_an_idle_capture_screen_draws_nothing_and_costs_next_to_nothing(
     drawn, looks, noise = list[object](), list[float](), np.random.default_rng(1)
     display = DprApp._display
 
-    def told(device: DeviceConnection) -> Iterator[Idle]:
+    def reports(device: DeviceConnection) -> Iterator[Idle]:
         looks.append(time.process_time())
         seen = Idle((0.0, *(math.pi + COUNT * noise.integers(0, 2, 2))), True, math.inf)
         device.note(seen)
@@ -40,7 +40,7 @@ async def test_an_idle_capture_screen_draws_nothing_and_costs_next_to_nothing(
         drawn.extend([renderable] if isinstance(renderable, CompositorUpdate) else [])
         display(app, screen, renderable)
 
-    monkeypatch.setattr(DeviceConnection, "reports", told)
+    monkeypatch.setattr(DeviceConnection, "reports", reports)
     monkeypatch.setattr(DprApp, "_display", counted)
     async with lab(CaptureStep) as pilot:
         pilot.app.device.connected = Connected("sim://", INFO, 1000, (), "")

@@ -41,7 +41,7 @@ def test_every_action_of_every_place_has_an_id_of_its_own() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "reason"),
     [
         ("[capture]\nfire = 'r'", "capture.fire: unknown action (known actions: app.browse"),
         ("[capture]\nrelease = 'hyperspace'", "capture.release = 'hyperspace': unknown key"),
@@ -54,11 +54,11 @@ def test_every_action_of_every_place_has_an_id_of_its_own() -> None:
         ("[capture", "cannot be used"),
     ],
 )
-def test_a_wrong_file_names_file_action_and_key(tmp_path: Path, text: str, said: str) -> None:
+def test_a_wrong_file_names_file_action_and_key(tmp_path: Path, text: str, reason: str) -> None:
     with pytest.raises(ConfigError) as caught:
         keymap(tmp_path, text)
     assert str(tmp_path / "keys.toml") in str(caught.value)
-    assert said in str(caught.value)
+    assert reason in str(caught.value)
 
 
 def test_two_actions_may_swap_their_keys(tmp_path: Path) -> None:

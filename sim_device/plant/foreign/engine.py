@@ -20,7 +20,7 @@ ERROR = 1e-9
 LONGEST_STEP = 0.02
 """Maximum step of the integrator, s. It is small enough that no short disturbance is skipped."""
 
-BEGUN = 1e-9
+SLIDING_SPEED = 1e-9
 """Minimum speed at which a joint counts as sliding, rad/s."""
 
 Slope = Callable[[float, NDArray[np.float64]], Sequence[float]]
@@ -158,7 +158,7 @@ def sticking(body: Body, joint: int, size: Callable[[NDArray[np.float64]], float
 
 
 def integrate(motion: EquationOfMotion, state: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """States (n, k) at the increasing instants `t` (n,), from the state (k,) at t[0]."""
+    """States (n, k) at the increasing times `t` (n,), from the state (k,) at t[0]."""
     if motion.sticks is not None:
         return _integrate_sticking(motion.error, *motion.sticks, state, t)
     return _solved(motion.slope, motion.error, state, t[0], t).y.T
@@ -190,12 +190,12 @@ def _integrate_sticking(
             # A joint that has just broken away transmits the limit torque; rounding must not stop it again.
             side = _starts(body, dry, x) if side else _pushed(body, dry, x)
             if first == began:  # a slide that is shorter than a step: its start was detected as its end
-                x[1 + dry.joint] += side * BEGUN
+                x[1 + dry.joint] += side * SLIDING_SPEED
     return np.concatenate(states)
 
 
 def _starts(body: Body, dry: DryJoint, x: NDArray[np.float64]) -> float:
-    """Direction in which a resting joint starts to slide; 0 if it remains at rest."""
+    """Direction in which a resting joint starts to slide, or 0 if it remains at rest."""
     return 0.0 if abs(dry.holding(body, x)) < dry.size(x) else _pushed(body, dry, x)
 
 

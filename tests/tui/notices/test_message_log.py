@@ -40,20 +40,20 @@ def test_a_folder_that_cannot_be_written_costs_the_file_alone(tmp_path: Path) ->
     assert [message.text for message in log.messages] == ["no cable"]
 
 
-async def test_errors_stay_until_escape_and_are_listed_by_key(tmp_path: Path, said) -> None:
+async def test_errors_stay_until_escape_and_are_listed_by_key(tmp_path: Path, notices_text) -> None:
     app = DprApp(Workspace(out=tmp_path), tmp_path / "state")
     async with app.run_test(size=(80, 24)) as pilot:
         app.mishap(DprError("RELEASE was sent, so the rods may be free"))
         for number in range(5):
             app.notify(f"hint {number}")
         await pilot.pause()
-        assert said(app).splitlines() == ["RELEASE was sent, so the rods may be free", "hint 4"]
+        assert notices_text(app).splitlines() == ["RELEASE was sent, so the rods may be free", "hint 4"]
         (error, hint) = app.notices
         assert error.timeout == NOTICES.stays_s
         assert "f4: all messages" in error.title
         assert hint.timeout < 60
         await pilot.press("escape")
-        assert said(app) == ""
+        assert notices_text(app) == ""
         await pilot.press("f4")
         assert isinstance(app.screen, MessageScreen)
         shown = str(app.screen.query(Static).first().render())

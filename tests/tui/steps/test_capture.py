@@ -79,7 +79,9 @@ async def test_remarks_without_a_failed_check_are_shown_too(app: DprApp, until) 
 
 
 @pytest.mark.long
-async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(app: DprApp, until, said, cable) -> None:
+async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(
+    app: DprApp, until, notices_text, cable
+) -> None:
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, port.url, CaptureOptions(duration=60.0, pose_timeout=600, rest_timeout=60))
@@ -88,12 +90,12 @@ async def test_a_cable_pulled_while_recording_costs_the_rest_of_the_swing_only(a
         await until(pilot, lambda: step.attempt.recorded is not None and step.attempt.recorded.t > 0.5)
         assert step.at_stake() == "The current recording ends now; the data recorded so far are kept."
         await pilot.press("1", "z")
-        await until(pilot, lambda: "A capture is under way: end it first" in said(app))
+        await until(pilot, lambda: "A capture is under way: end it first" in notices_text(app))
         await pilot.press("3")
         seen = step.attempt.recorded.samples
         port.pull()
         await until(pilot, lambda: step.attempt is None)
-        await until(pilot, lambda: "the data recorded so far are kept in" in said(app))
+        await until(pilot, lambda: "the data recorded so far are kept in" in notices_text(app))
         assert step.missing().startswith("Capture needs a device")
         (partial,) = recorded(app)
         assert not info(partial).complete

@@ -62,7 +62,7 @@ async def test_from_the_order_to_the_open_latch_nothing_says_closed(app: DprApp)
         assert device.ordered is None
 
 
-async def test_a_release_whose_outcome_is_unknown_stays_in_sight(app: DprApp, said) -> None:
+async def test_a_release_whose_outcome_is_unknown_stays_in_sight(app: DprApp, notices_text) -> None:
     # "RELEASE was sent, the rods may be free" vanished within 34 s and "CLOSED when last seen" remained.
     async with app.run_test(size=(80, 24)) as pilot:
         device = app.device

@@ -100,14 +100,14 @@ async def test_another_model_makes_a_comparison_stale_and_a_key_repeats_it(
 
 @pytest.mark.long
 async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
-    lab, until, said, recorded: list[Path], modelled: Path, tmp_path: Path
+    lab, until, notices_text, recorded: list[Path], modelled: Path, tmp_path: Path
 ) -> None:
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(recorded[0].read_bytes()[:3000])
     async with lab(CompareStep, runs=[recorded[0], broken, recorded[1]], model=modelled) as pilot:
         await until(pilot, lambda: "saved in" in figures(pilot.app))
         assert figures(pilot.app).endswith("skipped: broken")
-        assert str(broken) in said(pilot.app)
+        assert str(broken) in notices_text(pilot.app)
         saved = json.loads((pilot.app.workspace.out / "report" / "comparison.json").read_text())
         assert [run["run"] for run in saved["runs"]] == [run.stem for run in recorded[:2]]
         assert step(pilot.app).outcome() == "2 runs"
@@ -120,11 +120,11 @@ async def test_a_run_that_cannot_be_read_is_named_and_the_others_are_compared(
 
 
 @pytest.mark.long
-async def test_with_no_run_left_nothing_is_compared(lab, until, said, fixed_model: Path) -> None:
+async def test_with_no_run_left_nothing_is_compared(lab, until, notices_text, fixed_model: Path) -> None:
     async with lab(CompareStep, runs=[Path("gone.mcap")], model=fixed_model) as pilot:
         await until(pilot, lambda: step(pilot.app).job is None)
         assert figures(pilot.app) == "no run can be compared (skipped: gone): choose other runs (b)"
-        assert "gone.mcap: cannot be read" in said(pilot.app)
+        assert "gone.mcap: cannot be read" in notices_text(pilot.app)
 
 
 @pytest.mark.long

@@ -65,13 +65,13 @@ async def test_simulated_time_has_no_clock_fit(app: DprApp) -> None:
 
 
 @pytest.mark.slow
-async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, until, said) -> None:
+async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, until, notices_text) -> None:
     ours, theirs = os.openpty()  # nobody answers
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, f"serial://{os.ttyname(theirs)}?baud=921600")
         await until(pilot, lambda: app.device.opening)
         await pilot.press("l")
-        assert "The connection is not complete: wait, or cancel it with z" in said(app)
+        assert "The connection is not complete: wait, or cancel it with z" in notices_text(app)
         await pilot.press("z")
         await until(pilot, lambda: not app.device.opening)
         assert shown(app, "#device") == "not connected"
@@ -80,7 +80,7 @@ async def test_a_connection_under_way_is_named_and_can_be_given_up(app: DprApp, 
 
 
 @pytest.mark.slow
-async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said) -> None:
+async def test_a_wrong_link_says_what_to_do(app: DprApp, until, notices_text) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         for url, remedy in (
             ("gopher://x", "unknown kind of link 'gopher'; use for example: serial:///dev/ttyUSB0"),
@@ -89,7 +89,7 @@ async def test_a_wrong_link_says_what_to_do(app: DprApp, until, said) -> None:
         ):
             await connect(pilot, url)
             await until(pilot, lambda remedy=remedy: remedy in shown(app, "#device"))
-            assert remedy not in said(app)  # once is enough
+            assert remedy not in notices_text(app)  # once is enough
             assert app.steps[0].outcome() == ""
 
 
@@ -102,14 +102,14 @@ async def test_a_wrong_baud_rate_says_so(app: DprApp, until, rig) -> None:
 
 
 @pytest.mark.slow
-async def test_a_device_that_goes_away_while_idle_is_noticed(app: DprApp, until, said, cable: Callable) -> None:
+async def test_a_device_that_goes_away_while_idle_is_noticed(app: DprApp, until, notices_text, cable: Callable) -> None:
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, port.url)
         await until(pilot, lambda: app.device.connected)
         port.pull()
         await until(pilot, lambda: app.device.connected is None)
-        await until(pilot, lambda: "ttyRIG" in said(app))
+        await until(pilot, lambda: "ttyRIG" in notices_text(app))
         assert app.steps[2].missing().startswith("Capture needs a device")
         port.plug()
         await pilot.press("c")

@@ -29,27 +29,27 @@ pytestmark = pytest.mark.usefixtures("quick_countdown")
 
 
 @pytest.mark.slow
-async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, said) -> None:
+async def test_off_the_pose_the_release_key_does_nothing(app: DprApp, until, notices_text) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         step = await connect(pilot, until, SIM + "&hand_error=0.3")
         await pilot.press("r")
-        await until(pilot, lambda: "press s to be guided" in said(app))
+        await until(pilot, lambda: "press s to be guided" in notices_text(app))
         await pilot.press("s")
         await until(pilot, lambda: step.attempt is not None and step.attempt.error is not None)
         await until(pilot, lambda: "turn -1" in str(app.query_one("#readout", Static).render()))
         await pilot.press("r")
-        await until(pilot, lambda: "Not released: bring every rod to the pose" in said(app))
+        await until(pilot, lambda: "Not released: bring every rod to the pose" in notices_text(app))
         assert not isinstance(app.screen, Countdown)
         assert step.attempt.latched
         await pilot.press("x")
         await until(pilot, lambda: step.attempt is None)
-        await until(pilot, lambda: "stopped by the operator: nothing was released" in said(app))
+        await until(pilot, lambda: "stopped by the operator: nothing was released" in notices_text(app))
     assert recorded(app) == []
 
 
 @pytest.mark.slow
 async def test_any_other_key_and_rods_that_move_stop_the_countdown(
-    app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
+    app: DprApp, until, notices_text, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Countdown, "SECOND_S", 600.0)
     async with app.run_test(size=(80, 24)) as pilot:
@@ -62,7 +62,7 @@ async def test_any_other_key_and_rods_that_move_stop_the_countdown(
             await pilot.press(key)
             if key == "ctrl+p":
                 await pilot.press("escape")
-            await until(pilot, lambda: "nothing was released, the rods stay held" in said(app))
+            await until(pilot, lambda: "nothing was released, the rods stay held" in notices_text(app))
             assert not isinstance(app.screen, Countdown)
             seen = step.attempt.rest
             await until(pilot, lambda seen=seen: step.attempt.rest is not seen)
@@ -75,14 +75,14 @@ async def test_any_other_key_and_rods_that_move_stop_the_countdown(
         moving = replace(rest, speed=0.5, ok=False, restless="the rods still moved")
         app.clear_notifications()
         step.hear(AttemptSeen(step.attempt.number, moving, True, time.monotonic()))
-        await until(pilot, lambda: "nothing was released" in said(app))
+        await until(pilot, lambda: "nothing was released" in notices_text(app))
         assert not isinstance(app.screen, Countdown)
         step.hear(AttemptSeen(step.attempt.number, rest, True, time.monotonic()))
-        await what_stops_the_countdown_is_named(pilot, app, until, said)
+        await what_stops_the_countdown_is_named(pilot, app, until, notices_text)
     assert recorded(app) == []
 
 
-async def what_stops_the_countdown_is_named(pilot: Pilot[None], app: DprApp, until, said) -> None:
+async def what_stops_the_countdown_is_named(pilot: Pilot[None], app: DprApp, until, notices_text) -> None:
     async def shrink(pilot: Pilot[None]) -> None:
         await pilot.resize_terminal(30, 10)
 
@@ -103,13 +103,13 @@ async def what_stops_the_countdown_is_named(pilot: Pilot[None], app: DprApp, unt
         await until(pilot, lambda: "RELEASING" in str(app.query_one(StatusLine).render()))
         assert "Any key but r stops it" in headline(app)
         await way(pilot)
-        await until(pilot, lambda why=why: f"Not released: {why}; nothing was released" in said(app))
+        await until(pilot, lambda why=why: f"Not released: {why}; nothing was released" in notices_text(app))
         await until(pilot, lambda: "RELEASING" not in str(app.query_one(StatusLine).render()))
 
 
 @pytest.mark.slow
 async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_countdown(
-    app: DprApp, until, said, monkeypatch: pytest.MonkeyPatch
+    app: DprApp, until, notices_text, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Watched, "multiplexer", "tmux")
     async with app.run_test(size=(80, 24)) as pilot:
@@ -118,12 +118,12 @@ async def test_in_a_multiplexer_the_code_that_is_shown_is_typed_before_the_count
         with monkeypatch.context() as impatient:
             impatient.setattr(countdown, "SIGHT", SightSettings(code_s=0.2))
             await pilot.press("r")
-            await until(pilot, lambda: "Not released: the code was not typed within 0.2 s" in said(app))
+            await until(pilot, lambda: "Not released: the code was not typed within 0.2 s" in notices_text(app))
         await pilot.press("r")
         first = code(app)
         assert "Any other key stops it" in headline(app)
         await pilot.press("r", first[0], "r", "1")
-        assert "the key 1 was pressed, which is not the next letter of the code" in said(app)
+        assert "the key 1 was pressed, which is not the next letter of the code" in notices_text(app)
         await pilot.press("r")
         assert code(app) != first
         assert not app.screen.query_one(Digits).display

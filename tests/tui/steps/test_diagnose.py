@@ -363,17 +363,17 @@ async def test_numbers_out_of_range_are_refused(lab) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "reason"),
     [("{", "is not a diagnosis"), ("[1]", "is not a diagnosis"), ('{"verdict": "named"}', "sentence: is missing")],
 )
 async def test_a_damaged_diagnosis_is_reported_and_the_step_continues(
-    lab, tmp_path: Path, content: str, said: str
+    lab, tmp_path: Path, content: str, reason: str
 ) -> None:
     broken = tmp_path / "diagnosis.json"
     broken.write_text(content)
     async with lab(DiagnoseStep, diagnosis=broken) as pilot:
         (notice,) = pilot.app.notices
-        assert said in notice.message
+        assert reason in notice.message
         assert step(pilot.app).outcome() == ""
 
 

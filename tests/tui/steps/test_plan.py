@@ -100,7 +100,7 @@ async def test_a_release_of_one_rod_has_one_start_angle(lab, until, tmp_path: Pa
 
 @pytest.mark.slow
 async def test_a_release_is_recorded_under_the_rig_file_that_describes_its_mass(
-    lab, until, said, tmp_path: Path
+    lab, until, notices_text, tmp_path: Path
 ) -> None:
     with_mass = tmp_path / "loaded.toml"
     with_mass.write_text(paper_text() + '\n[added_mass]\nrod = "outer"\nmass = 0.1\nposition = 0.2\n')
@@ -109,7 +109,7 @@ async def test_a_release_is_recorded_under_the_rig_file_that_describes_its_mass(
         before, pilot.app.workspace.rig = pilot.app.workspace.rig, str(with_mass)
         await pilot.press("A")
         await pilot.pause()
-        assert "the rig file describes other rods or masses" in said(pilot.app)
+        assert "the rig file describes other rods or masses" in notices_text(pilot.app)
         assert (pilot.app.workspace.rig, pilot.app.workspace.next_pose) == (str(with_mass), "")
         pilot.app.workspace.rig = before
         planner = step(pilot.app)
@@ -129,7 +129,7 @@ async def test_a_release_is_recorded_under_the_rig_file_that_describes_its_mass(
         assert "100 g on the outer rod" in text(pilot.app, "#state")
 
 
-async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, said, tmp_path: Path) -> None:
+async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, notices_text, tmp_path: Path) -> None:
     async with lab(PlanStep) as pilot:
         for limits, budget, words in (
             ("[recrding]\n", "", "recrding: unknown key; nearest of 11: recording"),
@@ -137,7 +137,7 @@ async def test_wrong_limits_and_budgets_are_refused_in_words(lab, until, said, t
             (SHORT, "soon", "give a time such as 10min"),
         ):
             await planned(pilot, until, tmp_path, limits, budget)
-            assert words in said(pilot.app)
+            assert words in notices_text(pilot.app)
             pilot.app.clear_notifications()
         assert step(pilot.app).outcome() == ""
 

@@ -102,7 +102,7 @@ async def test_a_warning_is_confirmed_before_the_run_is_used(lab, until, table: 
 
 
 @pytest.mark.slow
-async def test_nothing_is_imported_that_the_preview_did_not_show(lab, until, table: Path, said) -> None:
+async def test_nothing_is_imported_that_the_preview_did_not_show(lab, until, table: Path, notices_text) -> None:
     async with lab(RigStep) as pilot:
         app: DprApp = pilot.app
         app.query_one("#rig_file", Input).value = str(table)
@@ -113,14 +113,14 @@ async def test_nothing_is_imported_that_the_preview_did_not_show(lab, until, tab
         app.screen.query_one("#options", Input).value = "--zero hanging --unit deg"
         await pilot.press("ctrl+s")
         await until(pilot, lambda: "deg, absolute, hanging is 0" in understood(pilot))
-        assert "check it, then import" in said(app)
+        assert "check it, then import" in notices_text(app)
         assert app.workspace.runs == []
         await pilot.press("ctrl+s")
         await until(pilot, lambda: isinstance(app.screen, Question) or app.workspace.runs)
         if isinstance(app.screen, Question):
             await pilot.press("y")
         await until(pilot, lambda: len(app.workspace.runs) == 1)
-        assert "selected for identification" in said(app)
+        assert "selected for identification" in notices_text(app)
         run = load_run(app.workspace.runs[-1])
         assert run.theta[0, 1] == pytest.approx(3.1415926 + 0.4, abs=1e-4)
 

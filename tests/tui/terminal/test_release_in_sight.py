@@ -40,10 +40,10 @@ def test_a_recording_leaves_bandwidth_on_a_serial_console(on_terminal) -> None:
     terminal.press("r")
     terminal.until_shown("REC")
     time.sleep(1.0)  # the step from countdown to swing is one whole picture
-    before, begun = terminal.received, time.monotonic()
+    before, started = terminal.received, time.monotonic()
     time.sleep(5.0)
     assert "REC" in terminal.text()
-    assert (terminal.received - before) / (time.monotonic() - begun) < 10_000
+    assert (terminal.received - before) / (time.monotonic() - started) < 10_000
 
 
 @pytest.mark.slow

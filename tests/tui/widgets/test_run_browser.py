@@ -42,7 +42,7 @@ def rows(app: App[None]) -> list[list[str]]:
     return [[str(cell) for cell in table.get_row_at(index)] for index in range(table.row_count)]
 
 
-def said(app: App[None], widget: str) -> str:
+def shown_text(app: App[None], widget: str) -> str:
     return str(app.screen.query_one(widget, Static).content)
 
 
@@ -65,7 +65,7 @@ async def test_every_run_is_listed_with_what_it_says(lab, until, folder: Path) -
         assert [row[1] for row in listed.values()] == ["X1", "X2", "X3", "X1"]
         assert listed["first"][3:7] == ["3.0", "0", "whole", "ok"]
         assert listed["torn"][5] == "cut"
-        assert "1000 Hz" in said(pilot.app, "#about")
+        assert "1000 Hz" in shown_text(pilot.app, "#about")
 
 
 async def test_chosen_runs_are_handed_back_in_the_order_of_the_list(lab, until, folder: Path) -> None:
@@ -88,7 +88,7 @@ async def test_a_cut_run_is_recovered_by_key(lab, until, folder: Path) -> None:
     async with lab(Nothing) as pilot:
         await opened(pilot, until, folder, [])
         await pilot.press("ctrl+end", "ctrl+r")
-        await until(pilot, lambda: "samples recovered" in said(pilot.app, "#result"))
+        await until(pilot, lambda: "samples recovered" in shown_text(pilot.app, "#result"))
     assert (folder / "torn-recovered.mcap").is_file()
 
 
@@ -135,11 +135,11 @@ async def test_verify_distinguishes_intact_from_damaged_files(lab, until, folder
     async with lab(Nothing) as pilot:
         await opened(pilot, until, folder, [])
         await pilot.press("q")
-        await until(pilot, lambda: "checking" not in said(pilot.app, "#result"))
-        assert said(pilot.app, "#result") == "first.mcap: complete and unchanged"
+        await until(pilot, lambda: "checking" not in shown_text(pilot.app, "#result"))
+        assert shown_text(pilot.app, "#result") == "first.mcap: complete and unchanged"
         await pilot.press("ctrl+end", "q")
-        await until(pilot, lambda: "checking" not in said(pilot.app, "#result"))
-        assert "no torn.mcap.sha256" in said(pilot.app, "#result")
+        await until(pilot, lambda: "checking" not in shown_text(pilot.app, "#result"))
+        assert "no torn.mcap.sha256" in shown_text(pilot.app, "#result")
 
 
 @pytest.mark.slow
@@ -147,7 +147,7 @@ async def test_export_writes_the_format_that_was_picked(lab, until, folder: Path
     async with lab(Nothing) as pilot:
         await opened(pilot, until, folder, [])
         await pilot.press("e", "enter")
-        await until(pilot, lambda: "exported" in said(pilot.app, "#result"))
+        await until(pilot, lambda: "exported" in shown_text(pilot.app, "#result"))
         exported = folder.parent / "exports" / "first.csv"
         assert exported.read_text().startswith("t_s,theta0_rad")
         await pilot.press("e", "enter")
@@ -174,7 +174,7 @@ async def test_help_describes_the_run_browser(lab, until, folder: Path) -> None:
 async def test_an_empty_folder_says_what_to_do(lab, until, tmp_path: Path) -> None:
     async with lab(Nothing) as pilot:
         await opened(pilot, until, tmp_path / "runs", [])
-        assert "record some in step 3" in said(pilot.app, "#result")
+        assert "record some in step 3" in shown_text(pilot.app, "#result")
         await pilot.press("space", "asterisk", "q", "e")
 
 
@@ -184,7 +184,7 @@ async def test_a_note_is_edited_and_kept_next_to_the_run(lab, until, folder: Pat
     async with lab(Nothing, size=(120, 30)) as pilot:
         await opened(pilot, until, folder, [])
         await pilot.press("i", *"bearing oiled", "enter")
-        await until(pilot, lambda: "bearing oiled" in said(pilot.app, "#about"))
+        await until(pilot, lambda: "bearing oiled" in shown_text(pilot.app, "#about"))
         assert isinstance(pilot.app.screen, RunBrowser)
         assert (folder / "first.mcap.note").read_text() == "bearing oiled"
         assert (folder / "first.mcap").read_bytes() == before
