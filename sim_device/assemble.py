@@ -79,7 +79,7 @@ def assemble(options: Options, *, at_once: bool = False) -> tuple[Board, DeviceL
 
 
 def _drives(options: Options, plant: PlantConfig) -> JointDrives | ArmDrive | None:
-    """Return the drives of a device; None for free swings.
+    """Return the drives of a device, or None for free swings.
 
     Joint drives replay the given, sealed or drawn table of torques. The drive of the arm runs the given table, or the
     program of the plant file.

@@ -73,7 +73,7 @@ class Faults:
         self._events_to_lose = self._values.get("lose_events", 0.0)
 
     def value(self, name: str) -> float | None:
-        """Return the value of a fault; None if it is not requested."""
+        """Return the value of a fault, or None if it is not requested."""
         return self._values.get(name)
 
     def strikes_bytes(self) -> bool:

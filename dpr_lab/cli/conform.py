@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dpr_lab.cli.checks import Json
-from dpr_lab.cli.console import emit, progress, table
+from dpr_lab.cli.console import emit, line, progress, table
 
 
 def conform(
@@ -42,7 +42,13 @@ def conform(
         ]  # `said` is the key in earlier versions
         emit({"link": link, "ok": ok, "checks": checks})
     else:
-        rows = [(exchange.what, "ok" if exchange.ok else "wrong", exchange.message) for exchange in exchanges]
-        table(f"Conformity of {link}", ("check", "", "result"), rows)
+        rows = [(exchange.what, "ok" if exchange.ok else "failed", exchange.message) for exchange in exchanges]
+        table(f"Conformity of {link}", ("check", "state", "result"), rows)
+        failed = sum(not exchange.ok for exchange in exchanges)
+        line(
+            f"The device does not conform to the protocol: {failed} of {len(exchanges)} checks failed."
+            if failed
+            else f"The device conforms to the protocol: all {len(exchanges)} checks passed."
+        )
     if not ok:
         raise typer.Exit(1)

@@ -197,7 +197,7 @@ class Firmware:
         return self._library.dpr_host_actions(self._host)
 
     def set_fault(self, fault: int) -> None:
-        """Set the fault of the hardware; 0 for none."""
+        """Set the fault of the hardware; 0 means none."""
         self._library.dpr_host_set_fault(self._host, fault)
 
     def note_dropped(self, samples: int) -> None:

@@ -71,7 +71,7 @@ class ArmDrive:
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
         """Kinds of inputs that the board reports."""
-        return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
+        return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.reports)
 
     @property
     def quantity(self) -> ArmQuantity:
@@ -91,7 +91,7 @@ class ArmDrive:
         Args:
             move: function that integrates the motion under torques on the arm, with the back-EMF as friction
             state: state of the rig at t[0]
-            t: (n,) instants, s, with equally many from each tick to the next
+            t: (n,) times, s, with equally many from each tick to the next
             ticks: number of ticks
             rate_hz: ticks per second of the device
             asked: inputs that the program requested at all earlier ticks since the release, in units of the drive
@@ -168,7 +168,7 @@ class ArmDrive:
 
 
 def arm_drive_of(plant: PlantConfig) -> ArmDrive | None:
-    """Drive of the arm of a plant, with its hidden delay; None without a drive.
+    """Drive of the arm of a plant, with its hidden delay, or None without a drive.
 
     Raises:
         ConfigError: the delay is negative.

@@ -90,7 +90,7 @@ class OperatorConfig(_Table):
 class DriveConfig(_Table):
     """Drives of the joints, for a device that replays torques."""
 
-    tells: tuple[Literal["measured", "commanded"], ...] = ("measured", "commanded")
+    reports: tuple[Literal["measured", "commanded"], ...] = ("measured", "commanded")
     """Kinds of torques that the board reports."""
     delay_s: NotNegative = 0.0
     """Delay from the command of a torque to its effect, s."""
@@ -139,7 +139,7 @@ class ArmDriveConfig(_Table):
     the second value."""
     sweep_s: Positive = 10.0
     """Duration of the sweep, s."""
-    tells: Annotated[tuple[Literal["measured", "commanded"], ...], Field(min_length=1)] = ("measured", "commanded")
+    reports: Annotated[tuple[Literal["measured", "commanded"], ...], Field(min_length=1)] = ("measured", "commanded")
     """Kinds of inputs that the board reports."""
     noise: NotNegative = 0.0
     """Standard deviation of the measured input, in its unit."""

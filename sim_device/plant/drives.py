@@ -45,7 +45,7 @@ class JointDrives:
     @property
     def kinds(self) -> tuple[TorqueKind, ...]:
         """Kinds of torques that the drives report."""
-        return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.tells)
+        return tuple(kind for kind in TorqueKind if kind.name.lower() in self.config.reports)
 
     @property
     def unit(self) -> float:

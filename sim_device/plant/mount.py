@@ -31,7 +31,7 @@ class Yielding(NamedTuple):
         """Return the torques of joints 1 and 2 that the motion of the mount exerts.
 
         Args:
-            t: (n,) evenly spaced instants, s
+            t: (n,) evenly spaced times, s
             states: (n, 6 + internal) motion of arm and rods on a rigid mount
             start: (2,) displacement and speed of the mount at t[0]
 

@@ -203,7 +203,7 @@ class Plant:
         return at_release([*theta, at_rest, omega[1], omega[1 if self._setup.held else 2]])
 
     def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
-        """Return the angles and speeds (n, 6) of a swing at the instants `t` (n,).
+        """Return the angles and speeds (n, 6) of a swing at the times `t` (n,).
 
         The swing starts with theta, omega (3,) at t[0].
         """
@@ -353,7 +353,7 @@ def _shown(plant: Plant, theta: Theta, omega: Theta, rate_hz: float, driven: Dri
 
 
 def _fine(rate_hz: float) -> int:
-    """Return the number of instants per tick for which neighbouring instants are at most `LOOK` apart."""
+    """Return the number of sampling points per tick with a spacing of at most `LOOK`."""
     return max(1, math.ceil(1.0 / (rate_hz * LOOK)))
 
 
@@ -378,7 +378,7 @@ def _seen_at(blocks: list[Block], angle: Callable[[Theta], Theta], t: Theta) -> 
 def _blocks(
     plant: Plant, theta: Theta, omega: Theta, rate_hz: float, looks: int, driven: Driven | None
 ) -> Iterator[Block]:
-    """Yield the blocks of a swing with `looks` instants per tick.
+    """Yield the blocks of a swing with `looks` sampling points per tick.
 
     Each block starts from the end of the previous one.
     """

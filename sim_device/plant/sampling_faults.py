@@ -1,4 +1,4 @@
-"""Sampling faults of a real board: uneven instants, repeated samples, missing samples."""
+"""Sampling faults of a real board: uneven times, repeated samples, missing samples."""
 
 from statistics import NormalDist
 

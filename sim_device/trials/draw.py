@@ -150,7 +150,7 @@ def _roughly_weighed(rig: Rig) -> Iterator[tuple[str, Parameter]]:
 def logger_fault(rng: np.random.Generator) -> EncoderConfig:
     """Draw encoders with one or two faults of a logger.
 
-    Samples can be late periodically, be taken at uneven instants, or be missing for some time. They can also repeat the
+    Samples can be late periodically, be taken at uneven times, or be missing for some time. They can also repeat the
     previous sample: periodically, periodically in a part of the recording (as in a video), or at random (busy bus).
     """
     cycle, begin = int(rng.integers(5, 41)), float(rng.uniform(0.5, 4.0))

@@ -68,7 +68,7 @@ def _delay(size: float, rng: np.random.Generator) -> dict[str, Any]:
 
     The board reports the commanded torques, because only they show a delay.
     """
-    return {"delay_s": max(round(DRIVING.delay_s * abs(size), 3), 1e-3), "tells": ("commanded",)}
+    return {"delay_s": max(round(DRIVING.delay_s * abs(size), 3), 1e-3), "reports": ("commanded",)}
 
 
 def _ripple(joint: int) -> Fault:
@@ -154,6 +154,6 @@ def done_by_drives(config: DriveConfig) -> dict[str, dict[str, float]]:
         if any(config.ripple[joint]):
             sizes = dict(zip(("cos_share", "sin_share"), config.ripple[joint], strict=True))
             effects[TORQUE_RIPPLE[joint].name] = {**sizes, "order": config.ripple_order}
-    if config.delay_s and "measured" not in config.tells:
+    if config.delay_s and "measured" not in config.reports:
         effects[INPUT_DELAY.name] = {"delay_s": config.delay_s}
     return effects

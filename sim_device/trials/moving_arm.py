@@ -74,7 +74,7 @@ def drawn_arm(plant: PlantConfig, rng: np.random.Generator) -> PlantConfig:
     changed = {"arm": arm.model_copy(update={"J0": arm.J0 * float(factor[0]), "c0": arm.c0 * float(factor[1])})}
     if plant.arm_drive is not None:
         low, high = (rate * float(rng.uniform(*DRAW.rates)) for rate in plant.arm_drive.rates_hz)
-        program = {"program": str(rng.choice(DRAW.programs)), "rates_hz": (low, high), "tells": ("commanded",)}
+        program = {"program": str(rng.choice(DRAW.programs)), "rates_hz": (low, high), "reports": ("commanded",)}
         changed |= {"arm_drive": plant.arm_drive.model_copy(update=program)}
     return plant.model_copy(update=changed)
 
