@@ -113,7 +113,7 @@ class ChildProgram:
 
     @property
     def last_words(self) -> str:
-        """Last line that the program wrote to stderr; empty if there is none."""
+        """Last line that the program wrote to stderr, or an empty text if there is none."""
         if not self._log.closed:
             self._log.seek(0)
             lines = [line.strip() for line in self._log.read().decode(errors="replace").split("\n")]

@@ -41,7 +41,7 @@ def all_printable(value: Any) -> Any:
 
 
 def known_name(name: str, known: Iterable[str], worded: Callable[[str], str] = str) -> str | None:
-    """Find the known name to which a text refers; None if there is no match.
+    """Find the known name to which a text refers, or None if there is no match.
 
     The text may be the name, its description, or both in the form `description [name]`.
 

@@ -118,7 +118,7 @@ class KernelCache(caching.FunctionCache):
         self._allocates = allocates
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load a kernel from the cache; None if its file is damaged, so that it is recompiled.
+        """Load a kernel from the cache; return None if its file is damaged, so that it is recompiled.
 
         Before it loads a kernel, Numba by default imports everything that a compilation requires, which takes longer
         than loading all kernels of a diagnosis. Here only the reference counting is imported, for machine code that
@@ -147,7 +147,7 @@ def _cached(kernel: Any, allocates: bool) -> Any:
 
 
 def _cache_of(function: Callable[..., Any], allocates: bool) -> KernelCache | None:
-    """Create the cache of one kernel in the folder of this version; None if the folder is not writable."""
+    """Create the cache of one kernel in the folder of this version; return None if the folder is not writable."""
     if CACHE is None:
         return None
     # Numba reads the folder when it creates a cache; the kernels of other libraries keep their folder.

@@ -198,7 +198,7 @@ class Rig(Shown, RigTable):
 
     @property
     def L2(self) -> float | None:
-        """Length of the outer rod, m; None if unknown."""
+        """Length of the outer rod, m, or None if unknown."""
         return self.rig.L2
 
     @property
@@ -231,7 +231,7 @@ class Rig(Shown, RigTable):
 
     @property
     def sha256(self) -> str:
-        """Hash of the rig file; empty for a rig created in memory."""
+        """Hash of the rig file, or an empty text for a rig created in memory."""
         return self._sha256
 
     @property

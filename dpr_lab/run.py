@@ -312,7 +312,7 @@ def as_mounted(theta: Array, mounting: Mounting, name: str) -> Array:
 
 
 def elbow_turn(theta: Array, mounting: Mounting) -> float:
-    """Range of joint 2, rad, from angles (n, 3), in a mounting in which it should not turn; 0 if both rods swing."""
+    """Range of joint 2, rad, from angles (n, 3), in a mounting in which it should not turn, or 0 if both rods swing."""
     if mounting == "both" or not len(theta):
         return 0.0
     tails = [MOUNTED.tail, 1 - MOUNTED.tail]

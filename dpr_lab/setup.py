@@ -51,7 +51,7 @@ class Torques:
     def knots(self) -> tuple[Array, Array]:
         """Instants (n + 2,), s, and integrals (n + 2, 2) of the generalised torques up to each instant, N m s.
 
-        The columns belong to theta1 and theta2. The integrals are linear between instants.
+        The columns belong to theta1 and theta2. The integrals are linear between times.
         """
         return _knots(self)
 
@@ -83,7 +83,7 @@ class Torques:
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
         """Mean generalised torques (m, 2) on theta1, theta2 from the previous instant to each instant (m,), N m.
 
-        The mean is zero at instants without a previous one: at the first instant, and where `first` (m,) is true.
+        The mean is zero at times without a previous one: at the first instant, and where `first` (m,) is true.
         """
         instants, (t, impulse) = np.asarray(instants, dtype=np.float64), self.knots
         until = np.stack([np.interp(instants, t, column) for column in impulse.T], axis=1)
@@ -120,7 +120,7 @@ def _arm_knots(torques: Torques) -> tuple[Array, Array]:
 class ArmMotion:
     """Known motion of an arm or an inner rod.
 
-    Its speed is linear between the instants, and constant before the first and after the last.
+    Its speed is linear between the times, and constant before the first and after the last.
     """
 
     t: Array
@@ -133,7 +133,7 @@ class ArmMotion:
     """Standard deviation of the readings from which the motion was estimated, rad."""
 
     def mean_before(self, instants: ArrayLike, first: Flags | None = None) -> Array:
-        """Mean acceleration, rad/s^2, and mean squared speed, rad^2/s^2, in each interval between instants: (m, 2).
+        """Mean acceleration, rad/s^2, and mean squared speed, rad^2/s^2, in each interval between times: (m, 2).
 
         Row i belongs to the interval that ends at instant i. At the first instant, and where `first` (m,) is true,
         there is no interval, and the squared speed is that at the instant.

@@ -244,7 +244,7 @@ def _scale_factors(diagnosis: Diagnosis, power: int) -> list[float]:
 
 
 def _untrusted(diagnosis: Diagnosis) -> str:
-    """Return the reason why this diagnosis has no valid intervals; empty if its intervals are valid."""
+    """Return the reason why this diagnosis has no valid intervals, or an empty text if its intervals are valid."""
     if diagnosis.hints:
         return f"the description of the recordings is probably wrong: {diagnosis.hints[0]}"
     reasons = {
@@ -270,7 +270,7 @@ def _confused(diagnosis: Diagnosis, effect: str) -> str:
 
 
 def _undetermined(diagnosis: Diagnosis, ratio: str) -> str:
-    """Return the reason why the recordings do not determine a ratio; empty if they determine it.
+    """Return the reason why the recordings do not determine a ratio, or an empty text if they determine it.
 
     For example, recordings of one rod alone determine only some ratios.
     """

@@ -97,7 +97,7 @@ class RestWindow:
         return now - max((batch.host_time for batch in self.batches if batch.rows), default=-np.inf)
 
     def motion(self, rig: Rig) -> tuple[Array, Array] | None:
-        """Return the times (n,), s, and angles (n, 3), rad; None until the window is full."""
+        """Return the times (n,), s, and angles (n, 3), rad, or None until the window is full."""
         ticks, counts = arrays([row for batch in self.batches for row in batch.rows])
         if len(ticks) < 2 or ticks[-1] - ticks[0] < 0.9 * self._ticks:
             return None

@@ -26,7 +26,7 @@ def rest_motion(t: Array, theta: Array) -> tuple[float, float]:
 
 
 def at_rest(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> bool:
-    """Return whether the rods are at rest; the arguments are those of `rest_motion`."""
+    """Return whether the rods are at rest; see `rest_motion` for the arguments."""
     speed, spread = rest_motion(t, theta)
     return speed <= limits.speed and spread <= limits.spread(rig)
 
@@ -34,7 +34,7 @@ def at_rest(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> bool:
 def arm_restless(t: Array, theta: Array, rig: Rig, limits: RestLimits) -> str:
     """Return the reason why a movable arm forbids a release.
 
-    The text is empty if the arm permits the release. The arguments are those of `rest_motion`.
+    The text is empty if the arm permits the release. See `rest_motion` for the arguments.
     """
     if rig.arm.mode == "clamped":
         return ""

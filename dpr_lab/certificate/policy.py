@@ -140,7 +140,7 @@ def compare_claims(
 ) -> list[Verified]:
     """Compare the claims of a certificate with those that the policy requires.
 
-    The last two arguments are those of `required_claims`.
+    See `required_claims` for the last two arguments.
     """
     required = required_claims(diagnosis, acceptance)
     lines = [_compare(name, certified.get(name), claim) for name, claim in required.items()]

@@ -93,7 +93,7 @@ class Choices:
 
 
 def names_in(given: str | None) -> tuple[str, ...] | None:
-    """Return the names in a text that is separated by commas; None for None."""
+    """Return the names in a text that is separated by commas, or None for None."""
     return None if given is None else tuple(name.strip() for name in given.split(",") if name.strip())
 
 

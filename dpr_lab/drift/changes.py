@@ -220,7 +220,7 @@ def _design(
 
 
 def _scatter(design: _Design, values: Array) -> Array:
-    """Estimate the standard deviation (parameters,) of one run; zero if it cannot be estimated."""
+    """Estimate the standard deviation (parameters,) of one run; return zero if it cannot be estimated."""
     return np.sqrt(np.sum((design.scatter @ values) ** 2, axis=0) / design.norm)
 
 

@@ -115,7 +115,7 @@ def reduced_rods(
 ) -> ReducedRods:
     """Return the reduced equations that determine the rods' accelerations.
 
-    The arguments are those of `arm_accelerations`.
+    See `arm_accelerations` for the arguments.
     """
     a, b, d, e1, e2, c1, c2 = base
     sin1, cos1, sin2, cos2 = motion.sin1, motion.cos1, motion.sin2, motion.cos2

@@ -52,7 +52,7 @@ def pushes(rods: ReducedRods, direction1: float, direction2: float) -> tuple[flo
 
 @subroutine
 def _beyond(push: float, forward: float, backward: float) -> float:
-    """Return the direction in which a joint at rest yields to a torque; 0 if friction holds the joint."""
+    """Return the direction in which a joint at rest yields to a torque, or 0 if friction holds the joint."""
     return 1.0 if push > forward else (-1.0 if push < -backward else 0.0)
 
 

@@ -41,7 +41,7 @@ def predict(
     internal: ArrayLike | None = None,
     arm: bool = False,
 ) -> Array:
-    """Predict the readings of one candidate; the arguments are those of `predict_batch`, without the first axis.
+    """Predict the readings of one candidate; see `predict_batch` for the arguments, without the first axis.
 
     Returns:
         (N, 2) theta1 and the angle of joint 2 as read by its encoder, rad; with `arm` a third column, theta0
@@ -89,7 +89,7 @@ def internal_states(
 ) -> Array:
     """Return the (S, k) internal states of effects (`INTERNAL`) at the start of each segment.
 
-    The arguments are those of `predict`. The states are zero if no active effect has internal states.
+    See `predict` for the arguments. The states are zero if no active effect has internal states.
     """
     params = np.asarray(params, dtype=np.float64)
     if not required_by(active_effects(params)).internal.any():

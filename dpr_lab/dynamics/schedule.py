@@ -14,7 +14,7 @@ encoder.
 
 
 def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[Array, Integers]:
-    """Divide each interval between successive instants into equal steps of at most `max_step`.
+    """Divide each interval between successive times into equal steps of at most `max_step`.
 
     Args:
         t: (n,) increasing times, s
@@ -24,7 +24,7 @@ def steps_between(t: ArrayLike, max_step: float = MAX_STEP) -> tuple[Array, Inte
         (n,) length of the steps before each instant, s, and (n,) number of these steps; both 0 for the first instant
 
     Raises:
-        ValueError: the instants do not increase, or `max_step` is not positive.
+        ValueError: the times do not increase, or `max_step` is not positive.
     """
     t = np.asarray(t, dtype=np.float64)
     if t.ndim != 1 or not len(t):
@@ -41,7 +41,7 @@ def sample_steps(t: Array, offsets: Integers, longest: Array) -> tuple[Array, In
     """Return the equal steps from each sample of a segment to the next.
 
     Args:
-        t: (N,) instants of all segments in sequence, increasing within each, s
+        t: (N,) times of all segments in sequence, increasing within each, s
         offsets: (S + 1,) first instant of each segment
         longest: (S,) longest step of each, s
 

@@ -61,7 +61,7 @@ class Segments:
 
     @property
     def pushes(self) -> Array:
-        """(samples, 4) mean known inputs since the previous sample; zero for free swings.
+        """(samples, 4) mean known inputs since the previous sample, with zero for free swings.
 
         The columns are the torques on theta1 and theta2, N m, and the acceleration, rad/s^2, and squared speed,
         rad^2/s^2, of an arm with prescribed motion.
@@ -131,7 +131,7 @@ def segments(
     setups: Sequence[Setup] = (),
     step: ArrayLike = STEP,
 ) -> Segments:
-    """Create the layout of segments from the instants of each segment.
+    """Create the layout of segments from the times of each segment.
 
     Args:
         times: for each segment (n,) increasing times since the release, s
@@ -140,7 +140,7 @@ def segments(
         step: longest Runge-Kutta step, s, for all segments or (S,) for each
 
     Raises:
-        ValueError: there is no segment, instants do not increase, segments are not in order, or a step is not positive.
+        ValueError: there is no segment, times do not increase, segments are not in order, or a step is not positive.
     """
     arrays = [np.asarray(t, dtype=np.float64) for t in times]
     indices = np.zeros(len(arrays), dtype=np.int64) if run is None else np.array(run, dtype=np.int64)

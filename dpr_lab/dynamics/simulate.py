@@ -1,4 +1,4 @@
-"""Simulate one swing by the classical Runge-Kutta method, at arbitrary instants."""
+"""Simulate one swing by the classical Runge-Kutta method, at arbitrary times."""
 
 from collections.abc import Sequence
 
@@ -47,7 +47,7 @@ def simulate(
         (n, 4) states at `t`; nan after the swing becomes non-finite
 
     Raises:
-        ValueError: an array has another shape, or the instants do not increase.
+        ValueError: an array has another shape, or the times do not increase.
     """
     parameters = with_gravity(_vector(base, 6, "base"), L1, g)
     params = _effects(effects)
@@ -158,7 +158,7 @@ def integrate(
         arm's gear has backlash; nan after the swing becomes non-finite
 
     Raises:
-        ValueError: the instants do not increase.
+        ValueError: the times do not increase.
     """
     step, count = steps_between(t, max_step)
     drives = np.broadcast_to(np.asarray(drive, dtype=np.float64), step.shape).copy()

@@ -244,7 +244,7 @@ def _directions(x: RigState, model: RigModel, mode: int) -> Three:
 
 @subroutine
 def _margins(stage: SteppedStage, model: RigModel, directions: Three) -> Three:
-    """Return the margins (friction limit minus torque) of the joints at rest, N m; inf for all other joints."""
+    """Return the margins (friction limit minus torque) of the joints at rest, N m, with inf for all other joints."""
     motion, rods = stage.motion, stage.rods
     push1, push2 = pushes(rods, directions[0], directions[1])
     limit1, limit2 = dry_limits(motion, push1, push2, model.params, model.active)

@@ -46,7 +46,7 @@ class KnownMotion(NamedTuple):
     """(n, axes) known generalised torques on the angles, N m."""
 
     def part(self, mask: Flags | slice, axes: int) -> "KnownMotion":
-        """Return the motion of the first `axes` axes at the instants that `mask` selects."""
+        """Return the motion of the first `axes` axes at the times that `mask` selects."""
         by_axis = (values[mask][:, :axes] for values in (self.theta, self.omega, self.alpha, self.drive))
         return KnownMotion(self.t[mask], self.run[mask], *by_axis)
 
@@ -76,7 +76,7 @@ def effect_torques_along(motion: KnownMotion, base: Array, constants: RigConstan
 
 
 def arm_torques_along(motion: KnownMotion, base: Array, constants: RigConstants, params: Array) -> Array:
-    """Compute the torques of a slightly compliant arm; arguments and result are those of `effect_torques_along`.
+    """Compute the torques of a slightly compliant arm; see `effect_torques_along` for arguments and result.
 
     The rods drive the arm, A alpha0 + c0 omega0 + k0 theta0 = F, and its acceleration acts on the rods:
 

@@ -20,7 +20,7 @@ def prescribed_arm(t: Array, theta0: Array, rig: Rig, name: str) -> ArmMotion:
 
 
 def prescribed_inner(t: Array, theta1: Array, name: str) -> ArmMotion:
-    """Estimate the motion of a prescribed inner rod; arguments and errors are those of `arm_motion`."""
+    """Estimate the motion of a prescribed inner rod; see `arm_motion` for arguments and errors."""
     if not np.ptp(theta1) > 0.0:
         raise RunError(
             f"{name}: joint 1 is prescribed, but stands still. If only the outer rod is mounted, use --rods outer"

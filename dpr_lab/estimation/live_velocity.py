@@ -78,7 +78,7 @@ class VelocityFilter:
 
     Args:
         covariance: (2, 2) noise of (theta1, theta2), rad^2
-        rate_hz: nominal sample rate, which only scales the internal units; `update` gets the true instants
+        rate_hz: nominal sample rate, which only scales the internal units; `update` gets the true times
         snap: strength of the process noise of each rod, rad^2/s^7
     """
 

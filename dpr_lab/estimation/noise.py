@@ -226,7 +226,7 @@ def rounding_std(readings: Array, steps: Array, window: int) -> Array:
 def difference_std(t: Array, values: Array) -> Array:
     """Return the standard deviation of white noise on a smooth signal at uneven times.
 
-    The estimate is robust to jumps. Divided differences over seven neighbours x_j, taken at the instants t_j, cancel
+    The estimate is robust to jumps. Divided differences over seven neighbours x_j, taken at the times t_j, cancel
     any polynomial of degree five. At unit gain on white noise they are
 
         r = sum_j w_j x_j / sqrt(sum_j w_j^2),    w_j = 1 / prod_{i != j} (t_j - t_i).

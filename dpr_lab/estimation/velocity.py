@@ -138,7 +138,7 @@ def tuned_snap(run: Run, noise: NoiseFloor) -> Array:
 
 
 def _swing(run: Run) -> tuple[Array, Array, float]:
-    """Return the instants, s, the angles of the rods, rad, and the median sampling interval, s.
+    """Return the times, s, the angles of the rods, rad, and the median sampling interval, s.
 
     All values start at the release.
     """

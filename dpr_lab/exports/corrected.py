@@ -65,7 +65,7 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
 def corrected_rods(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> Model:
     """Build the corrected model for a clamped or prescribed arm.
 
-    The arguments are those of `corrected_model`.
+    See `corrected_model` for the arguments.
     """
     unknown, effects = significant_values(diagnosis)
     values = unknown[: len(RATIOS)]
@@ -153,7 +153,7 @@ def significant_values(diagnosis: Diagnosis) -> tuple[Array, dict[str, dict[str,
 
 
 def _posterior(diagnosis: Diagnosis) -> PosteriorComponent | None:
-    """Return the component of the posterior that has the effects of the corrected model; None if there is none."""
+    """Return the component of the posterior that has the effects of the corrected model, or None if there is none."""
     return next((part for part in diagnosis.posterior if set(part.effects) == set(diagnosis.model_effects)), None)
 
 

@@ -258,7 +258,7 @@ class _Chosen(ast.NodeTransformer):
 
 
 def _index_of(node: ast.expr, array: str) -> int | None:
-    """Return the index in `array[index]`; None for other expressions."""
+    """Return the index in `array[index]`, or None for other expressions."""
     if not isinstance(node, ast.Subscript) or not isinstance(node.slice, ast.Constant):
         return None
     index, of_array = node.slice.value, isinstance(node.value, ast.Name) and node.value.id == array

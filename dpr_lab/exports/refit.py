@@ -127,7 +127,7 @@ def _best_fit(problem: Problem, effects: Effects, starts: Sequence[tuple[Array, 
 def bare_model(model: AnyModel, runs: Sequence[Run], rig: Rig) -> AnyModel:
     """Refit a model without effects to the same runs.
 
-    Arguments and errors are those of `fitted_for`.
+    See `fitted_for` for arguments and errors.
     """
     return _with(model, _bare_fit(model, runs, rig)[1], rig)
 

@@ -28,7 +28,7 @@ def cut(t: Array, length: float, breaks: Array | None = None) -> list[slice]:
     Args:
         t: (n,) increasing times of one run, s
         length: nominal length of a segment, s
-        breaks: instants that no segment may span, s
+        breaks: times that no segment may span, s
     """
     edges = [0, *([] if breaks is None else np.searchsorted(t, breaks).tolist()), len(t)]
     parts: list[slice] = []

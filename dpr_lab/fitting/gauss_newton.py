@@ -249,7 +249,7 @@ def descend(
 ) -> Iteration:
     """Iterate as `fit` does, but without the final linearisation.
 
-    The arguments are those of `fit`.
+    See `fit` for the arguments.
     """
     start, free = problem.with_zeros(start), problem.all_free(free)
     linear = first or linearise(problem, start, free, predicted)

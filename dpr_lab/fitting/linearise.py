@@ -66,7 +66,7 @@ class Linearisation:
 
     @property
     def chi2_by_segment(self) -> Array:
-        """(segments,) sum of squared residuals; inf for a segment whose simulation fails."""
+        """(segments,) sum of squared residuals, with inf for a segment whose simulation fails."""
         with np.errstate(over="ignore"):
             return np.sum(self.residual**2, axis=1)
 

@@ -98,7 +98,7 @@ class Problem:
 
     @property
     def limits(self) -> Array | None:
-        """(SIZE,) maximum sizes of amplitudes of effects; None if there is no prior."""
+        """(SIZE,) maximum sizes of amplitudes of effects, or None if there is no prior."""
         return None if self.prior is None else self.prior.limits
 
     @property
@@ -203,7 +203,7 @@ class Problem:
         return slopes
 
     def chi2_by_segment(self, predicted: Array) -> Array:
-        """Return the (segments,) sum of squared whitened residuals; inf for a segment whose simulation fails."""
+        """Return the (segments,) sum of squared whitened residuals, with inf for a segment whose simulation fails."""
         with np.errstate(over="ignore", invalid="ignore"):
             if self.disturbance is not None:
                 return np.nan_to_num(np.sum(self.whitened(self.measured - predicted) ** 2, axis=1), nan=np.inf)

@@ -37,7 +37,7 @@ from dpr_lab.shown import Row, Shown
 class Comparison(Shown):
     """Comparison of one run with one model.
 
-    The instants are those of the run, from the release on.
+    The times are those of the run, from the release on.
     """
 
     run: str
@@ -163,7 +163,7 @@ def follow(run: Run, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed
 def follow_preprocessed(preprocessed: PreprocessedRun, rig: Rig, model: Model, segment_s: float = 0.5) -> Followed:
     """Fit the initial states of the segments of a preprocessed run.
 
-    The result is that of `follow`. Several models can use the same preprocessed run.
+    See `follow` for the result. Several models can use the same preprocessed run.
     """
     problem, initial = segmented([preprocessed], rig, segment_s)
     bare = fit_ratios(problem, rods_estimate(model.unknowns, initial), held=range(len(UNKNOWN_RATIOS)))
@@ -249,7 +249,7 @@ def free_run_from(followed: Followed, at_s: float) -> FreeRun:
 def compare_followed(followed: Followed) -> Comparison:
     """Compare a model with a run whose segments are already fitted.
 
-    The result is that of `compare_run`.
+    See `compare_run` for the result.
 
     Raises:
         RunError: the model cannot follow the readings.

@@ -323,7 +323,7 @@ def bench_sequence(
 ) -> tuple[Advice, ...]:
     """Choose the best measurement repeatedly until all parameters are determined.
 
-    The sequence also ends if no measurement has a worthwhile gain. The arguments are those of `bench_advice`.
+    The sequence also ends if no measurement has a worthwhile gain. See `bench_advice` for the arguments.
     """
     open_measurements, taken = dict(answers), []
     while open_measurements and np.isinf(spread(known)).any():

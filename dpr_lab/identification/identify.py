@@ -51,7 +51,7 @@ def identify(
 ) -> Model:
     """Identify the kinetic parameters of a rig from runs with a clamped or prescribed arm.
 
-    The arguments are those of `dpr_lab.identification.moving_arm.any_arm.identify`, which accepts every mode of the
+    See `dpr_lab.identification.moving_arm.any_arm.identify` for the arguments; it accepts every mode of the
     arm.
 
     Raises:

@@ -244,7 +244,7 @@ def first_fit(
 ) -> RatioFit:
     """Fit the ratios to segments of a quarter of a second, from poor initial values.
 
-    The arguments are those of `short_fit`.
+    See `short_fit` for the arguments.
     """
     start = unknown_ratios(whole_parameters(Z, rig.L1, rig.g))
     problem, initial = segmented(runs, rig, SHORT.first_segment_s)

@@ -71,7 +71,7 @@ class RatioUncertainty:
 
     @property
     def cramer_rao_std(self) -> Array:
-        """Cramér-Rao bound (n,) of the standard deviation with the prior; zero for unknowns fixed at zero."""
+        """Cramér-Rao bound (n,) of the standard deviation with the prior, with zero for unknowns fixed at zero."""
         std, free = np.zeros(len(self.values)), self.values > 0
         std[free] = [self.cramer_rao_with(place) for place in np.flatnonzero(free).tolist()]
         return std

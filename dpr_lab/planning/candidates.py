@@ -117,7 +117,7 @@ def _apart(first: CandidateRelease, second: CandidateRelease) -> float:
 
 
 def mountings(rig: Rig, limits: PlanLimits) -> Iterator[MountedParts]:
-    """Yield the permitted mountings for free swings; the present mounting comes first."""
+    """Yield the permitted mountings for free swings; the current mounting comes first."""
     masses: Sequence[AddedMass | None] = [rig.added_mass, None, *limits.masses]
     arms = dict.fromkeys(state == "held" for state in arm_states(rig, limits) if state != "driven")
     for held in arms:
@@ -157,7 +157,7 @@ def minutes(release: CandidateRelease, before: MountedParts, limits: PlanLimits)
 
 
 def cheapest_minutes(rig: Rig, limits: PlanLimits) -> float:
-    """Return the time of the shortest release that keeps the present added mass, minutes."""
+    """Return the time of the shortest release that keeps the current added mass, minutes."""
     now, shortest = mounted_now(rig), limits.recording.shortest_s
     return min(
         minutes(CandidateRelease(0.0, 0.0, shortest, mounting, now.added, arm=arm), now, limits)

@@ -172,7 +172,7 @@ def settled_probability(amplitudes: OpenAmplitudes) -> float:
     """Return the probability that further information decides for every small effect whether it is present.
 
     Args:
-        amplitudes: all tested amplitudes, with the present and the further information
+        amplitudes: all tested amplitudes, with the current and the additional information
     """
     effects: dict[str, SmallEffect] = {}
     gains = (amplitudes.after / amplitudes.before).tolist()

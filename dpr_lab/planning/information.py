@@ -1,6 +1,6 @@
 """Fisher information of planned releases about ratios and effects.
 
-A release is simulated with the present estimate. The simulated swing is cut into the segments that a diagnosis would
+A release is simulated with the current estimate. The simulated swing is cut into the segments that a diagnosis would
 fit. Let A_s be the whitened Jacobian of segment s with respect to ratios and amplitudes. The initial state of the
 segment is projected out of A_s. The information is
 
@@ -58,7 +58,7 @@ class PresentModel:
     """Present estimate of the rig, and the unknowns of a plan."""
 
     estimate: Estimate
-    """Ratios and effects of the present model, without segments."""
+    """Ratios and effects of the current model, without segments."""
     columns: tuple[FreeParameter, ...]
     """The unknowns: the ratios, b and p/b, followed by the amplitudes of effects."""
     rods: RodsWithEffects
@@ -88,7 +88,7 @@ def informed(
 
     Args:
         releases: the candidates
-        model: the present estimate
+        model: the current estimate
         durations: shorter durations for which the information is also computed, s
 
     Returns:

@@ -136,7 +136,7 @@ def _shaped(t: Array, highest_hz: float) -> Iterator[tuple[SignalKind, Array]]:
 
 
 def _driven(torques: Torques, kind: SignalKind, arm: ArmState, rig: Rig) -> CandidateRelease:
-    """Create a driven release from hanging; the present mounting is kept."""
+    """Create a driven release from hanging; the current mounting is kept."""
     duration = len(torques.t) * float(torques.t[1])
     return CandidateRelease(np.pi, np.pi, duration, rig.rods.mounting, rig.added_mass, torques, kind, arm)
 

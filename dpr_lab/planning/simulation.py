@@ -71,7 +71,7 @@ def simulated_distance(
 
 
 def _with(known: Knowledge, pairs: OpenPairs, cause: int, initial: Array) -> Estimate:
-    """Return the estimate of the present model in which one cause, at its estimated size, replaces the named effect."""
+    """Return the estimate of the current model in which one cause, at its estimated size, replaces the named effect."""
     about = pairs.about
     vector = known.model.estimate.vector.copy()
     if pairs.names[cause] != about:

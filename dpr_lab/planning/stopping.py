@@ -82,7 +82,7 @@ def decided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> bool:
 
 
 def undecided(diagnosis: Diagnosis, inseparable: Collection[str] = ()) -> str:
-    """Return the question that the recordings leave open, as a clause; empty if there is none.
+    """Return the question that the recordings leave open, as a clause, or an empty text if there is none.
 
     Args:
         diagnosis: diagnosis of the runs recorded so far

@@ -13,7 +13,7 @@ def trace(t: Array, y: Array, points: int = POINTS, gap_steps: float = 10.0) -> 
     """Reduce a record for drawing.
 
     Short records are not reduced. Gaps become NaN. A long record is divided into `points` / 2 blocks of equal length,
-    and the smallest and the largest sample of each block are kept with their instants. No peak is lost, and no value is
+    and the smallest and the largest sample of each block are kept with their times. No peak is lost, and no value is
     interpolated.
 
     Args:

@@ -21,7 +21,7 @@ UNITS |= {"e1": "N m", "k0": "N m/rad", "f0": "N m", "kt gear/R": "N m/V", "kt g
 
 
 def summary(model: "MovingArmModel", angles: AngleUnit = RADIANS) -> str:
-    """Compose a sentence on the residuals and the segments."""
+    """Describe the residuals and the segments."""
     scale = angles.small_per_rad
     rms = ", ".join(
         f"{name} {scale * value:.3g} {angles.small} (noise {scale * model.fit.noise_rad[name]:.2g})"

@@ -24,7 +24,7 @@ def local_time(utc: str) -> str:
 
 
 def recorded(run: Path) -> str:
-    """Return the time of recording from a file name `<utc>_<pose>_<uid8>`; empty for other names."""
+    """Return the time of recording from a file name `<utc>_<pose>_<uid8>`, or an empty text for other names."""
     parts = run.stem.split("_")
     when = local_time(parts[0])
     return when if len(parts) > 2 and when != parts[0] else ""

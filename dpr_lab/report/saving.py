@@ -79,7 +79,7 @@ def save_exports(
     """Write the corrected model for other programs.
 
     If a format cannot represent an effect, a simpler model is refitted and written. This model is not worse than the
-    bare model. Arguments and errors are those of `save_diagnosis`.
+    bare model. See `save_diagnosis` for arguments and errors.
     """
     formats = [name for name, form in FORMATS.items() if not form.optional]
     models = fitted_for(formats, corrected, runs, rig)
@@ -133,7 +133,7 @@ def write_export(
 ) -> str:
     """Write a model for another program, and return the path of its main file.
 
-    Arguments are those of `ExportFormat.written`.
+    See `ExportFormat.written` for the arguments.
 
     Raises:
         DprError: the folder or a file cannot be written, or a package of the format is not installed.

@@ -185,14 +185,14 @@ def ratio_std_rows(made: "Plan", release: "PlannedRelease") -> list[tuple[str, .
 
 
 def _undetermined(model: "Model") -> str:
-    """Compose a sentence on the ratios that the recordings do not determine; empty if they determine all ratios."""
+    """Describe the ratios that the recordings do not determine; return an empty text if they determine all ratios."""
     names = [name for name, ratio in model.ratios.items() if ratio.fixed_by != "data"]
     names += ["the ratios of the outer rod, which is not mounted"] if model.fitted else []
     return f" Not determined by these recordings: {', '.join(names)}." if names else ""
 
 
 def ratio_note(model: "Model") -> str:
-    """Compose sentences on the meaning of the ratios.
+    """Describe the meaning of the ratios.
 
     They also explain standard deviations that clearly exceed those of `identifiability`.
     """
@@ -252,7 +252,7 @@ def interval_words(parameter: "ParameterValue") -> str:
 
 
 def parameter_note(model: "Model") -> str:
-    """Compose sentences on the origin of the parameter values and on the scale of absolute sizes."""
+    """Describe the origin of the parameter values and the scale of absolute sizes."""
     return f"{PARAMETER_NOTE} {superscripts(model.scale_sentence)}" if model.scale else PARAMETER_NOTE
 
 

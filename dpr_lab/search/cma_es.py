@@ -45,7 +45,7 @@ def cma_es(
 ) -> Iterator[Generation]:
     """Search the box for the smallest cost H by CMA-ES.
 
-    The arguments, yields and errors are those of `dpr_lab.search.iga.iga`. The population of a generation consists of
+    See `dpr_lab.search.iga.iga` for arguments, yields and errors. The population of a generation consists of
     its sample and the best individual so far. A restart begins at a random point of the box.
 
     Source: Hansen (2016), The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; restarts: Auger & Hansen (2005),

@@ -45,7 +45,7 @@ def differential_evolution(
 ) -> Iterator[Generation]:
     """Search the box for the smallest cost H by differential evolution.
 
-    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+    See `dpr_lab.search.iga.iga` for arguments, yields and errors.
 
     Source: Storn & Price (1997), Journal of Global Optimization 11, 341-359.
     """

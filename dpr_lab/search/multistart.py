@@ -44,7 +44,7 @@ def multistart(
 ) -> Iterator[Generation]:
     """Search the box for the smallest cost H by local searches from many starts.
 
-    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`. Generation 0 is a Latin hypercube. In each later
+    See `dpr_lab.search.iga.iga` for arguments, yields and errors. Generation 0 is a Latin hypercube. In each later
     generation, a local search starts from the best point that has not been a start, and its result replaces that point.
 
     Source: L-BFGS-B: Byrd, Lu, Nocedal & Zhu (1995), SIAM Journal on Scientific Computing 16(5), 1190-1208.

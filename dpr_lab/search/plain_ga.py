@@ -40,7 +40,7 @@ def plain_ga(
 ) -> Iterator[Generation]:
     """Search the box for the smallest cost H by the traditional genetic algorithm.
 
-    Arguments, yields and errors are those of `dpr_lab.search.iga.iga`.
+    See `dpr_lab.search.iga.iga` for arguments, yields and errors.
 
     Source: Goldberg (1989), Genetic Algorithms in Search, Optimization and Machine Learning, chapter 1, with real genes
     instead of bits.

@@ -97,7 +97,7 @@ class CompiledMjcf:
 def read_mjcf(path: Path, text: bytes | None = None) -> SimulatorModel:
     """Read a file of MuJoCo with its includes.
 
-    Arguments and errors are those of `compile_mjcf`.
+    See `compile_mjcf` for arguments and errors.
     """
     return compile_mjcf(path, text).simulator_model()
 

@@ -84,7 +84,7 @@ class XmlEdit:
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and wanted <= t.attributes.items()), None)
 
     def child(self, parent: int, tag: str) -> int | None:
-        """Return the index of the first child with this tag; None if there is none."""
+        """Return the index of the first child with this tag, or None if there is none."""
         return next((i for i, t in enumerate(self.tags) if t.tag == tag and t.parent == parent), None)
 
     def set(self, index: int, label: str, **attributes: str) -> None:

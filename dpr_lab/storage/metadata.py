@@ -63,7 +63,7 @@ class RunMetadata:
 
     @property
     def recorded_utc(self) -> str:
-        """Time of the recording: ISO 8601 date, or date and time; empty if unknown."""
+        """Time of the recording: ISO 8601 date, or date and time, or an empty text if unknown."""
         return self.created_utc if self.source == "device" else self.extra.get("recorded_at", "")
 
     @property

@@ -106,7 +106,7 @@ class Scan:
 
     @property
     def newest_clock(self) -> dict[str, Any]:
-        """Last clock fit written during the recording; empty if there is none.
+        """Last clock fit written during the recording, or an empty mapping if there is none.
 
         Raises:
             RunError: the message of the clock fit does not have the layout of a run file.

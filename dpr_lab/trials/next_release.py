@@ -96,7 +96,7 @@ def at_random(now: Situation) -> tuple[CandidateRelease, Plan | None]:
 
 
 def _release(rig: Rig, theta1: float, theta2: float) -> CandidateRelease:
-    """Create a release with the present setup of the rig.
+    """Create a release with the current setup of the rig.
 
     A driven arm follows the input signal of the device.
     """

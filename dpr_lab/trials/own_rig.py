@@ -185,7 +185,7 @@ def _another(diagnosis: Diagnosis, library: Mapping[str, Effect], rng: np.random
 
 
 def _recorded_again(original: _Original, rig: Rig, ratios: Array, params: Array, rng: np.random.Generator) -> Run:
-    """Simulate the readings of a plant at the instants of a recording.
+    """Simulate the readings of a plant at the times of a recording.
 
     Readings before the release are not changed.
     """

@@ -13,7 +13,7 @@ from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 
 
 def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool]) -> float:
-    """Return the share of the trials with a property; nan if there are no trials."""
+    """Return the share of the trials with a property, or nan if there are no trials."""
     return float(np.mean([holds(outcome) for outcome in outcomes])) if outcomes else float("nan")
 
 

@@ -26,7 +26,7 @@ class Services:
         return self.keys.of(f"app.step_{self.order.index(step) + 1}")
 
     async def connect(self) -> None:
-        """Start the handshake with the device of the workspace; the errors are those of `require_free`."""
+        """Start the handshake with the device of the workspace; see `require_free` for the errors."""
         self.require_free()
         await self.device.open(self.workspace.link, self.workspace.rig, self.workspace.out / "runs")
 

@@ -66,7 +66,7 @@ def certify(
 ) -> Certified:
     """Diagnose runs, and write a certificate of the diagnosis that others can verify.
 
-    Events and errors are those of `diagnose`.
+    See `diagnose` for events and errors.
 
     Args:
         request: options of the diagnosis, without an initial model

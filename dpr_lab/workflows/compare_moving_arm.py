@@ -113,7 +113,7 @@ def compare_any_run(
 def compare_arm_run(run: "Run", rig: "Rig", model: "MovingArmModel", segment_s: float = 0.5) -> "ArmComparison":
     """Simulate a run by segment with a model of a moving arm.
 
-    Arguments and errors are those of `compare_any_run`.
+    See `compare_any_run` for arguments and errors.
     """
     if model.effects:
         return _with_effects(run, rig, model, segment_s)

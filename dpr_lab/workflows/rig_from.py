@@ -208,7 +208,7 @@ def _zeros(chain: "ModelChain", counts: int, notes: list[str], noted: float = 0.
 
 
 def _reversed(chain: "ModelChain") -> list[str]:
-    """Return the notes on joints whose positive direction is opposite to that of dpr-lab."""
+    """Return the notes about joints whose positive direction is opposite to that of dpr-lab."""
     return [
         f"joint {part.joint.name!r} turns opposite to the angle of dpr-lab: its direction in [encoders] is -1, so"
         " recordings of the angle in the model can be used unchanged"

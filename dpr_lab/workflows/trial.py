@@ -77,7 +77,7 @@ def draw(request: TrialRequest, on_event: OnEvent = ignore) -> "Trial":
 def diagnose_trial(request: DiagnoseTrialRequest, on_event: OnEvent = ignore) -> DiagnoseTrialResult:
     """Diagnose a sealed trial and write the diagnosis.
 
-    The events are those of `diagnose`.
+    See `diagnose` for the events.
 
     Raises:
         RunError: the folder contains no trial, or the trial is already open.

@@ -69,7 +69,7 @@ def followed_with_arm(bases: Array, rig: RigConstants, grid: Segments, params: A
     Args:
         bases: (runs, 6) base parameters of the mounted rods, SI; all runs have the same rods
         rig: constants of the rig
-        grid: segments of grid instants
+        grid: segments of grid times
         params: (SIZE,) effects; only the arm and the gain of its drive are used
         initial: (segments, 6) initial states
     """

@@ -76,7 +76,7 @@ class PredictiveBand:
 
     @property
     def covered(self) -> float:
-        """Share of the compared readings that lie inside the band; nan if there are no readings."""
+        """Share of the compared readings that lie inside the band, or nan if there are no readings."""
         inside = (self.measured >= self.low) & (self.measured <= self.high)
         return float(inside.sum()) / self.readings if self.readings else float("nan")
 

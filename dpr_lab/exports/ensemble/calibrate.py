@@ -84,7 +84,7 @@ def widened(components: Sequence[PosteriorComponent], factor: float) -> list[Pos
 
 
 def pooled(bands: Sequence[PredictiveBand]) -> float:
-    """Return the share of all readings inside their bands; nan without readings."""
+    """Return the share of all readings inside their bands, or nan without readings."""
     counts = [band.readings for band in bands]
     covered = sum(band.covered * count for band, count in zip(bands, counts, strict=True) if count)
     return covered / sum(counts) if sum(counts) else float("nan")

@@ -107,7 +107,7 @@ def follow_with_arm(run: Run, rig: Rig, model: MovingArmModel, segment_s: float)
 def arm_replays(run: Run, rig: Rig, model: MovingArmModel) -> list[Replay]:
     """Cut a recording into segments with fitted initial states.
 
-    The errors are those of `follow_with_arm`.
+    See `follow_with_arm` for the errors.
     """
     followed = follow_with_arm(run, rig, model, ARM_REPLAY.segment_s)
     to_rods = rig.encoders.joint_angles.to_rods

@@ -54,7 +54,7 @@ def determined(state: Transferred) -> tuple[dict[str, Interval], Array]:
 
 
 def ratio_covariance(state: Transferred) -> Array:
-    """Return the (5, 5) covariance of the ratios; zero for ratios of the rig file."""
+    """Return the (5, 5) covariance of the ratios, with zero for ratios of the rig file."""
     free = state.selection.chosen.fit.free
     column_of = {parameter.place: i for i, parameter in enumerate(free) if parameter.block == "ratios"}
     covariance = np.zeros((len(RATIOS), len(RATIOS)))

@@ -14,7 +14,7 @@ from dpr_lab.shown import listed, percent
 
 
 def sentence(kind: Verdict, state: Transferred, visible_counts: tuple[int, int]) -> str:
-    """Return the verdict in sentences; the arguments are those of `verdict`."""
+    """Return the verdict in sentences; see `verdict` for the arguments."""
     hint = state.description.hint
     if kind == "inconclusive":
         return _inconclusive(visible_counts)
@@ -89,7 +89,7 @@ def _in_noise(ratio: float) -> str:
 
 
 def _remainder(chosen: Hypothesis, transferred: Transfer) -> str:
-    """Return a sentence on the remainder; an increased error of the free run takes precedence."""
+    """Return a sentence about the remainder; an increased error of the free run takes precedence."""
     if transferred.worse_free_run:
         errors = transferred.worse_free_run
         before, after = 1e3 * errors.before_rad, 1e3 * errors.after_rad

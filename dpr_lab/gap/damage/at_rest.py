@@ -104,7 +104,7 @@ def without_touch(record: Record, rig: Rig) -> Record:
 
 
 def _blocks(record: Record) -> tuple[Array, Array, Array]:
-    """Return the instants of blocks, their (n, axes) medians, and the (axes,) standard deviation of a median, rad."""
+    """Return the times of blocks, their (n, axes) medians, and the (axes,) standard deviation of a median, rad."""
     length = max(REST.block_s, REST.fewest * float(np.median(np.diff(record.t))))
     number = np.floor((record.t - record.t[0]) / length).astype(np.int64)
     edges = np.flatnonzero(np.diff(number, prepend=-1))

@@ -10,7 +10,7 @@ Here M is the inertia matrix. Phi is the derivative of the state with respect to
 is the derivative of the readings with respect to this initial state. The initial state of the segment and torques that
 are polynomials in time are projected out. An error of the model acts along the whole segment and therefore does not
 count. With e the residual, and with e and h whitened and projected, the change reduces chi2 by its gain (h e)^2 / h^2.
-The gains at all instants follow from sums over the later readings.
+The gains at all times follow from sums over the later readings.
 
 Source: Willsky & Jones (1976), A generalized likelihood ratio approach to the detection and estimation of jumps in
 linear systems, IEEE Trans. Autom. Control 21, 108-112.
@@ -132,7 +132,7 @@ def jumps_of_segments(problem: Problem, fitted: Fit) -> tuple[list[Jump], list[J
 
 
 def _highest_near(t: Array, values: Array, reach_s: float) -> Array:
-    """Return the (n,) maximum of values (n,) over the instants up to `reach_s` before and after each instant."""
+    """Return the (n,) maximum of values (n,) over the times up to `reach_s` before and after each instant."""
     highest = values.copy()
     for shift in range(1, int(reach_s / max(float(np.median(np.diff(t))), 1e-6)) + 1):
         highest[shift:] = np.maximum(highest[shift:], values[:-shift])

@@ -1,9 +1,9 @@
-"""Sampling instants: time stamps that jitter about an even clock, and readings that are periodically late.
+"""Sampling times: time stamps that jitter about an even clock, and readings that are periodically late.
 
 Two faults of data loggers are detected without a model:
 
     stamp_jitter     Samples are taken at an even rate and receive their time stamps on arrival. The sixth differences
-                     of the angles are then smaller on even instants than on the stamps. Uneven stamps that are correct
+                     of the angles are then smaller on even times than on the stamps. Uneven stamps that are correct
                      give the smaller differences, and are kept.
     periodic_delay   Every n-th reading is taken a constant time after its stamp (a multiplexer, a buffer that is
                      written to disk). Its error is the product of delay and speed, in both joints, at the same
@@ -90,11 +90,11 @@ class PeriodicDelay:
 def even_instants(t: Array, joints: Array) -> Array | None:
     """Return evenly spaced times if the angles are smoother there than at the time stamps.
 
-    For each window of seven samples, the sixth divided differences on the stamps and on even instants are compared.
-    Even instants are chosen if the angles are smoother on them in significantly more windows, or if the log-likelihood
+    For each window of seven samples, the sixth divided differences on the stamps and on even times are compared.
+    Even times are chosen if the angles are smoother on them in significantly more windows, or if the log-likelihood
     ratio is large enough,
 
-        sum over joints of  k / 7 ln(rms on stamps / rms on even instants)
+        sum over joints of  k / 7 ln(rms on stamps / rms on even times)
 
     for k windows, of which one in seven is independent. The likelihood ratio takes the size of each difference into
     account. Large differences are limited in the same way on both sides, because a wrong reading affects both.
@@ -138,7 +138,7 @@ def _likelihood_ratio(on_stamps: Array, on_even: Array, counts: Flags) -> float:
 
     Args:
         on_stamps: (w, m) absolute finite differences of each window and joint on the time stamps
-        on_even: (w, m) absolute finite differences on evenly spaced instants
+        on_even: (w, m) absolute finite differences on evenly spaced times
         counts: (w, m) mask of the windows to use
     """
     ratio = 0.0

@@ -199,7 +199,7 @@ def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tu
 
 
 def _spline(t: Array, y: Array, instants: Array, sweeps: int = 40) -> Array:
-    """Evaluate the cubic spline through readings at some instants; the ends have not-a-knot conditions.
+    """Evaluate the cubic spline through readings at some times; the ends have not-a-knot conditions.
 
     The slopes s of the spline at the readings make the curvature continuous. With spacings h and difference quotients
     d,

@@ -1,7 +1,7 @@
 """Run thinned for the diagnosis: block averages of the readings, with their noise.
 
 The average over a block of 5 ms keeps all information if the encoder noise is white. In a curved swing the average is
-shifted by half the acceleration alpha times the variance of the block's instants. This shift is subtracted:
+shifted by half the acceleration alpha times the variance of the block's times. This shift is subtracted:
 
     y = mean(theta) - alpha var(t) / 2
 
@@ -143,7 +143,7 @@ class Record:
         return replace(self, screened=replace(self.screened, findings=(*others, finding)))
 
     def without(self, t: Array, off: Flags) -> "Record":
-        """Return a copy without the instants at which a reading is an outlier.
+        """Return a copy without the times at which a reading is an outlier.
 
         Add a finding for each of these readings.
 
@@ -222,7 +222,7 @@ def _screen_edges(run: Run, rig: Rig) -> Screened:
 
     The rows follow the motion: there are few at turning points, and neighbours differ by one count. Tests for missing
     rows, steps, outliers, late or repeated readings compare rows with an even clock and do not apply. Only the errors
-    of the instants are estimated.
+    of the times are estimated.
     """
     t, noise = run.swing.t, noise_floor(run, rig).std_joint
     joints = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
@@ -271,7 +271,7 @@ def _block_rate(screened: Screened, fastest: float, rate_hz: float) -> float | N
 
 
 def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
-    """Return the instants, the readings and their standard deviations without averaging.
+    """Return the times, the readings and their standard deviations without averaging.
 
     A reading that is not trusted is nan.
     """
@@ -281,7 +281,7 @@ def _as_read(screened: Screened) -> tuple[Array, Array, Array]:
 
 
 def _blocks(screened: Screened, rate_hz: float, least_kept: float) -> tuple[Array, Array, Array]:
-    """Average instants and readings over blocks of 1 / `rate_hz`; return the means and their standard deviations.
+    """Average times and readings over blocks of 1 / `rate_hz`; return the means and their standard deviations.
 
     If the rounding errors are not independent (no dither), the standard deviations are larger.
     """

@@ -180,7 +180,7 @@ class Recordings:
     def with_shutter(self, shutter: Shutter | None) -> "Recordings":
         """Correct the recordings for the rolling shutter of a camera.
 
-        The corrected readings are those at the instants of the frames.
+        The corrected readings are those at the times of the frames.
         """
         if shutter is None:
             return self

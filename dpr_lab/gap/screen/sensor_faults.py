@@ -10,7 +10,7 @@ A swing is smooth over a few milliseconds, so an encoder fault is visible in nei
     non_white_noise             correlated errors of neighbouring readings
     noise_level                 noise that differs from the rig file
     undithered_quantisation     constant counts at rest: rounding does not average out
-    stamp_jitter                time stamps with jitter, but readings at even instants: time stamps are replaced
+    stamp_jitter                time stamps with jitter, but readings at even times: time stamps are replaced
     periodic_delay              every n-th reading is taken later than its stamp, or before it: excluded
     queued_rows                 rows that wait in the queue of a saturated link, with a varying delay: excluded
 """
@@ -213,7 +213,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[Finding]]:
-    """Replace stamps that jitter about an even clock by even instants; return the run and the finding."""
+    """Replace stamps that jitter about an even clock by even times; return the run and the finding."""
     if (even := even_instants(run.t, _read_joints(run, rig))) is None:
         return run, []
     even -= min(even[run.t >= 0.0].min(), 0.0)  # no reading of the swing may come before the release
@@ -289,7 +289,7 @@ def _steps(run: str, axis: str, t: Array, steps: Sequence[tuple[int, float]], co
 
 
 def _events(finding: Finding, instants: list[float]) -> list[Finding]:
-    """Create a finding for each instant; if there are many instants, create one finding for all of them."""
+    """Create a finding for each instant; if there are many times, create one finding for all of them."""
     if len(instants) > SCREEN.shown:
         return [replace(finding, at_s=instants[0], count=len(instants))]
     return [replace(finding, at_s=s) for s in instants]

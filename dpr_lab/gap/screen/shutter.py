@@ -35,12 +35,12 @@ class Shutter:
     """Delay k between lines per distance along their normal, s/m."""
 
     def corrected(self, t: Array, shown: Array, constants: RigConstants, *, alone: bool) -> Array:
-        """Convert readings to the instants of the line of the pivot.
+        """Convert readings to the times of the line of the pivot.
 
         The positions p_i of the ends of the rods, at t_i + k n . p_i, are interpolated to t_i by cubic splines.
 
         Args:
-            t: (n,) instants of the line of the pivot, s
+            t: (n,) times of the line of the pivot, s
             shown: (n, 2) angles of the joints in the picture, rad
             constants: lengths of the rods
             alone: whether only the inner rod is mounted

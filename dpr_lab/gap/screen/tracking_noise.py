@@ -99,7 +99,7 @@ def _rough_part(correlation: float) -> float:
 
 
 def _windows(problem: Problem, bare: Fit) -> tuple[Array, Array] | None:
-    """Return the (n,) instants of a window, s, and (2, n, windows) residuals divided by their noise.
+    """Return the (n,) times of a window, s, and (2, n, windows) residuals divided by their noise.
 
     The result is None if there are too few windows.
     """

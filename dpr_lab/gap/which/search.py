@@ -84,7 +84,7 @@ class SearchState:
 
 
 def _caveat(model: Hypothesis) -> str:
-    """Return a note on a set whose criterion contains a linear prediction that its fit did not reach.
+    """Return a note about a set whose criterion contains a linear prediction that its fit did not reach.
 
     For other sets the text is empty.
     """

@@ -112,7 +112,7 @@ def periods(rig: Rig) -> tuple[float, float]:
 
 
 def energy_fit(t: Array, rods: Array, torques: Array | None, rig: Rig) -> EnergyFit | None:
-    """Compute the energy balance of an interpretation; None if the motion is too small.
+    """Compute the energy balance of an interpretation, or None if the motion is too small.
 
     Args:
         t: (n,) s

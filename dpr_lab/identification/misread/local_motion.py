@@ -64,7 +64,7 @@ class LocalMotion:
 def local_motion(t: Array, rods: Array, period_s: float, settings: LocalMotionSettings) -> LocalMotion | None:
     """Estimate the motion at the centres of windows.
 
-    The result is None if there are too few rows, or if instants are numerically equal.
+    The result is None if there are too few rows, or if times are numerically equal.
 
     Args:
         t: (n,) times, s

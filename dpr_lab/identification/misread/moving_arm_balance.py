@@ -79,7 +79,7 @@ class ArmBalance:
 
     @property
     def arm_scale(self) -> float | None:
-        """True arm angle divided by its reading; None if the two estimates disagree.
+        """True arm angle divided by its reading, or None if the two estimates disagree.
 
         The ratio is 1 unless it differs significantly from 1.
         """

@@ -44,7 +44,7 @@ class ScaledReadings:
     def of_sigma(self, sigma: Array) -> Array:
         """Convert the noise of the readings to the noise (..., k) of the true angles.
 
-        The order is that of `of_joints`.
+        The order is the same as in `of_joints`.
         """
         return sigma * np.abs([self.rods, self.rods, self.arm])[: sigma.shape[-1]]
 

@@ -201,7 +201,7 @@ def _explaining(
 ) -> Iterator[tuple[Misreading, RatioFit]]:
     """Fit the interpretations `tried`, and yield those that explain the runs far better, each with its fit.
 
-    The other arguments are those of `better_readings`.
+    See `better_readings` for the other arguments.
     """
     limit = max(min(SETTINGS.explained, limit), chi2_per_dof / SETTINGS.far_better)
     for reading, other in _otherwise(tried, runs, rig, limit):
@@ -252,7 +252,7 @@ def impossible(ratios: Array, rig: Rig) -> str:
 
 
 def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the fitted inertia b, kg m^2; empty if it can.
+    """Explain why the rig cannot have the fitted inertia b, kg m^2; return an empty text if it can.
 
     An incorrect unit of known torques changes only b, so the residual does not show it. Without known torques, the
     motion does not determine b, and only the sign of b can contradict the rig.
@@ -270,7 +270,7 @@ def impossible_scale(inertia: float, runs: Sequence[Run], rig: Rig) -> str:
 
 
 def impossible_fit(ratio_fit: RatioFit, runs: Sequence[Run], rig: Rig) -> str:
-    """Explain why the rig cannot have the ratios or inertia b of a fit; empty if it can."""
+    """Explain why the rig cannot have the ratios or inertia b of a fit; return an empty text if it can."""
     unknown = ratio_fit.fit.estimate.ratios
     if all(run.mounting == "inner" for run in runs):
         weight = float(unknown[RATIOS.index("e1/b")] - unknown[ON_ELBOW] * rig.g / rig.L1) / alone_share(unknown)

@@ -199,7 +199,7 @@ def stops(t: Array, theta0: Array) -> list[tuple[str, float, list[float]]]:
         theta0: (n,) angles of the arm, rad
 
     Returns:
-        for each stop: the end of the range (largest or smallest), its angle, rad, and the instants of the contacts, s
+        for each stop: the end of the range (largest or smallest), its angle, rad, and the times of the contacts, s
     """
     dt = float(np.median(np.diff(t)))
     k = max(1, round(DOUBTS.contact_s / dt / 2 + 1e-6))

@@ -100,7 +100,7 @@ class ArmFit:
 
     @property
     def rms(self) -> Array:
-        """(3,) rms residual of each joint's readings, rad; nan for a joint without readings."""
+        """(3,) rms residual of each joint's readings, rad, with nan for a joint without readings."""
         read = self.problem.read
         residuals = self.problem.measured - self.problem.predict(self.estimate)
         squares = np.sum(residuals**2, axis=0, where=read)

@@ -255,13 +255,13 @@ def _physical(rig: Rig, unknowns: Unknowns) -> tuple[dict[str, float], Array]:
 
 
 def _of_rig_file(rig: Rig, names: Iterable[str]) -> dict[str, Parameter | None]:
-    """Return the entry of the rig file for each parameter; None if the entry is missing."""
+    """Return the entry of the rig file for each parameter, or None if the entry is missing."""
     tables = {**rig.parameters, **dict(rig.arm), **(dict(rig.motor) if rig.motor else {})}
     return {name: tables.get(name) for name in names}
 
 
 def _std(parameter: Parameter | None) -> float:
-    """Return the standard uncertainty of a measured parameter; 0 if the parameter was not measured."""
+    """Return the standard uncertainty of a measured parameter, or 0 if the parameter was not measured."""
     return parameter.std or 0.0 if parameter is not None and parameter.measured is not None else 0.0
 
 

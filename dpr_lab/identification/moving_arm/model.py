@@ -124,7 +124,7 @@ class MovingArmModel(Shown, BaseModel):
 
 
 def load_moving_arm_model(path: Path) -> MovingArmModel | None:
-    """Read `model.json`; None if the file is not JSON, or contains another kind of model.
+    """Read `model.json`; return None if the file is not JSON, or contains another kind of model.
 
     Raises:
         RunError: the file cannot be read, or is damaged; the message names the key.

@@ -166,7 +166,7 @@ def _recording(run: Run, rig: Rig) -> ArmRecording:
 
 
 def _line(t: Array, torques: Torques) -> tuple[Array, Array]:
-    """Approximate the input by a line in each interval between the instants (n,).
+    """Approximate the input by a line in each interval between the times (n,).
 
     The result contains the means (n - 1,) and slopes (n - 1,) of the lines. A line has the mean and the first moment of
     the input in its interval. A constant with this mean would cause a relative error (w T)^2/12 of the angles, where w
@@ -235,7 +235,7 @@ def problem_of(
 def _rough_state(run: Run, part: slice, neighbours: int = 12) -> Array:
     """Estimate the state (6,) at the first sample of a segment by a local parabola.
 
-    The order is that of `Segments.states`.
+    The order is the same as in `Segments.states`.
     """
     rows = slice(max(part.start - neighbours, 0), min(part.start + neighbours, len(run.t)))
     line = np.polynomial.polynomial.polyfit(run.t[rows] - run.t[part.start], run.theta[rows], 2)[:2]

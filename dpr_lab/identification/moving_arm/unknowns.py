@@ -158,7 +158,7 @@ def unknowns_of(modes: Sequence[int], driven: bool, rig: Rig) -> Unknowns:
 
 
 def nominal_gain(rig: Rig) -> float:
-    """Return the torque per unit of the input according to the rig file; zero if unknown."""
+    """Return the torque per unit of the input according to the rig file, or zero if unknown."""
     motor = rig.motor
     if motor is None:
         return 0.0

@@ -69,7 +69,7 @@ class Scale(BaseModel):
         )
 
     def as_inertia(self, inertia: Literal["a", "b"], factor: float) -> "Scale":
-        """Express the scale by another inertia, which is `factor` times the present inertia."""
+        """Express the scale by another inertia, which is `factor` times the current inertia."""
         low, high = self.interval90
         return self.model_copy(
             update={"b": self.b * factor, "interval90": (low * factor, high * factor), "inertia": inertia}

@@ -256,7 +256,7 @@ class OpenAmplitudes:
         The result contains no amplitudes if part of the gap remains unexplained.
 
         Args:
-            known: the present knowledge
+            known: the current knowledge
             F: (k, k) information
             excluded: whether to include the amplitudes that the recordings exclude
         """
@@ -332,7 +332,7 @@ def detectable(
     A size is None if the amplitude is not detectable.
 
     Args:
-        known: the present knowledge
+        known: the current knowledge
         F: (k, k) information
         sigmas: number of standard deviations
         names: names of the effects; None: all effects

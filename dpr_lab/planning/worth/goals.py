@@ -47,7 +47,7 @@ def goals(known: Knowledge, F: Array, limits: Limits) -> list[Goal]:
     """Return one goal for each limit of a file.
 
     Args:
-        known: the present knowledge
+        known: the current knowledge
         F: (k, k) information about the unknowns
         limits: limits that the rig must satisfy
     """
@@ -69,7 +69,7 @@ def limit_forecasts(
     """Forecast which limits the releases will show to be met or violated.
 
     Args:
-        known: the present knowledge
+        known: the current knowledge
         F: (k, k) information after the releases
         limits: limits that the rig must satisfy
         releases: the releases; a friction limit also requires that the joint reaches the speed of the limit in one of

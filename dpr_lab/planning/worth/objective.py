@@ -36,7 +36,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Objective:
-    """Objective that a plan maximises, given the present knowledge."""
+    """Objective that a plan maximises, given the current knowledge."""
 
     known: Knowledge
     pairs: tuple[OpenPairs, ...]
@@ -50,7 +50,7 @@ class Objective:
 
     @classmethod
     def of(cls, known: Knowledge, limits: Limits | None = None) -> "Objective":
-        """Create the objective from the present knowledge and the limits of the rig."""
+        """Create the objective from the current knowledge and the limits of the rig."""
         pairs = tuple(OpenPairs.of(known, causes) for causes in known.causes)
         pairs = tuple(pair for pair in pairs if pair.names)
         before = tuple(pair.distances(known.information) for pair in pairs)

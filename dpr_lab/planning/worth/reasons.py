@@ -79,7 +79,7 @@ def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
 
 
 def only_ratios_sentence(reasons: Sequence[Reason], undecided: bool) -> str:
-    """Compose a sentence on the releases that only improve the accuracy of the ratios.
+    """Describe the releases that only improve the accuracy of the ratios.
 
     The text is empty if there are no such releases.
 

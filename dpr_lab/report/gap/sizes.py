@@ -30,7 +30,7 @@ def assumed(diagnosis: Diagnosis) -> str:
 
 
 def scale_note(diagnosis: Diagnosis) -> str:
-    """Return the sentence about the scale of absolute sizes; empty for an older version."""
+    """Return the sentence about the scale of absolute sizes, or an empty text for an older version."""
     return superscripts(diagnosis.scale.sentence) if diagnosis.scale else ""
 
 

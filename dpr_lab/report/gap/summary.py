@@ -93,7 +93,7 @@ def repeatability_bar(diagnosis: Diagnosis) -> ShareBar | None:
 
 
 def repeatability_sentences(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on the explained share of the reproducible gap and on varying parameters.
+    """Describe the explained share of the reproducible gap, and varying parameters.
 
     The list is empty if there is no gap.
     """
@@ -130,7 +130,7 @@ def _varying(parameter: VaryingParameter) -> str:
 
 
 def summary_note(diagnosis: Diagnosis) -> str:
-    """Compose a sentence on effects of the corrected model that are improbable as causes.
+    """Describe effects of the corrected model that are improbable as causes.
 
     The text is empty without such effects.
     """

@@ -13,7 +13,7 @@ from dpr_lab.shown import percent
 
 
 def trust_words(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on the results of the blind trials and their limits."""
+    """Describe the results of the blind trials and their limits."""
     trust = diagnosis.trust
     if trust is None or not trust.trials:
         if "joint0" in diagnosis.gap.before_rad:

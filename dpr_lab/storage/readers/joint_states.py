@@ -61,7 +61,7 @@ def read_mcap(path: Path, take: Sequence[str]) -> Table:
 def read_sqlite(path: Path, take: Sequence[str]) -> Table:
     """Read the joint positions of the `.db3` file of a bag.
 
-    Arguments and errors are those of `read_mcap`.
+    See `read_mcap` for arguments and errors.
     """
     return _table(path, KIND, lambda: _sqlite_messages(path), take)
 

@@ -106,7 +106,7 @@ class KnownInputs:
             )
 
     def notes(self) -> list[str]:
-        """Compose notes for the operator on the interpretation of the columns."""
+        """Compose notes for the operator about the interpretation of the columns."""
         if not self.pairs:
             return []
         if self.motor is not None:
@@ -232,7 +232,7 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Return notes on columns with a drive input if the arm is free; otherwise an empty list."""
+    """Return notes about columns with a drive input if the arm is free; otherwise an empty list."""
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))
@@ -242,7 +242,7 @@ def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
 
 
 def cart_note(table: Table, used: Mapping[str, str], rig: Rig, options: ImportOptions) -> list[str]:
-    """Return a note on importing the motion of a cart if the table has an unused column with its position.
+    """Return a note about importing the motion of a cart if the table has an unused column with its position.
 
     A cart at the position x is represented by an arm of the length R that turns by theta_0 = -x / R. The pivot of the
     rod then has the acceleration of the cart, because the terms with the squared speed of the arm vanish for a long

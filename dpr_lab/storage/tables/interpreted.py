@@ -130,7 +130,7 @@ class InterpretedTable:
     def read(self) -> ReadTable:
         """Return samples at the beginning of the swing with their interpretation.
 
-        If the time stamps scatter around evenly spaced instants, these instants are used.
+        If the time stamps scatter around evenly spaced times, these times are used.
         """
         rows = self.looked_at
         even = even_instants(self.t[rows], self.theta[rows, 1:])

@@ -140,7 +140,7 @@ def turn_of_hanging(angle: Array) -> float:
 
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
-    """Return notes on the axes whose angles (n,), rad, the logger has wrapped."""
+    """Return notes about the axes whose angles (n,), rad, the logger has wrapped."""
     return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
 
 
@@ -199,7 +199,7 @@ def _leaps(angles: Array, rows: int) -> Flags:
 
 
 def gap_notes(t: Array) -> list[str]:
-    """Return a note on gaps between the times (n,), s; the list is empty if there are no gaps."""
+    """Return a note about gaps between the times (n,), s; the list is empty if there are no gaps."""
     steps = np.diff(t)
     gaps = steps[steps > PLAUSIBLE.gap_steps * np.median(steps)]
     return [f"gaps kept: {len(gaps)}, the longest {gaps.max():.4g} s"] if len(gaps) else []

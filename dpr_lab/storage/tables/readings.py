@@ -82,7 +82,7 @@ class OtherReading:
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Command-line options that select this interpretation; empty if the correction is not certain."""
+        """Command-line options that select this interpretation, or an empty list if the correction is not certain."""
         zeros = {**dict.fromkeys(AXES[1:], 0.0), **self.options.offset}
         scale, offset = dict(self.options.scale), dict(zeros)
         for axis, factor, added in zip(AXES[1:], self.scale, self.offset, strict=True):

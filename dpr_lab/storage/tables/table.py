@@ -331,7 +331,7 @@ def _trimmed(row: list[str], width: int) -> list[str]:
 
 
 def _delimiter(lines: list[str]) -> str | None:
-    """Return the first delimiter that most lines contain; None for blanks."""
+    """Return the first delimiter that most lines contain, or None for blanks."""
     return next((d for d in DELIMITERS if sum(d in line for line in lines) > len(lines) / 2), None)
 
 

@@ -5,7 +5,7 @@ evenly spaced, their number determines the times t_i = t_0 + i T. Apart from a c
 from t_i by at most half of the resolution of the times. Unevenly sampled or lost rows violate this condition.
 
 One stamp for several rows: a clock is read once for several rows, or rows wait and are stamped together. A gap after or
-before these rows then contains their instants.
+before these rows then contains their times.
 
 Stamps at gaps: a logger that pauses, for example while it writes to a card, may take the stamp of a row before the
 pause and the reading of the row after the pause, or vice versa. The reading then continues the motion on the other side

@@ -119,7 +119,7 @@ def _named(name: str) -> re.Match[str] | None:
 
 
 def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> list[str]:
-    """Return a note on torque columns that do not name their joint and are therefore not used.
+    """Return a note about torque columns that do not name their joint and are therefore not used.
 
     Otherwise the list is empty. On a moving arm, such a torque belongs to the drive of the arm.
     """

@@ -98,7 +98,7 @@ class Understood:
 def understand(
     file: Path | str, rig: Rig, options: ImportOptions | None = None, on_progress: OnImport = unwatched
 ) -> Understood:
-    """Interpret a table; arguments and errors are those of `import_csv`."""
+    """Interpret a table; see `import_csv` for arguments and errors."""
     options = options or ImportOptions()
     if options.pose is not None and options.pose not in rig.poses:
         raise RunError(f"{file}: the rig has no pose {options.pose!r}; its poses: {', '.join(rig.poses) or 'none'}")
@@ -274,7 +274,7 @@ def _seems_held(motion: RodMotion, whole: FreePart) -> bool:
 
 
 def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
-    """Return notes on rows that were removed, and on a first row before t = 0 that is treated as the release.
+    """Return notes about removed rows, and about a first row before t = 0 that is treated as the release.
 
     Rows are removed if the rods are held in them.
     """

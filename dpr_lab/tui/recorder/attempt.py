@@ -67,7 +67,7 @@ class Attempt:
 
     @property
     def obstacle(self) -> str:
-        """Reason why the rods must not be released now; empty if a release is permitted."""
+        """Reason why the rods must not be released now, or an empty text if a release is permitted."""
         if self.phase is Phase.READY:
             return ""
         if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:

@@ -23,7 +23,7 @@ from dpr_lab.tui.recorder.settings import SETTINGS
 def carry_out(
     order: CaptureAttempt, device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox
 ) -> AttemptFinished:
-    """Execute a capture command; the exceptions are those of `capture`."""
+    """Execute a capture command; see `capture` for the errors."""
     guided = _GuidedCapture(order, device, inbox, outbox)
     captured = capture(device, rig, order.pose, order.options, runs, guided.on_progress, guided.confirm)
     return AttemptFinished(order.attempt, captured, device.clock_fit())

@@ -26,7 +26,7 @@ VIEWS = ("angle", "segment residual")
 
 
 def start_of_diagnosis(model: Path | None) -> Path | None:
-    """Return the initial model of a diagnosis; None for the values of the rig file.
+    """Return the initial model of a diagnosis, or None for the values of the rig file.
 
     The diagnosis of a rig with a moving arm starts from the rig file.
     """

@@ -130,7 +130,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return counted_runs(count) if count else ""
 
     def missing(self) -> str:
-        """Name the missing device, rig or pose; empty if nothing is missing."""
+        """Name the missing device, rig or pose; return an empty text if nothing is missing."""
         if self._rig is None:
             return f"Capture needs a rig file that can be read: press {self.services.key_of('Rig')} and choose one"
         if self.device.opening is not None:

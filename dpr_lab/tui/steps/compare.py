@@ -102,7 +102,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
         yield Static(id="figures", markup=False)
 
     def missing(self) -> str:
-        """Name the missing model or runs; empty if both exist."""
+        """Name the missing model or runs; return an empty text if both exist."""
         known = self.workspace.model is not None and self.workspace.model.is_file()
         no_model = f"No model yet: identify one in step {self.services.key_of('Identify')}"
         return super().missing() or ("" if known else no_model)

@@ -47,7 +47,7 @@ class ComparedRun:
 
     @property
     def horizon(self) -> list[Mark]:
-        """Mark at the predictability horizon; empty if it is after the end of the run."""
+        """Mark at the predictability horizon, or an empty list if it is after the end of the run."""
         horizon_s = self.free_run.horizon_s
         within = horizon_s < float(self.comparison.t[-1])
         return [Mark(horizon_s, f"horizon {horizon_s:.2f} s")] if within else []

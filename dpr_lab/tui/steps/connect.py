@@ -76,7 +76,7 @@ of its clock relative to this computer. This closes the latch and leaves it clos
         self.action_look()
 
     def outcome(self) -> str:
-        """Return the short name of the connected device; empty without a device."""
+        """Return the short name of the connected device, or an empty text without a device."""
         connected = self.device.connected
         if connected is None:
             return ""

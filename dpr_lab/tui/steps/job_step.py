@@ -92,7 +92,7 @@ class JobStep(Step):
 
     @property
     def work(self) -> str:
-        """Running job with its elapsed and remaining time; empty without a job."""
+        """Running job with its elapsed and remaining time, or an empty text without a job."""
         if self.job is None or self.job.paused:
             return "" if self.job is None else f"{self.NAME} PAUSED"
         now = time.monotonic()
@@ -156,7 +156,7 @@ class JobStep(Step):
         """
 
     def at_stake(self) -> str:
-        """Return a warning that quitting ends the running job; empty without a job."""
+        """Return a warning that quitting ends the running job, or an empty text without a job."""
         return f"{self.WORK.capitalize()} ends without a result." if self.WORK and self.job is not None else ""
 
     def begin(self, function: Callable[..., Any], **arguments: Any) -> None:

@@ -63,7 +63,7 @@ class Step(Guarded, Vertical, can_focus=True):
         return False
 
     def outcome(self) -> str:
-        """Return the short result for the list of steps; empty without a result."""
+        """Return the short result for the list of steps, or an empty text without a result."""
         return ""
 
     def stale(self) -> str:

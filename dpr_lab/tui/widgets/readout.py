@@ -118,7 +118,7 @@ def _wrapped(angle: float, middle: float) -> float:
 
 
 def ordered_text(ordered: float, now: float) -> Content:
-    """Return a note on a release command whose result is unknown."""
+    """Return a note about a release command whose result is unknown."""
     text = f"latch  {UNKNOWN} UNKNOWN\n       RELEASE was sent {now - ordered:.1f} s ago: the rods may be free"
     return Content.styled(text, "bold $warning")
 

@@ -50,7 +50,7 @@ def _bar(line: dict) -> dict:
 
 
 def closing_words(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on the gap before and after correction, and on the data of the comparison."""
+    """Describe the gap before and after correction, and the data of the comparison."""
     steps = evidence_of(diagnosis).closing
     if len(steps) < 2:
         return ["No effect is named, so the gap is not reduced."]

@@ -53,7 +53,7 @@ def _draw_map(axes: Axes, rod: str, occupancy: Occupancy, colours: LogNorm) -> N
 
 
 def domain_words(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on the intended use and its limits."""
+    """Describe the intended use and its limits."""
     evidence = evidence_of(diagnosis)
     fitted, held_out = ([r for r in evidence.recordings if r.held_out is wanted] for wanted in (False, True))
     until = min((run.until_s for run in evidence.budget.runs), default=0.0)

@@ -11,7 +11,7 @@ from dpr_lab.shown import percent
 
 
 def exclusion_words(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on the number of excluded effects and on the limits of this statement."""
+    """Describe the number of excluded effects and the limits of this statement."""
     excluded, not_excluded = _split(diagnosis)
     undetectable = [name for name, sizes in diagnosis.detectable.items() if sizes and not any(sizes.values())]
     sentences = [

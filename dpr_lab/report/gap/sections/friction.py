@@ -49,7 +49,7 @@ def _draw_joint(axes: Axes, joint: str, curve: JointFriction) -> None:
 
 
 def friction_words(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on the friction torque of each joint at its smallest and its largest speed."""
+    """Describe the friction torque of each joint at its smallest and its largest speed."""
     sentences = []
     for joint, curve in evidence_of(diagnosis).friction.items():
         torque, std = _in_mNm(curve)

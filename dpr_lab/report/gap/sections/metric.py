@@ -52,7 +52,7 @@ def _draw_quantiles(axes: Axes, curves: Curves, column: int) -> None:
 
 
 def metric_words(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on the mean area metrics and on the predictability horizons."""
+    """Describe the mean area metrics and the predictability horizons."""
     runs = evidence_of(diagnosis).budget.runs
     if not runs:
         return ["No recording was simulated."]

@@ -6,7 +6,7 @@ from dpr_lab.report.gap.section import EvidenceSection, FoldedTable, evidence_of
 
 
 def provenance_words(diagnosis: Diagnosis) -> list[str]:
-    """Compose sentences on date, version and rig."""
+    """Describe date, version and rig."""
     evidence = evidence_of(diagnosis)
     time = evidence.made_utc.replace("T", " ").removesuffix("+00:00")
     return [
