@@ -11,19 +11,17 @@ from collections import deque
 from collections.abc import Sequence
 
 from dpr_lab.acquisition.batch import AnyRow, Batch, Counter
+from dpr_lab.acquisition.device_errors import no_answer, translated
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.ping_clock import PingClock
 from dpr_lab.acquisition.settings import DEVICE_TIMING, DeviceTiming
-from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, MismatchError, SafetyStop
+from dpr_lab.errors import DeviceFault, DeviceLost, LinkError, LinkTimeout, SafetyStop
 from dpr_lab.transports.software_link import leads_to_software
 from dpr_lab.transports.transport import Received, Transport
 from firmware_protocol.clock import ClockFit
 from firmware_protocol.errors import (
-    CommandRefused,
-    CommandUnanswered,
     DevicesCollide,
     RemoteProtocolError,
-    VersionMismatch,
 )
 from firmware_protocol.host_role import HostSession
 from firmware_protocol.identity import DeviceInfo
@@ -36,7 +34,6 @@ from firmware_protocol.messages import (
     Hello,
     Hold,
     Message,
-    NakCode,
     Pong,
     Release,
     Sample,
@@ -45,7 +42,6 @@ from firmware_protocol.messages import (
     Stream,
     Torque,
     encode,
-    explain,
 )
 from firmware_protocol.stream import Row, SampleStream, blind_ticks
 from firmware_protocol.torques import TorquePairs
@@ -159,7 +155,8 @@ class Device:
                 return self.info
             except LinkTimeout as error:
                 if time.monotonic() >= deadline:
-                    raise LinkTimeout(self._why_no_answer(timeout)) from error
+                    invalid_bytes = 0 if self._frames else self._bytes
+                    raise no_answer(self.url, timeout, self._transport.capacities, invalid_bytes) from error
 
     def check_rate(self, rate_hz: int) -> None:
         """Check a sample rate before anything moves.
@@ -277,24 +274,7 @@ class Device:
             self._changed.wait()
             self._raise_failure()
         if outcome.error is not None:
-            raise self._translated(outcome.error) from outcome.error
-
-    def _translated(self, error: RemoteProtocolError) -> DprError:
-        kinds = {VersionMismatch: MismatchError, CommandRefused: DeviceFault, CommandUnanswered: LinkTimeout}
-        sentence = f"{self.url}: {error}"
-        if isinstance(error, CommandRefused) and error.code == NakCode.FAULTED and self.status is not None:
-            sentence += f" The fault is: {' '.join(explain(self.status.fault))}"
-        return kinds.get(type(error), LinkError)(sentence)
-
-    def _why_no_answer(self, timeout: float) -> str:
-        speeds = " and ".join(capacity.name for capacity in self._transport.capacities)
-        if self._bytes and not self._frames:
-            return (
-                f"{self.url}: {self._bytes} bytes arrived, but no valid frame: {speeds or 'the speed'} is probably"
-                " wrong; give the speed of the device's firmware in the link (?baud=... or ?bitrate=...)"
-            )
-        hint = f", and that the device is set to {speeds}" if speeds else ""
-        return f"{self.url}: opened, but no DPR device answered within {timeout:g} s: check its power and wiring{hint}"
+            raise translated(self.url, outcome.error, self.status) from outcome.error
 
     def _raise_failure(self) -> None:
         if self._failure is not None:

@@ -58,29 +58,21 @@ class EstimatedValue(_Record):
     profile90: tuple[Number | None, Number | None] | None = None
     """90 % interval by profile likelihood, if requested; an end without a bound is None."""
     fixed_by: Literal["data", "bound"] = "data"
-    """Source of the value: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file.
-    """
+    """Source: `data`, or `bound` if the value depends mainly on nominal values and bounds of the rig file."""
 
 
 class ParameterValue(_Record):
-    """One of the nine kinetic parameters and its source.
-
-    Source `data`: the recordings determine the value, given the measured values. Source `measured`: the value is a
-    bench measurement. Source `bound`: only the bounds of the search determine the value. It is then one of a family of
-    equally good values, and has no standard deviation.
-    """
+    """One of the nine kinetic parameters and its source."""
 
     value: Number
     """Value of the parameter, SI."""
     std: Number | None
     """Standard deviation, SI; None for a value that only bounds determine."""
     fixed_by: Literal["data", "measured", "bound"]
-    """Source of the value: `data`, `measured` or `bound`."""
+    """Source: `data` (the recordings and measured values determine the value), `measured` (a bench measurement), or
+    `bound` (only the bounds of the search determine the value, so other values are equally good)."""
     interval90: tuple[Number, Number] | None = None
-    """90 % interval from the recordings and the rig file.
-
-    If only the bounds determine a value, the interval is that of the prior.
-    """
+    """90 % interval from the recordings and the rig file; that of the prior if only the bounds determine the value."""
 
 
 def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
@@ -90,7 +82,7 @@ def of_rods(ratios: dict[str, Kept]) -> dict[str, Kept]:
 
 def of_rods_or_none(ratios: dict[str, Kept]) -> dict[str, Kept]:
     """Check the names as `of_rods` does, but accept an empty table."""
-    return of_rods(ratios) if ratios else ratios
+    return ratios and of_rods(ratios)
 
 
 def ratios_alone(five: Sequence[EstimatedValue], p_over_b: float, gravity_rate: float) -> dict[str, EstimatedValue]:

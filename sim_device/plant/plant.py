@@ -59,8 +59,7 @@ RIPPLE, RIPPLE_ORDER = (
 NO_ROD = 1e-12
 """Mass, kg, and inertia, kg m^2, of a missing outer rod. With zero, joint 2 would have no equation of motion.
 
-The inertia is added to that of the mounted rod. 1e-9 kg m^2 would change the ratios of a small pendulum by 7e-6, which
-equals a standard deviation of an estimate from two releases.
+It is added to that of the mounted rod. 1e-9 kg m^2 would change the ratios of a small pendulum by 7e-6.
 """
 
 Theta = NDArray[np.float64]

@@ -10,7 +10,7 @@ from dpr_lab.errors import RunError
 from dpr_lab.progress import ImportProgress
 from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables import table as table_module
-from dpr_lab.storage.tables.clean import clean_rows
+from dpr_lab.storage.tables.cells import clean_rows
 from dpr_lab.storage.tables.content import TableLimits
 from dpr_lab.storage.tables.table import Table, read_table
 

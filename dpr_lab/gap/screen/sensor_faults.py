@@ -27,6 +27,7 @@ from dpr_lab.gap.screen.differences import noise_by_speed, stride_ratio
 from dpr_lab.gap.screen.implausible import repeated, too_fast
 from dpr_lab.gap.screen.instants import even_instants, periodic_delay
 from dpr_lab.gap.screen.local_faults import local_faults
+from dpr_lab.gap.screen.quantisation import changing, count_size, has_dither, is_on_grid
 from dpr_lab.gap.screen.queued_rows import queued_rows
 from dpr_lab.identification.misread.balance import periods
 from dpr_lab.rig import Rig
@@ -55,16 +56,10 @@ class ScreenSettings:
 
     The ratio compares measured and stated noise, in either order, or the noise at wide and at narrow spacings.
     """
-    still_counts: float = 0.2
-    """Noise before rounding up to which the rounding errors of neighbouring readings are dependent, in counts."""
-    fewest_at_rest: int = 20
-    """Minimum number of readings at rest for the detection of constant counts."""
     colour_hz: float = 500.0
     """Minimum sample rate for a comparison of the noise over spacings, Hz; at lower rates it contains the swing."""
     significance: float = 6.0
     """Minimum significance of an increase of the noise with speed, in standard errors."""
-    on_grid: float = 0.7
-    """Minimum |mean of exp(2 pi i reading / count)| of a table on the grid of counts; zero for an even distribution."""
     repeating: float = 0.5
     """Minimum fraction of repeated readings at one position of a cycle for readings that are repeated, not late."""
     repeating_in_part: float = 0.05
@@ -142,9 +137,9 @@ def screen(run: Run, rig: Rig) -> Screened:
     late, swing, period = queued[run.t >= 0.0], run.swing, 1.0 / run.rate_hz
     t, joints, on_time = swing.t, rig.encoders.joint_angles.of_rods(swing.theta[:, 1:]), ~late
     late[on_time], delayed = _late(run, t[on_time], joints[on_time])
-    count = _count_size(run, rig)
+    count = count_size(run, rig)
     still, shared = same_rounding(run, joints, rig.radians_per_count[1:])
-    dithered, on_grid = _dithered(run, rig, count, still), _on_grid(run, rig, joints)
+    dithered, on_grid = has_dither(run, rig, count, still), is_on_grid(run, rig, joints)
     in_time = run.only(~np.pad(late, (len(run.t) - len(t), 0)))
     at_rest = np.maximum(noise_floor(in_time, rig, still=False).std_joint, count / np.sqrt(12))
     colour, coloured = _colour(run, rig, joints, np.where(dithered & ~still.any(axis=0), 0.0, at_rest))
@@ -190,7 +185,7 @@ def with_arm(screened: Screened, rig: Rig) -> Screened:
         steps = int(np.gcd.reduce(np.diff(screened.run.counts[:, 0])))
         count = max(steps, 1) * abs(float(rig.radians_per_count[0]))
     noise = max(noise, count / 12**0.5)
-    dithered = screened.run.counts is not None or bool(_changing(theta0[:, None], still)[0])
+    dithered = screened.run.counts is not None or bool(changing(theta0[:, None], still)[0])
     keep = np.ones(len(theta0), dtype=np.bool_)
     faults = local_faults(screened.t, theta0, keep, (noise, screened.jitter_s), 1.0 / screened.run.rate_hz)
     keep[faults.outliers] = False
@@ -310,54 +305,6 @@ def _gaps(name: str, t: Array, period: float) -> list[Finding]:
         f" the longest, here, is {1e3 * spacing[longest]:.3g} ms"
     )
     return [Finding("gap", name, None, float(t[longest]), evidence)]
-
-
-def _count_size(run: Run, rig: Rig) -> Array:
-    """Return the (2,) smallest change of a reading, rad.
-
-    A coarse encoder with a finer counter changes by several counts.
-    """
-    if run.counts is None:
-        return np.zeros(2)
-    steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
-    return np.asarray(np.maximum(steps, 1) * np.abs(rig.radians_per_count[1:]), dtype=np.float64)
-
-
-def _on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
-    """Return whether the readings of each joint differ by whole counts.
-
-    An interpolated or fused table contains no counts.
-    """
-    if run.counts is not None:
-        return np.ones(2, dtype=bool)
-    turns = np.exp(2j * np.pi * joints / np.abs(rig.radians_per_count[1:]))
-    return np.asarray(np.abs(turns.mean(axis=0)) > SCREEN.on_grid)
-
-
-def _dithered(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
-    """Return a (2,) mask of the joints whose rounding errors are independent.
-
-    The errors are independent if the noise before rounding reaches a fifth of a count at rest. If there are no readings
-    at rest, independence is assumed, except for tables in which most readings equal the previous one.
-    """
-    if run.counts is None:
-        readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
-        return _changing(readings, still)
-    rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
-    if len(rest) < SCREEN.fewest_at_rest:
-        return np.ones(2, dtype=bool)
-    moved = np.std(np.diff(rest, axis=0), axis=0) / np.sqrt(2)
-    return moved > SCREEN.still_counts * count
-
-
-def _changing(readings: Array, still: Flags) -> Flags:
-    """Return an (m,) mask of the joints in which most readings (n, m) differ from the previous reading.
-
-    Readings that stay on their step are not counted.
-    """
-    changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
-    moves = np.isfinite(changes).any(axis=0)
-    return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)
 
 
 def _levels(run: Run, rig: Rig, std: Array, dithered: Flags) -> list[Finding]:

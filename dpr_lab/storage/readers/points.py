@@ -24,8 +24,8 @@ from dpr_lab.run import FilmNoise
 from dpr_lab.shown import percent
 from dpr_lab.storage.readers.circle import most_of_a_circle
 from dpr_lab.storage.readers.rod_lengths import LENGTHS, WANTED, rod_length
-from dpr_lab.storage.tables.columns import counter, is_time, numbers, own_name, varies
-from dpr_lab.storage.tables.table import Table, read_table, without_copies
+from dpr_lab.storage.tables.columns import counter, is_time, numbers, varies
+from dpr_lab.storage.tables.table import Table, own_name, read_table, without_copies
 from dpr_lab.storage.tables.time_stamps import runs
 
 

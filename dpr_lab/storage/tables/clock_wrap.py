@@ -1,12 +1,15 @@
-"""Unwrap times from a counter that wraps, for example from a 32-bit microsecond counter after 4295 s."""
+"""Detect and unwrap times from a counter that wraps, for example from a 32-bit microsecond counter after 4295 s."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
+from dpr_lab.storage.tables.columns import TO_SECONDS
+from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.table import Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,3 +97,35 @@ def continues_across(row: int, columns: Iterable[Array]) -> bool:
 def _round(width: float) -> list[float]:
     """Return numbers of one to four digits near a width."""
     return [float(f"{width:.{digits}g}") for digits in range(1, 5)]
+
+
+def check_forwards(table: Table, t: Array, options: ImportOptions, readings: Mapping[str, Array]) -> None:
+    """Check that the times of a table never decrease.
+
+    Raises:
+        RunError: they decrease; the message proposes `--time-wrap` if the cause is a counter that wraps.
+    """
+    known = np.flatnonzero(np.isfinite(t))
+    backwards = np.flatnonzero(np.diff(t[known]) < 0)
+    if len(backwards):
+        row, before = known[backwards[0] + 1], known[backwards[0]]
+        place = f"{table.path}: {_line(table, int(row))}"
+        unit = TO_SECONDS[options.time_unit or "s"]
+        step = float(np.median(np.abs(np.diff(t[known]))))
+        continues = continues_across(int(backwards[0]) + 1, (column[known] for column in readings.values()))
+        wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit, step / unit, continues)
+        if wrap is not None:
+            raise RunError(
+                f"{place}: time decreases by {t[before] - t[row]:g} s, like a wrapping counter: import with"
+                f" --time-wrap {wrap:.10g}"
+            )
+        if len(backwards) == len(known) - 1:
+            raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
+        raise RunError(
+            f"{place}: time decreases by {t[before] - t[row]:g} s, to {t[row]:.10g} s; split the table there, because"
+            f" each recording is a separate run"
+        )
+
+
+def _line(table: Table, row: int) -> str:
+    return f"{'line' if table.heading or table.kind == 'text table' else 'row'} {table.lines[row]}"

@@ -11,7 +11,7 @@ import numpy as np
 from dpr_lab.arrays import Array
 from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.options import AXES
-from dpr_lab.storage.tables.table import LIMITS, ONLY_UNIT, Table
+from dpr_lab.storage.tables.table import LIMITS, Table, bare
 from dpr_lab.storage.tables.time_stamps import never_falls, runs
 
 TO_RADIANS = {"rad": 1.0, "deg": math.pi / 180}
@@ -399,19 +399,3 @@ def _check_units(table: Table, named: Mapping[str, str], unit: str, time_unit: s
         stated = pattern.search(name.lower())
         if stated and (stated[1] or "deg") != given:
             raise RunError(f"{table.path}: column {name!r} states {stated[0]}, but the given unit is {given}")
-
-
-def own_name(name: str) -> str:
-    """Return a column name without the name of its group.
-
-    An example is `X` for `VideoAnalysis: X` in a table of Logger Pro.
-    """
-    rest = name.partition(": ")[2].strip()
-    if not rest and name.endswith("/position"):  # name in ROS: topic, joint, quantity
-        return "/".join(name.split("/")[-2:])
-    return name if not rest or ONLY_UNIT.fullmatch(rest) else rest
-
-
-def bare(name: str) -> str:
-    """Return a column name without its group and separators, in lower case."""
-    return re.sub(r"[\W_]+", "", own_name(name).lower())

@@ -8,8 +8,9 @@ from dpr_lab.arrays import Array
 from dpr_lab.estimation.held_rods import FreePart
 from dpr_lab.gap.screen.instants import even_instants
 from dpr_lab.rig import Rig
+from dpr_lab.storage.tables.angles import Values
 from dpr_lab.storage.tables.options import ImportOptions
-from dpr_lab.storage.tables.readings import ReadTable, Values
+from dpr_lab.storage.tables.readings import ReadTable
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,5 @@
 """Read a text table of any logger; delimiter, header, comments and decimal sign are detected."""
 
-import csv
 import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,29 +14,26 @@ from dpr_lab.arrays import Array, Integers
 from dpr_lab.errors import RunError, printable
 from dpr_lab.progress import OnImport, unwatched
 from dpr_lab.run import FilmNoise
-from dpr_lab.storage.tables.clean import NOT_A_VALUE, clean_rows
+from dpr_lab.storage.tables.cells import (
+    MINUS,
+    NEXT,
+    NOT_A_VALUE,
+    QUANTITY,
+    UNIT_WORDS,
+    cells_of,
+    clean_rows,
+    is_data,
+    joined,
+    labels_of,
+    numbers_of,
+    value_of,
+)
 from dpr_lab.storage.tables.content import Content, Line, TableLimits
 from dpr_lab.storage.tables.time_stamps import runs
 
 DELIMITERS = (";", "\t", ",")  # The order matters: in a table with semicolons or tabs, a comma is the decimal sign.
 LIMITS = TableLimits()
-_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?"
-_VECTOR = re.compile(rf"([(\[])\s*({_NUMBER}(?:(?:\s*[,;]\s*|\s+){_NUMBER})+)\s*[)\]]", re.I)
-"""Pattern of several numbers in one field, such as the point "(1392, 685)" or the array [0.1 0.2]."""
-_MINUS = "\N{MINUS SIGN}"  # written by programs that set numbers for print
-_NEXT = "\x02"
-"""Separator of the numbers of a vector within its field. Files with control characters are refused."""
-_STAMP = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d+) -> ?")
-"""Pattern of the time that the serial monitor of Arduino writes before a line."""
-_LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_NUMBER})"
-_LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
-"""Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
-_UNITS = r"rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m"
-ONLY_UNIT = re.compile(rf"\W*({_UNITS})\W*", re.I)
-_QUANTITY = re.compile(rf"(.*[\d.,])\s*({_UNITS})", re.I)
-"""Pattern of a field with a number and its unit, such as `12.3 deg`."""
-_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?|[-+]?\d{1,3}(?:\.\d{3})+,\d*")
-"""Pattern of a number with separators between groups of three digits, such as `1,234.5` or `1.234,5`."""
+ONLY_UNIT = re.compile(rf"\W*({UNIT_WORDS})\W*", re.I)
 _CLOCK_TIME = re.compile(r"(?:.*[ T])?(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,]\d+)?)(?:Z|[+-]\d{2}:?\d{2})?")
 
 
@@ -112,12 +108,12 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             head = list(islice(lines, LIMITS.looked_at))
             if not head:
                 raise RunError(f"{path}: contains no rows")
-            labels = _labels([line for _, line in head])
-            delimiter = "," if labels else _delimiter([_joined(line) for _, line in head])
-            rows = ((number, _cells(path, line, delimiter, labels)) for number, line in chain(head, lines))
+            labels = labels_of([line for _, line in head])
+            delimiter = "," if labels else _delimiter([joined(line) for _, line in head])
+            rows = ((number, cells_of(path, line, delimiter, labels)) for number, line in chain(head, lines))
             early: list[list[str]] = []
             for begin in rows:
-                if _is_data(begin[1]):
+                if is_data(begin[1]):
                     break
                 early.append(begin[1])
                 if len(early) > LIMITS.head:
@@ -126,7 +122,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
                 raise RunError(f"{path}: contains no row of numbers, so it is not a table of angles")
             early = [_trimmed(other, len(begin[1])) for other in early]
             names = labels or _of_numbers(_names(early, content.comments, delimiter, len(begin[1])), begin[1])
-            if len(names) > len(begin[1]) and not labels and _NEXT not in "".join(begin[1]):
+            if len(names) > len(begin[1]) and not labels and NEXT not in "".join(begin[1]):
                 raise RunError(
                     f"{path}: the header has {len(names)} names ({', '.join(map(printable, names))}), but line"
                     f" {begin[0]} has {len(begin[1])} fields: remove the names that belong to no column"
@@ -139,7 +135,7 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
             for number, text in content.blocks():
                 if not columns.take_block(number, text, delimiter):
                     columns.take(
-                        (line_number, _cells(path, line, delimiter, labels))
+                        (line_number, cells_of(path, line, delimiter, labels))
                         for line_number, line in content.lines_of(number, text)
                     )
             columns.finish()
@@ -198,7 +194,7 @@ class _Columns:
         Only the last row may be too short.
         """
         for number, cells in rows:
-            row = _numbers_of(cells)
+            row = numbers_of(cells)
             if self._short is not None or len(row) > len(self._values):
                 self._refuse(*(self._short or (number, len(row))))
             if len(row) < len(self._values):
@@ -251,14 +247,14 @@ class _Columns:
         A time such as `14:30:00.123` or `30:00.1` is converted to seconds; a date may precede the time. All fields of a
         column must have the same unit.
         """
-        word = word.replace(_MINUS, "-")
-        if (value := _value(word, self._comma)) is not None:
+        word = word.replace(MINUS, "-")
+        if (value := value_of(word, self._comma)) is not None:
             return value
         if clock := _CLOCK_TIME.fullmatch(word):
             hours, minutes, seconds = clock.groups("0")
             return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
-        if (quantity := _QUANTITY.fullmatch(word)) and self.units[place] in ("", quantity[2]):
-            value = _value(quantity[1], self._comma)
+        if (quantity := QUANTITY.fullmatch(word)) and self.units[place] in ("", quantity[2]):
+            value = value_of(quantity[1], self._comma)
         if quantity and value is not None:
             self.units[place] = quantity[2]
             return value
@@ -291,15 +287,6 @@ def _with_unit(name: str, unit: str) -> str:
     return name if not unit or unit.lower() in re.split(r"[\W_]+", name.lower()) else f"{name} ({unit})"
 
 
-def _labels(lines: list[str]) -> list[str]:
-    """Return the names of the columns if most lines have a name before each number.
-
-    The order is that of the first such line.
-    """
-    labelled = [line for line in lines if _LABELLED.fullmatch(line)]
-    return [name for name, _ in re.findall(_LABEL, labelled[0], re.I)] if 2 * len(labelled) > len(lines) else []
-
-
 def _otherwise_separated(early: list[list[str]], delimiter: str | None, width: int) -> list[list[str]]:
     """List possible header rows with one name per column, if the header has another delimiter than the numbers."""
     lines = [(delimiter or " ").join(row) for row in early]
@@ -317,7 +304,7 @@ def _of_numbers(names: Sequence[str], cells: Sequence[str]) -> list[str]:
         return list(names)
     named: list[str] = []
     for name, cell in zip(names, cells, strict=True):
-        size = len(_numbers_of([cell]))
+        size = len(numbers_of([cell]))
         point = cell[:1] == "(" and size <= len("xyz")
         ends = [f"_{axis}" for axis in "xyz"[:size]] if point else [f"[{number}]" for number in range(size)]
         stem, space, unit = name.strip().partition(" (")
@@ -335,69 +322,6 @@ def _delimiter(lines: list[str]) -> str | None:
     return next((d for d in DELIMITERS if sum(d in line for line in lines) > len(lines) / 2), None)
 
 
-def _joined(line: str) -> str:
-    """Join the numbers of each vector in a line to one field.
-
-    `_NEXT` replaces the delimiters between these numbers.
-    """
-    if "(" not in line and "[" not in line:
-        return line
-    return _VECTOR.sub(lambda match: match[1] + _NEXT.join(re.split(r"[\s,;]+", match[2])), line)
-
-
-def _numbers_of(cells: Sequence[str]) -> list[str]:
-    """Split the vectors in the fields of a row, so that each number has its own field."""
-    return [part for cell in cells for part in (cell.strip()[1:].split(_NEXT) if _NEXT in cell else (cell,))]
-
-
-def _cells(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) -> list[str]:
-    """Split a line into fields.
-
-    If each number is preceded by a name, only the numbers are returned.
-    """
-    if labels:
-        named = dict(re.findall(_LABEL, line, re.I)) if _LABELLED.fullmatch(line) else {}
-        return [named[name] for name in labels if name in named]
-    line = _STAMP.sub(rf"\1{delimiter or ' '}", _joined(line), count=1)
-    if delimiter is None:
-        return line.split()
-    try:
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-    except csv.Error as error:
-        raise RunError(f"{path}: is not a table: this line has no fields: {printable(line[:60])!r}") from error
-
-
-def _is_data(row: list[str]) -> bool:
-    """Check whether a row contains numbers rather than names or units.
-
-    An additional column of words is accepted.
-    """
-    row = [cell.strip() for cell in _numbers_of(row)]
-    numbers = sum(map(_is_number, row))
-    empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
-    quantities = sum(bool(match) and _is_number(match[1]) for match in map(_QUANTITY.fullmatch, row))
-    with_units = quantities > 0 and numbers + quantities + empty == len(
-        row
-    )  # a header may contain names such as `10 cm`
-    return with_units or (numbers > 0 and 2 * (numbers + empty) >= len(row))
-
-
-def _is_number(cell: str) -> bool:
-    value = _value(cell.replace(_MINUS, "-"), decimal_comma=True)
-    return value is not None and bool(np.isfinite(value))
-
-
-def _value(word: str, decimal_comma: bool) -> float | None:
-    """Parse a number, with or without separators between groups of three digits; return None for other words."""
-    try:
-        return float(word.replace(",", ".") if decimal_comma else word)
-    except ValueError:
-        if not _THOUSANDS.fullmatch(word):
-            return None
-        thousands = "," if word.find(",") < word.find(".") or "." not in word else "."
-        return float(word.replace(thousands, "").replace(",", "."))
-
-
 def _commented_header(comments: Sequence[Line], delimiter: str | None, width: int) -> list[str]:
     """Return the header from the last comment above the numbers.
 
@@ -408,3 +332,19 @@ def _commented_header(comments: Sequence[Line], delimiter: str | None, width: in
     if header and len(names) != width:  # the header may have another delimiter
         names = next(iter(_otherwise_separated([[header]], delimiter, width)), [])
     return names if header and names else [str(n + 1) for n in range(width)]
+
+
+def own_name(name: str) -> str:
+    """Return a column name without the name of its group.
+
+    An example is `X` for `VideoAnalysis: X` in a table of Logger Pro.
+    """
+    rest = name.partition(": ")[2].strip()
+    if not rest and name.endswith("/position"):  # name in ROS: topic, joint, quantity
+        return "/".join(name.split("/")[-2:])
+    return name if not rest or ONLY_UNIT.fullmatch(rest) else rest
+
+
+def bare(name: str) -> str:
+    """Return a column name without its group and separators, in lower case."""
+    return re.sub(r"[\W_]+", "", own_name(name).lower())

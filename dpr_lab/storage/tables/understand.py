@@ -24,8 +24,9 @@ from dpr_lab.rig import Rig
 from dpr_lab.run import FilmNoise, as_mounted
 from dpr_lab.storage.readers import read_any
 from dpr_lab.storage.readers.merged import rows_of_angles
+from dpr_lab.storage.tables.angles import angles, in_radians
 from dpr_lab.storage.tables.arm_input import cart_note, known_inputs, stated_arm, unused_input
-from dpr_lab.storage.tables.clock_wrap import continues_across, unwrapped_times, wrap_behind
+from dpr_lab.storage.tables.clock_wrap import check_forwards, unwrapped_times
 from dpr_lab.storage.tables.columns import AXES, NO_ROD, TO_SECONDS, find_columns, numbers, with_still_joint2
 from dpr_lab.storage.tables.interpreted import InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.options import ImportOptions, parse_recorded_at
@@ -40,7 +41,6 @@ from dpr_lab.storage.tables.plausible import (
     wrap_notes,
 )
 from dpr_lab.storage.tables.questions.questions import questions, refuse_push
-from dpr_lab.storage.tables.readings import angles, in_radians
 from dpr_lab.storage.tables.table import Table
 from dpr_lab.storage.tables.time_stamps import carried_times, even_times, spread_times, stamps_at_gaps
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, find_torques, torque_column, unnumbered
@@ -152,7 +152,7 @@ def _readings(
     """
     t, carried = carried_times(_times(table, names, options))
     readings, empty = _recorded(table, {axis: table.column(names[axis]) for axis in AXES if axis in names})
-    _check_forwards(table, t, options, readings)
+    check_forwards(table, t, options, readings)
     t, rounded = even_times(t, readings)
     t, shared = spread_times(t, readings)
     outliers = drop_outliers(readings, rig, options)
@@ -343,33 +343,6 @@ def _recorded(table: Table, readings: dict[str, Array]) -> tuple[dict[str, Array
             raise RunError(f"{table.path}: the column of {axis} is empty; both rods are required")
     recorded = {axis: column for axis, column in readings.items() if axis not in silent}
     return recorded, [f"{axis}: its column is empty, so this axis was not recorded" for axis in silent]
-
-
-def _check_forwards(table: Table, t: Array, options: ImportOptions, readings: Mapping[str, Array]) -> None:
-    known = np.flatnonzero(np.isfinite(t))
-    backwards = np.flatnonzero(np.diff(t[known]) < 0)
-    if len(backwards):
-        row, before = known[backwards[0] + 1], known[backwards[0]]
-        place = f"{table.path}: {_line(table, int(row))}"
-        unit = TO_SECONDS[options.time_unit or "s"]
-        step = float(np.median(np.abs(np.diff(t[known]))))
-        continues = continues_across(int(backwards[0]) + 1, (column[known] for column in readings.values()))
-        wrap = wrap_behind(float(t[before]) / unit, float(t[row]) / unit, step / unit, continues)
-        if wrap is not None:
-            raise RunError(
-                f"{place}: time decreases by {t[before] - t[row]:g} s, like a wrapping counter: import with"
-                f" --time-wrap {wrap:.10g}"
-            )
-        if len(backwards) == len(known) - 1:
-            raise RunError(f"{place}: time decreases in all rows: sort the rows by time")
-        raise RunError(
-            f"{place}: time decreases by {t[before] - t[row]:g} s, to {t[row]:.10g} s; split the table there, because"
-            f" each recording is a separate run"
-        )
-
-
-def _line(table: Table, row: int) -> str:
-    return f"{'line' if table.heading or table.kind == 'text table' else 'row'} {table.lines[row]}"
 
 
 def _rows_to_keep(

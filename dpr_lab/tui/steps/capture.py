@@ -4,7 +4,7 @@ import random
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -29,6 +29,7 @@ from dpr_lab.tui.recorder.messages import (
 )
 from dpr_lab.tui.recorder.sighting import SIGHTING
 from dpr_lab.tui.services import Services
+from dpr_lab.tui.steps.capture_choices import CHOICES
 from dpr_lab.tui.steps.step import Step
 from dpr_lab.tui.texts import NOTICES, counted_runs
 from dpr_lab.tui.widgets.capture_view import CaptureState, CaptureView
@@ -36,22 +37,6 @@ from dpr_lab.tui.widgets.checklist import kept, next_pose, set_aside
 from dpr_lab.tui.widgets.countdown import Countdown, new_code
 from dpr_lab.tui.widgets.status_line import RecordingNow
 
-
-@dataclass(frozen=True, slots=True)
-class CaptureChoices:
-    """Choices for a capture that the screen offers."""
-
-    durations: tuple[float, ...] = (5.0, 10.0, 20.0, 30.0, 60.0)
-    """Durations of a recording, s. The choice after the last duration is "until rest"."""
-    most_repeats: int = 5
-    """Maximum number of recordings per pose. Further swings from one pose add little information."""
-    pose_timeout: float = 1800.0
-    """Maximum time to reach a pose, s. It can be long, because the screen shows the operator the remaining error."""
-    rest_timeout: float = 120.0
-    """Maximum time for the held rods to come to rest, s."""
-
-
-CHOICES = CaptureChoices()
 BUSY = "An attempt is under way: end it with {capture.end}, or keep ({capture.keep}) or repeat ({capture.again}) it"
 UNDECIDED = "Keep the recorded swing with {capture.keep}, or put it aside and repeat with {capture.again}"
 

@@ -10,10 +10,11 @@ import numpy as np
 from dpr_lab.identification.misread.moving_arm_balance import arm_balance, is_unit, wrong_unit
 from dpr_lab.identification.misread.torque_balance import inertia_bounds, torque_balance
 from dpr_lab.shown import percent
+from dpr_lab.storage.tables.angles import angles
 from dpr_lab.storage.tables.columns import TO_RADIANS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.questions.energy import read_otherwise
-from dpr_lab.storage.tables.readings import angles, balanced_readings
+from dpr_lab.storage.tables.readings import balanced_readings
 
 
 def balance_questions(table: InterpretedTable) -> list[TableQuestion]:

@@ -1,0 +1,72 @@
+"""Detect the quantisation of readings: the size of a count, and whether rounding errors are independent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dpr_lab.arrays import Array, Flags
+from dpr_lab.rig import Rig
+from dpr_lab.run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class QuantisationSettings:
+    """Limits for readings on the grid of the counts, and for independent rounding errors."""
+
+    still_counts: float = 0.2
+    """Noise before rounding up to which the rounding errors of neighbouring readings are dependent, in counts."""
+    fewest_at_rest: int = 20
+    """Minimum number of readings at rest for the detection of constant counts."""
+    on_grid: float = 0.7
+    """Minimum |mean of exp(2 pi i reading / count)| of a table on the grid of counts; zero for an even distribution."""
+
+
+QUANTISATION = QuantisationSettings()
+
+
+def count_size(run: Run, rig: Rig) -> Array:
+    """Return the (2,) smallest change of a reading, rad.
+
+    A coarse encoder with a finer counter changes by several counts.
+    """
+    if run.counts is None:
+        return np.zeros(2)
+    steps = np.gcd.reduce(np.diff(run.counts[:, 1:], axis=0), axis=0)
+    return np.asarray(np.maximum(steps, 1) * np.abs(rig.radians_per_count[1:]), dtype=np.float64)
+
+
+def is_on_grid(run: Run, rig: Rig, joints: Array) -> Flags:
+    """Return whether the readings of each joint differ by whole counts.
+
+    An interpolated or fused table contains no counts.
+    """
+    if run.counts is not None:
+        return np.ones(2, dtype=bool)
+    turns = np.exp(2j * np.pi * joints / np.abs(rig.radians_per_count[1:]))
+    return np.asarray(np.abs(turns.mean(axis=0)) > QUANTISATION.on_grid)
+
+
+def has_dither(run: Run, rig: Rig, count: Array, still: Flags) -> Flags:
+    """Return a (2,) mask of the joints whose rounding errors are independent.
+
+    The errors are independent if the noise before rounding reaches a fifth of a count at rest. If there are no readings
+    at rest, independence is assumed, except for tables in which most readings equal the previous one.
+    """
+    if run.counts is None:
+        readings = rig.encoders.joint_angles.of_rods(run.swing.theta[:, 1:])
+        return changing(readings, still)
+    rest = rig.encoders.joint_angles.of_rods(run.rest[:, 1:])
+    if len(rest) < QUANTISATION.fewest_at_rest:
+        return np.ones(2, dtype=bool)
+    moved = np.std(np.diff(rest, axis=0), axis=0) / np.sqrt(2)
+    return moved > QUANTISATION.still_counts * count
+
+
+def changing(readings: Array, still: Flags) -> Flags:
+    """Return an (m,) mask of the joints in which most readings (n, m) differ from the previous reading.
+
+    Readings that stay on their step are not counted.
+    """
+    changes = np.where(still[1:], np.nan, np.abs(np.diff(readings, axis=0)))
+    moves = np.isfinite(changes).any(axis=0)
+    return np.asarray(np.nanmedian(np.where(moves, changes, 0.0), axis=0) > 1e-12, dtype=np.bool_)

@@ -1,0 +1,169 @@
+"""Split the lines of a table into fields, and read the numbers in them.
+
+Blocks that contain only numbers are read without a Python call for each line.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dpr_lab.arrays import Array
+from dpr_lab.errors import RunError, printable
+
+NOT_A_VALUE = frozenset(("", "nan", "na", "n/a", "null", "none", "-"))
+"""Contents of a field that denote a missing value, in lower case."""
+
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[-+]?\d+)?"
+_VECTOR = re.compile(rf"([(\[])\s*({_NUMBER}(?:(?:\s*[,;]\s*|\s+){_NUMBER})+)\s*[)\]]", re.I)
+"""Pattern of several numbers in one field, such as the point "(1392, 685)" or the array [0.1 0.2]."""
+MINUS = "\N{MINUS SIGN}"  # written by programs that set numbers for print
+NEXT = "\x02"
+"""Separator of the numbers of a vector within its field. Files with control characters are refused."""
+_STAMP = re.compile(r"^(\d{1,2}:\d{2}:\d{2}\.\d+) -> ?")
+"""Pattern of the time that the serial monitor of Arduino writes before a line."""
+_LABEL = rf"([^\W\d]\w*)\s*[:=]\s*({_NUMBER})"
+_LABELLED = re.compile(rf"\s*{_LABEL}(?:[,;\s]+{_LABEL})*[,;\s]*", re.I)
+"""Pattern of a line with a name before each number, such as `angle:57.3,speed:0.1` for the plotter of Arduino."""
+UNIT_WORDS = r"rad|radians?|deg|degrees?|°|counts?|ticks?|m?s|us|sec|seconds|px|pixels?|[mc]?m"
+QUANTITY = re.compile(rf"(.*[\d.,])\s*({UNIT_WORDS})", re.I)
+"""Pattern of a field with a number and its unit, such as `12.3 deg`."""
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d*)?|[-+]?\d{1,3}(?:\.\d{3})+,\d*")
+"""Pattern of a number with separators between groups of three digits, such as `1,234.5` or `1.234,5`."""
+
+_NEWLINE, _BLANK = ord("\n"), ord(" ")
+
+
+def clean_rows(text: str, width: int, delimiter: str | None, decimal_comma: bool, line_length: int) -> Array | None:
+    """Read a block in which every line is a row of numbers; return None for other blocks.
+
+    Each number equals `float` of its field exactly. A missing value is NaN.
+
+    Args:
+        text: complete lines
+        width: number of fields in a row
+        delimiter: separator of the fields; None for blanks
+        decimal_comma: whether a comma is the decimal sign
+        line_length: maximum number of characters of a line
+
+    Returns:
+        Numbers (n, width) of the n lines.
+    """
+    if not text.isascii() or '"' in text or (width < 2 and delimiter is not None):
+        return None
+    text = text if text.endswith("\n") else f"{text}\n"
+    raw = np.frombuffer(text.encode(), dtype=np.uint8)
+    ends = np.flatnonzero(raw == _NEWLINE)
+    if np.diff(ends, prepend=-1).max() > line_length or not _all_wide(raw, ends, width, delimiter):
+        return None
+    text = text.replace(",", ".") if decimal_comma else text
+    try:
+        return np.loadtxt(io.StringIO(text), delimiter=delimiter, comments=None, ndmin=2)
+    except ValueError:  # a missing value, a word, or a number in a notation that only Python reads
+        fields = text.split() if delimiter is None else text.replace("\n", delimiter).split(delimiter)[:-1]
+        values = _numbers(fields)
+        return None if values is None else values.reshape(-1, width)
+
+
+def _all_wide(raw: NDArray[np.uint8], ends: NDArray[np.intp], width: int, delimiter: str | None) -> bool:
+    """Check whether every line has `width` fields.
+
+    A comment may have the same number of fields. Such a comment is rejected later, because its fields are not numbers.
+    """
+    if delimiter is None:
+        begins = raw > _BLANK
+        begins[1:] &= raw[:-1] <= _BLANK
+        return bool((np.diff(np.cumsum(begins)[ends], prepend=0) == width).all())
+    between = np.flatnonzero(raw == ord(delimiter))
+    if len(between) != len(ends) * (width - 1):
+        return False
+    between = between.reshape(len(ends), -1)
+    return bool((between[:, -1] < ends).all() and (between[1:, 0] > ends[:-1]).all())
+
+
+def _numbers(fields: list[str]) -> Array | None:
+    """Convert text fields to numbers; missing values become NaN.
+
+    The result is None if a field is neither a number nor a missing value.
+    """
+    try:
+        known = ("nan" if field.strip().lower() in NOT_A_VALUE else field for field in fields)
+        return np.fromiter(map(float, known), dtype=np.float64, count=len(fields))
+    except ValueError:
+        return None
+
+
+def labels_of(lines: list[str]) -> list[str]:
+    """Return the names of the columns if most lines have a name before each number.
+
+    The order is that of the first such line.
+    """
+    labelled = [line for line in lines if _LABELLED.fullmatch(line)]
+    return [name for name, _ in re.findall(_LABEL, labelled[0], re.I)] if 2 * len(labelled) > len(lines) else []
+
+
+def numbers_of(cells: Sequence[str]) -> list[str]:
+    """Split the vectors in the fields of a row, so that each number has its own field."""
+    return [part for cell in cells for part in (cell.strip()[1:].split(NEXT) if NEXT in cell else (cell,))]
+
+
+def joined(line: str) -> str:
+    """Join the numbers of each vector in a line to one field.
+
+    `NEXT` replaces the delimiters between these numbers.
+    """
+    if "(" not in line and "[" not in line:
+        return line
+    return _VECTOR.sub(lambda match: match[1] + NEXT.join(re.split(r"[\s,;]+", match[2])), line)
+
+
+def cells_of(path: Path, line: str, delimiter: str | None, labels: Sequence[str]) -> list[str]:
+    """Split a line into fields.
+
+    If each number is preceded by a name, only the numbers are returned.
+    """
+    if labels:
+        named = dict(re.findall(_LABEL, line, re.I)) if _LABELLED.fullmatch(line) else {}
+        return [named[name] for name in labels if name in named]
+    line = _STAMP.sub(rf"\1{delimiter or ' '}", joined(line), count=1)
+    if delimiter is None:
+        return line.split()
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+    except csv.Error as error:
+        raise RunError(f"{path}: is not a table: this line has no fields: {printable(line[:60])!r}") from error
+
+
+def is_data(row: list[str]) -> bool:
+    """Check whether a row contains numbers rather than names or units.
+
+    An additional column of words is accepted.
+    """
+    row = [cell.strip() for cell in numbers_of(row)]
+    numbers = sum(map(_is_number, row))
+    empty = sum(cell.lower() in NOT_A_VALUE for cell in row)
+    quantities = sum(bool(match) and _is_number(match[1]) for match in map(QUANTITY.fullmatch, row))
+    with_units = quantities > 0 and numbers + quantities + empty == len(
+        row
+    )  # a header may contain names such as `10 cm`
+    return with_units or (numbers > 0 and 2 * (numbers + empty) >= len(row))
+
+
+def _is_number(cell: str) -> bool:
+    value = value_of(cell.replace(MINUS, "-"), decimal_comma=True)
+    return value is not None and bool(np.isfinite(value))
+
+
+def value_of(word: str, decimal_comma: bool) -> float | None:
+    """Parse a number, with or without separators between groups of three digits; return None for other words."""
+    try:
+        return float(word.replace(",", ".") if decimal_comma else word)
+    except ValueError:
+        if not _THOUSANDS.fullmatch(word):
+            return None
+        thousands = "," if word.find(",") < word.find(".") or "." not in word else "."
+        return float(word.replace(thousands, "").replace(",", "."))
