@@ -360,10 +360,7 @@ def _said_time_unit(names: Sequence[str], given: Mapping[str, str]) -> str:
 
 
 def _by_place(table: Table, time: str | None, without_time: bool) -> dict[str, str]:
-    """Assign columns without names to quantities by their order.
-
-    The order is the time, if present, then both rods, or the arm and both rods.
-    """
+    """Assign columns without names by their order: time if present, the arm if there are three others, both rods."""
     if table.settled or not all(_NO_NAME.fullmatch(name) for name in table.names if name != time):
         return {}
     others = [name for name in table.names if name != time]
